@@ -1,0 +1,35 @@
+"""What can go wrong, in words a person can act on."""
+
+from __future__ import annotations
+
+
+class AdaptctlError(Exception):
+    """Base of every error this package raises on purpose."""
+
+
+class InputError(AdaptctlError, ValueError):
+    """The caller's input is wrong: the message names the element, what it was, and what would be right."""
+
+
+class FileError(InputError):
+    """A file cannot be used: the message names the file, the element in it, and what would be right."""
+
+
+class NotFoundError(InputError, LookupError):
+    """A name is unknown: the message lists the names that exist."""
+
+
+class NonFiniteError(InputError):
+    """A number is NaN or infinite where a finite one is needed."""
+
+
+class RankError(AdaptctlError):
+    """The rank of an energy matrix cannot be certified; `singular_values` holds the spectrum."""
+
+    def __init__(self, message: str, singular_values: tuple[float, ...] = ()) -> None:
+        super().__init__(message)
+        self.singular_values = singular_values
+
+
+class GainError(InputError):
+    """The gains cannot be carried by the sampling period."""

@@ -1,0 +1,51 @@
+"""Joint space and parameter space: columns of n scalars."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from adaptctl.scalars.scalar import Scalar
+
+
+class Column:
+    """n scalars of one kind. Arithmetic is elementwise, and `@` is the inner product."""
+
+    __slots__ = ("of",)
+    __array_ufunc__ = None
+
+    def __init__(self, of: Iterable[Any]) -> None:
+        self.of = tuple(of)
+
+    @classmethod
+    def zeros(cls, n: int) -> Column:
+        """n zeros."""
+        return cls((0.0,) * n)
+
+    def __add__(self, other: Column) -> Column:
+        return Column(a + b for a, b in zip(self.of, other.of, strict=True))
+
+    def __sub__(self, other: Column) -> Column:
+        return Column(a - b for a, b in zip(self.of, other.of, strict=True))
+
+    def __mul__(self, other: Column) -> Column:
+        return Column(a * b for a, b in zip(self.of, other.of, strict=True))
+
+    def __rmul__(self, factor: Scalar) -> Column:
+        return Column(factor * a for a in self.of)
+
+    def __neg__(self) -> Column:
+        return Column(-a for a in self.of)
+
+    def __matmul__(self, other: Column) -> Any:
+        products = [a * b for a, b in zip(self.of, other.of, strict=True)]
+        return sum(products[1:], products[0]) if products else 0.0
+
+    def __getitem__(self, i: int) -> Any:
+        return self.of[i]
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter(self.of)
+
+    def __len__(self) -> int:
+        return len(self.of)

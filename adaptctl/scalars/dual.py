@@ -1,0 +1,127 @@
+"""Dual numbers: a value and its derivative along one direction, exact to round-off.
+
+Clifford (1873): x + x' eps with eps squared zero. Either part may be a float or an array of samples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from adaptctl.scalars.scalar import absolute, cos, maximum, minimum, sin, sqrt, where
+
+
+class Dual:
+    """`value + slope eps`."""
+
+    __slots__ = ("slope", "value")
+
+    def __init__(self, value: Any, slope: Any = 0.0) -> None:
+        self.value, self.slope = value, slope
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
+        rule = _RULES.get(ufunc)
+        if rule is None or method != "__call__" or options:
+            return NotImplemented
+        return rule(*(dual(x) for x in inputs))
+
+    def __array_function__(self, function: Any, _types: Any, args: Any, options: Any) -> Any:
+        if function is not np.where or options:
+            return NotImplemented
+        condition, yes, no = args[0], dual(args[1]), dual(args[2])
+        return Dual(where(condition, yes.value, no.value), where(condition, yes.slope, no.slope))
+
+    def __add__(self, other: Any) -> Dual:
+        return _add(self, dual(other))
+
+    def __radd__(self, other: Any) -> Dual:
+        return _add(dual(other), self)
+
+    def __sub__(self, other: Any) -> Dual:
+        return _subtract(self, dual(other))
+
+    def __rsub__(self, other: Any) -> Dual:
+        return _subtract(dual(other), self)
+
+    def __mul__(self, other: Any) -> Dual:
+        return _multiply(self, dual(other))
+
+    def __rmul__(self, other: Any) -> Dual:
+        return _multiply(dual(other), self)
+
+    def __truediv__(self, other: Any) -> Dual:
+        return _divide(self, dual(other))
+
+    def __rtruediv__(self, other: Any) -> Dual:
+        return _divide(dual(other), self)
+
+    def __neg__(self) -> Dual:
+        return Dual(-self.value, -self.slope)
+
+    def __lt__(self, other: Any) -> Any:
+        return self.value < dual(other).value
+
+    def __le__(self, other: Any) -> Any:
+        return self.value <= dual(other).value
+
+    def __gt__(self, other: Any) -> Any:
+        return self.value > dual(other).value
+
+    def __ge__(self, other: Any) -> Any:
+        return self.value >= dual(other).value
+
+    def __bool__(self) -> bool:
+        raise TypeError("a dual number cannot steer an `if`: use adaptctl.scalars.where")
+
+
+def dual(x: Any) -> Dual:
+    """Lift a constant; leave a dual number as it is."""
+    return x if isinstance(x, Dual) else Dual(x)
+
+
+def _add(a: Dual, b: Dual) -> Dual:
+    return Dual(a.value + b.value, a.slope + b.slope)
+
+
+def _subtract(a: Dual, b: Dual) -> Dual:
+    return Dual(a.value - b.value, a.slope - b.slope)
+
+
+def _multiply(a: Dual, b: Dual) -> Dual:
+    return Dual(a.value * b.value, a.slope * b.value + a.value * b.slope)
+
+
+def _divide(a: Dual, b: Dual) -> Dual:
+    quotient = a.value / b.value
+    return Dual(quotient, (a.slope - quotient * b.slope) / b.value)
+
+
+def _sqrt(a: Dual) -> Dual:
+    root = sqrt(a.value)
+    return Dual(root, a.slope / (2.0 * root))
+
+
+def _choose(pick: Callable[[Any, Any], Any], a: Dual, b: Dual) -> Dual:
+    value = pick(a.value, b.value)
+    return Dual(value, where(value == a.value, a.slope, b.slope))
+
+
+_RULES: dict[np.ufunc, Callable[..., Any]] = {
+    np.add: _add,
+    np.subtract: _subtract,
+    np.multiply: _multiply,
+    np.divide: _divide,
+    np.negative: lambda a: -a,
+    np.sin: lambda a: Dual(sin(a.value), cos(a.value) * a.slope),
+    np.cos: lambda a: Dual(cos(a.value), -sin(a.value) * a.slope),
+    np.sqrt: _sqrt,
+    np.absolute: lambda a: Dual(absolute(a.value), where(a.value < 0.0, -a.slope, a.slope)),
+    np.minimum: lambda a, b: _choose(minimum, a, b),
+    np.maximum: lambda a, b: _choose(maximum, a, b),
+    np.less: lambda a, b: a.value < b.value,
+    np.less_equal: lambda a, b: a.value <= b.value,
+    np.greater: lambda a, b: a.value > b.value,
+    np.greater_equal: lambda a, b: a.value >= b.value,
+}

@@ -1,0 +1,73 @@
+"""What an equation may do with a number, whatever kind of number it is.
+
+Equations are written once, over scalars: a float, a NumPy array of samples, a dual number, a node of an
+expression graph. Elementary functions dispatch by NumPy's own protocols (NEP 13 and NEP 18), so a kind of
+scalar joins by implementing ``__array_ufunc__`` and ``__array_function__``; nothing here knows the kinds.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Protocol, TypeAlias
+
+import numpy as np
+
+
+class Scalar(Protocol):
+    """The arithmetic every kind of scalar supports."""
+
+    def __add__(self, other: Any, /) -> Any: ...
+    def __radd__(self, other: Any, /) -> Any: ...
+    def __sub__(self, other: Any, /) -> Any: ...
+    def __rsub__(self, other: Any, /) -> Any: ...
+    def __mul__(self, other: Any, /) -> Any: ...
+    def __rmul__(self, other: Any, /) -> Any: ...
+    def __truediv__(self, other: Any, /) -> Any: ...
+    def __rtruediv__(self, other: Any, /) -> Any: ...
+    def __neg__(self) -> Any: ...
+
+
+Condition: TypeAlias = Any
+"""The outcome of comparing scalars: a bool, an array of bools, a node. Only `where` may branch on it."""
+
+
+def sin(x: Any) -> Any:
+    """Sine of an angle in radians."""
+    return math.sin(x) if isinstance(x, float) else np.sin(x)
+
+
+def cos(x: Any) -> Any:
+    """Cosine of an angle in radians."""
+    return math.cos(x) if isinstance(x, float) else np.cos(x)
+
+
+def sqrt(x: Any) -> Any:
+    """Square root."""
+    return math.sqrt(x) if isinstance(x, float) else np.sqrt(x)
+
+
+def absolute(x: Any) -> Any:
+    """Magnitude."""
+    return np.absolute(x)
+
+
+def minimum(x: Any, y: Any) -> Any:
+    """The smaller of two scalars."""
+    return np.minimum(x, y)
+
+
+def maximum(x: Any, y: Any) -> Any:
+    """The larger of two scalars."""
+    return np.maximum(x, y)
+
+
+def where(condition: Condition, yes: Any, no: Any) -> Any:
+    """`yes` where the condition holds, else `no`: the only branch an equation may take."""
+    if isinstance(condition, bool | np.bool_):
+        return yes if condition else no
+    return np.where(condition, yes, no)
+
+
+def clip(x: Any, lower: Any, upper: Any) -> Any:
+    """The nearest value to `x` in [lower, upper]."""
+    return minimum(maximum(x, lower), upper)

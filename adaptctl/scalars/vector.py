@@ -1,0 +1,69 @@
+"""Geometry: three-vectors and three-by-three matrices over scalars of any kind."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from adaptctl.scalars.scalar import Scalar
+
+
+class Vec:
+    """Three scalars of one kind."""
+
+    __slots__ = ("x", "y", "z")
+    __array_ufunc__ = None  # lets `array * Vec` reach __rmul__
+
+    def __init__(self, x: Scalar, y: Scalar, z: Scalar) -> None:
+        self.x, self.y, self.z = x, y, z
+
+    def __add__(self, other: Vec) -> Vec:
+        return Vec(self.x + other.x, self.y + other.y, self.z + other.z)
+
+    def __sub__(self, other: Vec) -> Vec:
+        return Vec(self.x - other.x, self.y - other.y, self.z - other.z)
+
+    def __neg__(self) -> Vec:
+        return Vec(-self.x, -self.y, -self.z)
+
+    def __rmul__(self, factor: Scalar) -> Vec:
+        return Vec(factor * self.x, factor * self.y, factor * self.z)
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter((self.x, self.y, self.z))
+
+
+def dot(a: Vec, b: Vec) -> Any:
+    """Inner product."""
+    return a.x * b.x + a.y * b.y + a.z * b.z
+
+
+def cross(a: Vec, b: Vec) -> Vec:
+    """Vector product."""
+    return Vec(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x)
+
+
+class Mat:
+    """Three rows."""
+
+    __slots__ = ("x", "y", "z")
+
+    def __init__(self, x: Vec, y: Vec, z: Vec) -> None:
+        self.x, self.y, self.z = x, y, z
+
+    @classmethod
+    def of(cls, rows: Sequence[Sequence[float]]) -> Mat:
+        """A matrix of floats from nested sequences or a (3, 3) array."""
+        return cls(*(Vec(*(float(entry) for entry in row)) for row in rows))
+
+    def __matmul__(self, u: Vec) -> Vec:
+        return Vec(dot(self.x, u), dot(self.y, u), dot(self.z, u))
+
+    @property
+    def T(self) -> Mat:
+        """The transpose."""
+        a, b, c = self.x, self.y, self.z
+        return Mat(Vec(a.x, b.x, c.x), Vec(a.y, b.y, c.y), Vec(a.z, b.z, c.z))
+
+
+ZERO = Vec(0.0, 0.0, 0.0)
