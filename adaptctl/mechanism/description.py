@@ -1,0 +1,198 @@
+"""What moves, as data: a tree of links, each behind one joint."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from enum import Enum
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.errors import InputError
+from adaptctl.mechanism.inertia import is_physically_consistent, parameter_names
+from adaptctl.mechanism.pose import Array, Pose, frozen_array
+
+GROUND = -1
+"""The parent index of a link that hangs on the ground."""
+
+STANDARD_GRAVITY = (0.0, 0.0, -9.81)
+
+
+class JointKind(Enum):
+    """How a joint moves. A continuous joint is a revolute one without position limits."""
+
+    REVOLUTE = "revolute"
+    CONTINUOUS = "continuous"
+    PRISMATIC = "prismatic"
+
+    @property
+    def turns(self) -> bool:
+        """Whether the coordinate is an angle (rad) rather than a length (m)."""
+        return self is not JointKind.PRISMATIC
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Position range (rad or m), greatest speed (rad/s or m/s) and greatest effort (N m or N)."""
+
+    lower: float = -math.inf
+    upper: float = math.inf
+    velocity: float = math.inf
+    effort: float = math.inf
+
+    def __post_init__(self) -> None:
+        if not self.lower < self.upper:
+            raise InputError(f"position limits: expected lower < upper, got {self.lower} and {self.upper}")
+        if not (self.velocity > 0.0 and self.effort > 0.0):
+            raise InputError(f"limits: expected positive velocity and effort, got {self.velocity}, {self.effort}")
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """A joint with one coordinate, about or along `axis` (3,), a unit vector in the joint's frame."""
+
+    name: str
+    kind: JointKind = JointKind.REVOLUTE
+    axis: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    limits: Limits = Limits()
+
+    def __post_init__(self) -> None:
+        axis = frozen_array(self.axis, (3,), f"joint {self.name!r}: axis")
+        norm = float(np.linalg.norm(axis))
+        if norm < 1e-9:
+            raise InputError(f"joint {self.name!r}: axis must not be zero")
+        # Dividing a unit vector by its own rounded norm would spoil exact entries such as 0 and 1.
+        unit = axis if abs(norm - 1.0) <= 1e-15 else axis / norm
+        object.__setattr__(self, "axis", frozen_array(unit, (3,), "axis"))
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """A rigid body behind one joint.
+
+    `near` is the joint's frame in the parent link's frame at zero, `far` the link's frame in the joint's
+    moved frame: the identity for URDF, a Denavit-Hartenberg step for frames at the far end.
+    `inertia` holds the ten of `mechanism.inertia.PARAMETERS` in the link's frame.
+    """
+
+    name: str
+    parent: int
+    joint: Joint
+    near: Pose
+    far: Pose
+    inertia: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "inertia", frozen_array(self.inertia, (10,), f"link {self.name!r}: inertia"))
+
+
+@dataclass(frozen=True, eq=False)
+class Description:
+    """A mechanism as immutable data, its links in depth-first order.
+
+    The order matters to others: Pinocchio gives wrong mass and Coriolis matrices, silently, on models that
+    were not built depth first. `depth_first` puts links in order.
+    """
+
+    name: str
+    links: tuple[Link, ...]
+    gravity: Array = field(default_factory=lambda: np.array(STANDARD_GRAVITY))
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "links", tuple(self.links))
+        object.__setattr__(self, "gravity", frozen_array(self.gravity, (3,), f"{self.name}: gravity"))
+        if not self.links:
+            raise InputError(f"{self.name}: a mechanism needs at least one movable link")
+        _require_unique([link.name for link in self.links], f"{self.name}: link")
+        _require_unique([link.joint.name for link in self.links], f"{self.name}: joint")
+        _require_depth_first(self.name, self.parents)
+
+    @property
+    def parents(self) -> tuple[int, ...]:
+        """The parent's index of every link, -1 for the ground."""
+        return tuple(link.parent for link in self.links)
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the inertial parameters, ten a link: ``link3.I_xx``."""
+        return parameter_names([link.name for link in self.links])
+
+    @property
+    def inertial_parameters(self) -> Array:
+        """The inertial parameters (10N,), read-only."""
+        stacked = np.concatenate([link.inertia for link in self.links])
+        stacked.flags.writeable = False
+        return stacked
+
+    @property
+    def inconsistent_links(self) -> tuple[str, ...]:
+        """Names of the links whose ten no rigid body can have."""
+        return tuple(link.name for link in self.links if not is_physically_consistent(link.inertia))
+
+    def with_parameters(self, parameters: ArrayLike) -> Description:
+        """The same mechanism with other inertial parameters (10N,)."""
+        tens = frozen_array(parameters, (10 * len(self.links),), f"{self.name}: inertial parameters")
+        pairs = zip(self.links, tens.reshape(-1, 10), strict=True)
+        return replace(self, links=tuple(replace(link, inertia=ten) for link, ten in pairs))
+
+    @property
+    def sha256(self) -> str:
+        """A hash of everything that moves: equal mechanisms, equal hashes. Where it came from does not count."""
+        content = {
+            "name": self.name,
+            "gravity": self.gravity.tolist(),
+            "links": [_plain(k) for k in self.links],
+        }
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+    def __eq__(self, other: object) -> bool:
+        return self.sha256 == other.sha256 if isinstance(other, Description) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self.sha256)
+
+
+def depth_first(links: Iterable[Link]) -> tuple[Link, ...]:
+    """The same tree with every subtree contiguous and parents before children; siblings keep their order."""
+    given = tuple(links)
+    order: list[int] = []
+    pending = [i for i, link in enumerate(given) if link.parent == GROUND][::-1]
+    while pending:
+        order.append(pending.pop())
+        pending += [i for i, link in enumerate(given) if link.parent == order[-1]][::-1]
+    if len(order) != len(given):
+        missing = sorted(set(range(len(given))) - set(order))
+        raise InputError(f"link {given[missing[0]].name!r} does not hang on the ground through its parents")
+    place = {GROUND: GROUND} | {old: new for new, old in enumerate(order)}
+    return tuple(replace(given[i], parent=place[given[i].parent]) for i in order)
+
+
+def _require_unique(names: Sequence[str], what: str) -> None:
+    repeated = sorted({name for name in names if names.count(name) > 1})
+    if repeated:
+        raise InputError(f"{what} names must be unique, got {repeated[0]!r} more than once")
+    if not all(names):
+        raise InputError(f"{what} names must not be empty")
+
+
+def _require_depth_first(name: str, parents: Sequence[int]) -> None:
+    branch: list[int] = []
+    for i, parent in enumerate(parents):
+        while branch and branch[-1] != parent:
+            branch.pop()
+        if not branch and parent != GROUND:
+            raise InputError(f"{name}: links must be in depth-first order (use depth_first), link {i} is not")
+        branch.append(i)
+
+
+def _plain(link: Link) -> list[object]:
+    joint, limits = link.joint, link.joint.limits
+    arrays = (joint.axis, link.near.rotation, link.near.translation, link.far.rotation, link.far.translation)
+    bounds = [limits.lower, limits.upper, limits.velocity, limits.effort]
+    moving = [[float(x) + 0.0 for x in np.ravel(array)] for array in (*arrays, link.inertia)]
+    return [link.name, link.parent, joint.name, joint.kind.value, [repr(float(b)) for b in bounds], moving]
