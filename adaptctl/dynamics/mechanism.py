@@ -1,0 +1,166 @@
+"""A mechanism: its description and its equations, on arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.dynamics.arrays import checked, column, same_samples, stacked, stacked_rows
+from adaptctl.dynamics.equations import TreeEquations
+from adaptctl.errors import InputError
+from adaptctl.mechanism import Description, Link
+from adaptctl.mechanism.pose import Array
+from adaptctl.scalars import Column
+
+if TYPE_CHECKING:
+    import pinocchio
+
+
+class Mechanism:
+    """What a robotics engineer asks of a mechanism: energies, torques, regressors, accelerations.
+
+    Trailing axes are the mathematics, leading axes are samples: p, v, a, torque are (..., r), regressors
+    (..., P) and (..., r, P). Angles in rad, lengths in m, torques in N m (N for a prismatic joint).
+    Every method raises `InputError` on a wrong shape and `NonFiniteError` on NaN or infinity.
+    """
+
+    def __init__(self, description: Description) -> None:
+        self.description = description
+
+    def __repr__(self) -> str:
+        return f"<Mechanism {self.name!r}: {len(self.links)} links, {self.dof} degrees of freedom>"
+
+    @cached_property
+    def equations(self) -> TreeEquations:
+        """The equations over scalars of any kind, to trace or to differentiate."""
+        return TreeEquations.of(self.description)
+
+    @property
+    def name(self) -> str:
+        """The mechanism's name."""
+        return self.description.name
+
+    @property
+    def dof(self) -> int:
+        """Number of primary joints r."""
+        return len(self.description.links)
+
+    @property
+    def links(self) -> tuple[Link, ...]:
+        """The links, depth first."""
+        return self.description.links
+
+    @cached_property
+    def parameter_names(self) -> tuple[str, ...]:
+        """The P parameters' names."""
+        return self.description.parameter_names
+
+    @cached_property
+    def inertial_parameters(self) -> Array:
+        """The P inertial parameters D, read-only."""
+        return self.description.inertial_parameters
+
+    @property
+    def effort_limits(self) -> Array:
+        """Greatest torque of every joint (r,), infinite where none is known."""
+        return np.array([link.joint.limits.effort for link in self.links])
+
+    def with_parameters(self, parameters: ArrayLike) -> Mechanism:
+        """The same mechanism with other inertial parameters (P,)."""
+        return Mechanism(self.description.with_parameters(parameters))
+
+    def energy_regressor(self, p: ArrayLike, v: ArrayLike) -> Array:
+        """E (..., P): kinetic plus potential energy is E @ D, in J (Sheu and Walker 1991, section 2.2)."""
+        p, v = self._joint(p, "p"), self._joint(v, "v")
+        return stacked(self.equations.energy_regressor(column(p), column(v)).of, same_samples(p=p, v=v))
+
+    def energy(self, p: ArrayLike, v: ArrayLike) -> Array:
+        """Kinetic plus potential energy (...), in J."""
+        return self.energy_regressor(p, v) @ self.inertial_parameters
+
+    def torque_regressor(
+        self, p: ArrayLike, v: ArrayLike, a: ArrayLike, columns: Sequence[int] | None = None
+    ) -> Array:
+        """Y (..., r, P) of the equations of motion tau = Y D, or its asked columns only."""
+        return self.slotine_li_regressor(p, v, v, a, columns)
+
+    def slotine_li_regressor(
+        self,
+        p: ArrayLike,
+        v: ArrayLike,
+        v_r: ArrayLike,
+        a_r: ArrayLike,
+        columns: Sequence[int] | None = None,
+    ) -> Array:
+        """Y_r (..., r, P): Y_r D = M(p) a_r + C(p, v) v_r + g(p), with the Christoffel C (Slotine and Li 1987)."""
+        kept = self._columns(columns)
+        same = v is v_r
+        p, v, a_r = self._joint(p, "p"), self._joint(v, "v"), self._joint(a_r, "a_r")
+        v_r = v if same else self._joint(v_r, "v_r")
+        samples = same_samples(p=p, v=v, v_r=v_r, a_r=a_r)
+        speed = column(v)
+        reference = speed if same else column(v_r)
+        rows = self.equations.torque_regressor(column(p), speed, reference, column(a_r), kept)
+        return stacked_rows(rows, samples)
+
+    def inverse_dynamics(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
+        """Torque (..., r) that gives the accelerations a."""
+        p, v, a = self._joint(p, "p"), self._joint(v, "v"), self._joint(a, "a")
+        speed = column(v)
+        torque = self.equations.inverse_dynamics(column(p), speed, speed, column(a), self._parameters)
+        return stacked(torque.of, same_samples(p=p, v=v, a=a))
+
+    def forward_dynamics(self, p: ArrayLike, v: ArrayLike, torque: ArrayLike) -> Array:
+        """Accelerations (..., r) under a torque."""
+        p, v, torque = self._joint(p, "p"), self._joint(v, "v"), self._joint(torque, "torque")
+        a = self.equations.forward_dynamics(column(p), column(v), column(torque), self._parameters)
+        return stacked(a.of, same_samples(p=p, v=v, torque=torque))
+
+    def mass_matrix(self, p: ArrayLike) -> Array:
+        """M(p) (..., r, r)."""
+        p = self._joint(p, "p")
+        return stacked_rows(self.equations.mass_matrix(column(p), self._parameters), p.shape[:-1])
+
+    def to_pinocchio(self) -> pinocchio.Model:
+        """The same mechanism as a Pinocchio model, built depth first."""
+        from adaptctl.mechanism.pinocchio_model import to_pinocchio
+
+        return to_pinocchio(self.description)
+
+    @classmethod
+    def from_pinocchio(cls, model: pinocchio.Model) -> Mechanism:
+        """A mechanism from a Pinocchio model, whatever order it was built in."""
+        from adaptctl.mechanism.pinocchio_model import from_pinocchio
+
+        return cls(from_pinocchio(model))
+
+    @property
+    def _parameters(self) -> Column:
+        return Column(self.inertial_parameters.tolist())
+
+    def _joint(self, values: ArrayLike, what: str) -> Array:
+        return checked(values, self.dof, f"{self.name}: {what}")
+
+    def _columns(self, columns: Sequence[int] | None) -> Sequence[int]:
+        known = len(self.parameter_names)
+        if columns is None:
+            return range(known)
+        wrong = [c for c in columns if not 0 <= c < known]
+        if wrong:
+            raise InputError(f"{self.name}: columns must be in 0..{known - 1}, got {wrong[0]}")
+        return columns
+
+
+def load(source: str | Path) -> Mechanism:
+    """A mechanism by a built-in's name (`puma560`, ...) or from a file (.toml, .urdf).
+
+    Raises `FileError` or `NotFoundError` with what was wrong and what would be right.
+    """
+    from adaptctl.mechanism.sources import read
+
+    return Mechanism(read(source))
