@@ -33,3 +33,7 @@ class RankError(AdaptctlError):
 
 class GainError(InputError):
     """The gains cannot be carried by the sampling period."""
+
+
+class PhysicalConsistencyWarning(UserWarning):
+    """Links have inertial parameters that no rigid body can have."""

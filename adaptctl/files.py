@@ -1,0 +1,170 @@
+"""Reading and writing files: whole or not at all, checked, and with errors that name the element."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+import secrets
+import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TypeVar
+
+import msgspec
+import numpy as np
+
+from adaptctl.errors import FileError
+
+MAX_BYTES = 16 * 2**20
+"""Files above this size are not read: nothing of ours comes near it."""
+
+Content = TypeVar("Content")
+
+
+@contextmanager
+def replacing(path: str | Path) -> Iterator[Path]:
+    """A path beside `path` to write to; when the block ends it is flushed to disk and takes `path`'s place.
+
+    When the block fails, `path` stays as it was and nothing is left behind. The path given has the same
+    suffix, so that writers which go by suffix work. Raises FileError when the place cannot be written.
+    """
+    target = Path(os.path.realpath(path))
+    if not target.parent.is_dir():
+        raise FileError(f"{path}: the folder {target.parent} does not exist; create it or choose another place")
+    beside = target.with_name(f".{target.stem}.{secrets.token_hex(4)}{target.suffix}")
+    try:
+        yield beside
+        _flush(beside)
+        beside.replace(target)
+        _flush(target.parent)
+    except OSError as error:
+        raise FileError(f"{path}: cannot be written ({_reason(error)})") from error
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def write_bytes(path: str | Path, data: bytes) -> None:
+    """Write a file whole or not at all."""
+    with replacing(path) as beside:
+        beside.write_bytes(data)
+
+
+def write_text(path: str | Path, data: str) -> None:
+    """Write a UTF-8 file whole or not at all."""
+    write_bytes(path, data.encode())
+
+
+def write_json(path: str | Path, value: object) -> None:
+    """Write dicts, lists, dataclasses, msgspec Structs, NumPy arrays and numbers as JSON, keys in their order.
+
+    NaN and infinity are refused by name: JSON has neither.
+    """
+    plain = msgspec.to_builtins(value, str_keys=True, enc_hook=_plain)
+    _require_finite(path, plain, "$")
+    write_text(path, json.dumps(plain, indent=2, allow_nan=False, ensure_ascii=False) + "\n")
+
+
+def read_bytes(path: str | Path, limit: int = MAX_BYTES) -> bytes:
+    """The file's bytes, refused when it is missing, not a file, not ours to read, or above `limit` bytes."""
+    try:
+        with Path(path).open("rb") as file:
+            data = file.read(limit + 1)
+    except (OSError, ValueError) as error:
+        raise FileError(f"{path}: cannot be read ({_reason(error)})") from error
+    if len(data) > limit:
+        raise FileError(f"{path}: larger than {limit} bytes, the most that is read")
+    return data
+
+
+def read_text(path: str | Path, limit: int = MAX_BYTES) -> str:
+    """The file's text, which must be UTF-8."""
+    try:
+        return read_bytes(path, limit).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise FileError(f"{path}: byte {error.start} is not UTF-8; save the file as UTF-8 text") from error
+
+
+def read_json(path: str | Path, kind: type[Content]) -> Content:
+    """The file's JSON as `kind` (a msgspec Struct, a dataclass, a list of them ...)."""
+    text = read_text(path)
+    try:
+        plain = json.loads(text, parse_constant=float)
+    except (ValueError, RecursionError) as error:
+        raise FileError(f"{path}: not valid JSON ({error})") from error
+    return _typed(path, plain, kind)
+
+
+def read_toml(path: str | Path, kind: type[Content]) -> Content:
+    """The file's TOML as `kind` (a msgspec Struct, a dataclass ...)."""
+    text = read_text(path)
+    try:
+        plain = tomllib.loads(text.replace("\r\n", "\n"))
+    except (ValueError, RecursionError) as error:
+        raise FileError(f"{path}: not valid TOML ({error})") from error
+    return _typed(path, plain, kind)
+
+
+def _typed(path: str | Path, plain: object, kind: type[Content]) -> Content:
+    _require_finite(path, plain, "$")
+    try:
+        return msgspec.convert(plain, kind)
+    except (msgspec.ValidationError, OverflowError) as error:
+        raise FileError(f"{path}: {error}{_remedy(kind, str(error))}") from error
+
+
+def _require_finite(path: str | Path, value: object, element: str) -> None:
+    if isinstance(value, float) and not math.isfinite(value):
+        raise FileError(f"{path}: expected a finite number, got {value} - at `{element}`")
+    if isinstance(value, dict):
+        for key, entry in value.items():
+            _require_finite(path, entry, f"{element}.{key}")
+    elif isinstance(value, list | tuple):
+        for index, entry in enumerate(value):
+            _require_finite(path, entry, f"{element}[{index}]")
+
+
+def _remedy(kind: Any, message: str) -> str:
+    """What would be right at the element that the message names: msgspec says only what was wrong."""
+    if "unknown field" not in message and "enum value" not in message:
+        return ""
+    place = re.search(r" - at `\$(.*)`$", message)
+    steps = re.findall(r"\[(?:\.\.\.|\d+)\]|[^.\[\]]+", place.group(1)) if place else []
+    choices = _choices(msgspec.inspect.type_info(kind), steps)
+    return f"; expected one of {', '.join(choices)}" if choices else ""
+
+
+def _choices(info: Any, steps: list[str]) -> list[str]:
+    for option in getattr(info, "types", ()):
+        if found := _choices(option, steps):
+            return found
+    if not steps:
+        fields = [field.encode_name for field in getattr(info, "fields", ())]
+        return fields or [repr(value) for value in getattr(info, "values", ())]
+    if steps[0].startswith("["):
+        return _choices(getattr(info, "item_type", None), steps[1:])
+    inner = [field.type for field in getattr(info, "fields", ()) if field.encode_name == steps[0]]
+    return _choices(inner[0], steps[1:]) if inner else []
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Path):
+        return str(value)
+    raise FileError(f"cannot write a {type(value).__name__} as JSON")
+
+
+def _flush(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _reason(error: Exception) -> str:
+    text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    return text[:1].lower() + text[1:]

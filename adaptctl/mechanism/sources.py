@@ -1,0 +1,70 @@
+"""A mechanism from a built-in's name or from a file."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from difflib import get_close_matches
+from importlib.resources import as_file, files
+from pathlib import Path
+
+from adaptctl.errors import FileError, NotFoundError, PhysicalConsistencyWarning
+from adaptctl.mechanism.denavit_hartenberg import read_denavit_hartenberg
+from adaptctl.mechanism.description import Description
+
+Reader = Callable[[str | Path], Description]
+
+_READERS: dict[str, Reader] = {".toml": read_denavit_hartenberg}
+_ROBOTS = files("adaptctl.mechanism") / "robots"
+
+_ASSIGNED = {
+    "puma560": "Table 6 of Sheu and Walker (1991) is no physical set: use puma560_measured for physics",
+    "puma560_arm3": "Table 6 of Sheu and Walker (1991) is no physical set",
+}
+
+
+def builtin_names() -> tuple[str, ...]:
+    """Names of the robots that come with the package."""
+    return tuple(
+        sorted(entry.name.removesuffix(".toml") for entry in _ROBOTS.iterdir() if entry.name.endswith(".toml"))
+    )
+
+
+def read(source: str | Path) -> Description:
+    """The mechanism of a built-in's name or of a file, which is read by its suffix.
+
+    A name that is a built-in's means the built-in; write ``./name`` for a file called so.
+    Raises NotFoundError for a name that is neither, FileError for a file that cannot be used.
+    Warns (PhysicalConsistencyWarning) of links that no rigid body can be.
+    """
+    if isinstance(source, str) and source in builtin_names():
+        with as_file(_ROBOTS / f"{source}.toml") as path:
+            description = read_denavit_hartenberg(path)
+        remark = _ASSIGNED.get(source, "")
+    else:
+        description, remark = _reader(source)(source), ""
+    _warn_of_inconsistency(description, remark)
+    return description
+
+
+def _reader(source: str | Path) -> Reader:
+    path = Path(source)
+    if path.suffix.lower() in _READERS:
+        return _READERS[path.suffix.lower()]
+    suffixes = ", ".join(_READERS)
+    if path.suffix or path.exists():
+        raise FileError(f"{source}: unknown kind of file {path.suffix!r}; files that are read: {suffixes}")
+    close = get_close_matches(str(source), builtin_names(), n=1)
+    guess = f" (did you mean {close[0]!r}?)" if close else ""
+    known = ", ".join(builtin_names())
+    raise NotFoundError(
+        f"unknown robot {str(source)!r}{guess}; built-in: {known}; or a path to a file: {suffixes}"
+    )
+
+
+def _warn_of_inconsistency(description: Description, remark: str) -> None:
+    massless = {link.name for link in description.links if not link.inertia.any()}
+    names = [name for name in description.inconsistent_links if name not in massless]
+    if names:
+        text = f"{description.name}: no rigid body has the inertial parameters of {', '.join(names)}"
+        warnings.warn(f"{text}. {remark}".removesuffix(". "), PhysicalConsistencyWarning, stacklevel=3)
