@@ -1,0 +1,107 @@
+"""Forward kinematics against Pinocchio, on trees with link frames anywhere, and against energies."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.kinematics import joint_axes, link_poses
+from adaptctl.errors import InputError, NonFiniteError
+from adaptctl.mechanism import GROUND, Description, Joint, JointKind, Link, Pose, depth_first
+from adaptctl.mechanism.pose import Array, rotation_about
+
+
+def some_pose(rng: np.random.Generator) -> Pose:
+    axis = rng.normal(size=3)
+    return Pose(rotation_about(axis / np.linalg.norm(axis), rng.uniform(-3, 3)), rng.uniform(-1, 1, 3))
+
+
+def some_tree(rng: np.random.Generator, links: int) -> Mechanism:
+    kinds = (JointKind.REVOLUTE, JointKind.PRISMATIC)
+    tree = [
+        Link(
+            f"link{i}",
+            int(rng.integers(GROUND, i)),
+            Joint(f"joint{i}", kinds[int(rng.integers(2))], rng.normal(size=3)),
+            some_pose(rng),
+            some_pose(rng),
+            rng.uniform(0.1, 1.0, 10),
+        )
+        for i in range(links)
+    ]
+    return Mechanism(Description("tree", depth_first(tree)))
+
+
+def pinocchio_model(mechanism: Mechanism) -> pinocchio.Model:
+    """The joints alone, built by hand; Pinocchio places a joint in its parent joint's frame, we in the link's."""
+    model = pinocchio.Model()
+    for link in mechanism.links:
+        turns = link.joint.kind.turns
+        joint = pinocchio.JointModelRevoluteUnaligned if turns else pinocchio.JointModelPrismaticUnaligned
+        above = mechanism.links[link.parent].far if link.parent != GROUND else Pose.identity()
+        model.addJoint(link.parent + 1, joint(link.joint.axis), se3(above @ link.near), link.joint.name)
+    return model
+
+
+def pinocchio_links(mechanism: Mechanism, p: Array) -> list[pinocchio.SE3]:
+    model = pinocchio_model(mechanism)
+    data = model.createData()
+    pinocchio.forwardKinematics(model, data, p)
+    return [data.oMi[i + 1] * se3(link.far) for i, link in enumerate(mechanism.links)]
+
+
+def se3(pose: Pose) -> pinocchio.SE3:
+    return pinocchio.SE3(pose.rotation, pose.translation)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 7))
+def test_link_poses_are_pinocchios(seed: int, links: int) -> None:
+    rng = np.random.default_rng(seed)
+    tree = some_tree(rng, links)
+    p = rng.uniform(-2, 2, (3, links))
+    poses = link_poses(tree, p)
+    assert poses.rotations.shape == (3, links, 3, 3)
+    for k in range(3):
+        for i, placement in enumerate(pinocchio_links(tree, p[k])):
+            np.testing.assert_allclose(poses.rotations[k, i], placement.rotation, atol=1e-13)
+            np.testing.assert_allclose(poses.translations[k, i], placement.translation, atol=1e-13)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 7))
+def test_moving_one_joint_turns_or_shifts_its_link_about_its_axis(seed: int, links: int) -> None:
+    rng = np.random.default_rng(seed)
+    tree = some_tree(rng, links)
+    p, i, angle = rng.uniform(-2, 2, links), int(rng.integers(links)), 0.7
+    axes, before = joint_axes(tree, p), link_poses(tree, p)
+    after = link_poses(tree, p + angle * (np.arange(links) == i))
+    axis, point, origin = axes.directions[i], axes.positions[i], before.translations[i]
+    if tree.links[i].joint.kind.turns:
+        turn = rotation_about(axis, angle)
+        np.testing.assert_allclose(after.rotations[i], turn @ before.rotations[i], atol=1e-13)
+        np.testing.assert_allclose(after.translations[i], point + turn @ (origin - point), atol=1e-13)
+    else:
+        np.testing.assert_allclose(after.rotations[i], before.rotations[i], atol=1e-13)
+        np.testing.assert_allclose(after.translations[i], origin + angle * axis, atol=1e-13)
+
+
+def test_heights_are_the_energy_regressors() -> None:
+    """The potential of a unit mass at a link's origin is -g.x: energies and kinematics share one geometry."""
+    rng = np.random.default_rng(1)
+    tree = some_tree(rng, 5)
+    p = rng.uniform(-2, 2, (4, 5))
+    heights = -link_poses(tree, p).translations @ tree.description.gravity
+    np.testing.assert_allclose(tree.energy_regressor(p, np.zeros((4, 5)))[:, ::10], heights, atol=1e-12)
+
+
+def test_bad_input_is_refused() -> None:
+    tree = some_tree(np.random.default_rng(2), 3)
+    with pytest.raises(InputError, match=r"p: expected shape \(\.\.\., 3\), got \(2,\)"):
+        link_poses(tree, np.zeros(2))
+    with pytest.raises(NonFiniteError, match="nan at index"):
+        joint_axes(tree, [0.0, float("nan"), 0.0])
