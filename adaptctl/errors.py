@@ -37,3 +37,11 @@ class GainError(InputError):
 
 class PhysicalConsistencyWarning(UserWarning):
     """Links have inertial parameters that no rigid body can have."""
+
+
+class TraceError(AdaptctlError, TypeError):
+    """An equation cannot be traced: it asks for a number that is not known yet, or does what no node can."""
+
+
+class SimplificationWarning(UserWarning):
+    """Something in a file or a model is left out or taken more simply than it says."""

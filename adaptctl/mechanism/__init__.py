@@ -1,9 +1,14 @@
 """What moves, as data: links, joints, parameters and their names, and the readers of files."""
 
+from typing import TYPE_CHECKING, Any
+
 from adaptctl.mechanism.denavit_hartenberg import read_denavit_hartenberg
 from adaptctl.mechanism.description import GROUND, Description, Joint, JointKind, Limits, Link, depth_first
 from adaptctl.mechanism.pose import Pose
 from adaptctl.mechanism.sources import builtin_names, read
+
+if TYPE_CHECKING:
+    from adaptctl.mechanism.pinocchio_model import from_pinocchio, to_pinocchio
 
 __all__ = [
     "GROUND",
@@ -15,6 +20,17 @@ __all__ = [
     "Pose",
     "builtin_names",
     "depth_first",
+    "from_pinocchio",
     "read",
     "read_denavit_hartenberg",
+    "to_pinocchio",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Pinocchio is imported when it is first asked for."""
+    if name in {"from_pinocchio", "to_pinocchio"}:
+        from adaptctl.mechanism import pinocchio_model
+
+        return getattr(pinocchio_model, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

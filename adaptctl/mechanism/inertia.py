@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.mechanism.pose import Array
+from adaptctl.mechanism.pose import Array, Pose
 
 PARAMETERS = ("m", "mc_x", "mc_y", "mc_z", "I_xx", "I_xy", "I_yy", "I_xz", "I_yz", "I_zz")
 """Names and order of a link's ten, about its frame's origin (kg, kg m, kg m^2); Pinocchio's order and sign."""
@@ -43,6 +43,20 @@ def pseudo_inertia(ten: ArrayLike) -> Array:
     second_moments = 0.5 * np.trace(tensor) * np.eye(3) - tensor
     moment = values[1:4, None]
     return np.block([[second_moments, moment], [moment.T, values[:1, None]]])
+
+
+def from_pseudo_inertia(matrix: ArrayLike) -> Array:
+    """The ten of a pseudo-inertia matrix (4, 4)."""
+    values = np.asarray(matrix, dtype=np.float64)
+    second_moments = values[:3, :3]
+    return from_tensor(values[3, 3], values[:3, 3], np.trace(second_moments) * np.eye(3) - second_moments)
+
+
+def transformed(ten: ArrayLike, pose: Pose) -> Array:
+    """The ten in a parent frame of a body whose ten are given in the frame that stands there at `pose`."""
+    homogeneous = np.eye(4)
+    homogeneous[:3, :3], homogeneous[:3, 3] = pose.rotation, pose.translation
+    return from_pseudo_inertia(homogeneous @ pseudo_inertia(ten) @ homogeneous.T)
 
 
 def is_physically_consistent(ten: ArrayLike) -> bool:
