@@ -11,10 +11,11 @@ from pathlib import Path
 from adaptctl.errors import FileError, NotFoundError, PhysicalConsistencyWarning
 from adaptctl.mechanism.denavit_hartenberg import read_denavit_hartenberg
 from adaptctl.mechanism.description import Description
+from adaptctl.mechanism.urdf import read_urdf
 
 Reader = Callable[[str | Path], Description]
 
-_READERS: dict[str, Reader] = {".toml": read_denavit_hartenberg}
+_READERS: dict[str, Reader] = {".toml": read_denavit_hartenberg, ".urdf": read_urdf}
 _ROBOTS = files("adaptctl.mechanism") / "robots"
 
 _ASSIGNED = {

@@ -1,0 +1,278 @@
+"""Reader of URDF, the Unified Robot Description Format: its tree of links, joints, inertias and limits."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NoReturn
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from adaptctl.errors import FileError, InputError, SimplificationWarning
+from adaptctl.files import read_text
+from adaptctl.mechanism.description import GROUND, Description, Joint, JointKind, Limits, Link
+from adaptctl.mechanism.inertia import from_center_of_mass, transformed
+from adaptctl.mechanism.pose import Array, Pose, roll_pitch_yaw
+
+KINDS = {kind.value: kind for kind in JointKind}
+UNREAD_KINDS = ("floating", "planar")
+
+
+def read_urdf(path: str | Path) -> Description:
+    """The tree that moves in a URDF file, fixed to the ground by its root link.
+
+    Link frames are the joints' frames, a link is named after the joint's child; links behind fixed joints
+    become part of the link that carries them. Links without <inertial> are massless. Damping, friction,
+    geometry and transmissions are not read. Raises FileError, naming the element. Warns
+    (SimplificationWarning) of mimic joints, taken as independent, and of limits of zero, taken as no limits.
+    """
+    try:
+        robot = _robot(read_text(path))
+        bodies = _by_name(robot, "link")
+        edges = [_Edge.of(element) for element in _by_name(robot, "joint").values()]
+        root = _root(bodies, edges)
+        links = _movable(root, {name: _inertia(body) for name, body in bodies.items()}, edges)
+        name = robot.get("name") or Path(path).stem
+        description = Description(name, links, source=f"URDF file {Path(path).name}")
+    except FileError:
+        raise
+    except InputError as error:
+        raise FileError(f"{path}: {error}") from error
+    _warn(path, "mimic joints are taken as independent", [edge.name for edge in edges if edge.mimics])
+    _warn(path, "limits of zero are taken as no limits", [edge.name for edge in edges if edge.zero_limits])
+    return description
+
+
+@dataclass(frozen=True)
+class _Edge:
+    """A joint of the file; a fixed one has no `joint`."""
+
+    name: str
+    parent: str
+    child: str
+    origin: Pose
+    joint: Joint | None
+    mimics: bool
+    zero_limits: bool
+
+    @classmethod
+    def of(cls, element: Element) -> _Edge:
+        where = _where(element)
+        kind = _attribute(element, "type", where)
+        if kind != "fixed" and kind not in KINDS:
+            _refuse_kind(where, kind)
+        parent, child = (_attribute(_required(element, tag, where), "link", where) for tag in ("parent", "child"))
+        name, origin = element.attrib["name"], _origin(element, where)
+        if kind == "fixed":
+            return cls(name, parent, child, origin, None, False, False)
+        limits, zero = _limits(_only(element, "limit", where), KINDS[kind], where)
+        joint = Joint(name, KINDS[kind], _axis(element, where), limits)
+        return cls(name, parent, child, origin, joint, element.find("mimic") is not None, zero)
+
+
+class _NoDoctype(ElementTree.TreeBuilder):
+    """Refuses document types before any entity in them can expand or reach for another file."""
+
+    def doctype(self, name: str, pubid: str | None, system: str | None) -> NoReturn:
+        raise InputError("a URDF file has no <!DOCTYPE ...>, and entities are refused: remove it")
+
+
+def _robot(text: str) -> Element:
+    try:
+        robot = ElementTree.fromstring(text, ElementTree.XMLParser(target=_NoDoctype()))
+    except (ElementTree.ParseError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"not well-formed XML ({error})") from error
+    if robot.tag != "robot":
+        raise InputError(f"the root element must be <robot>, got <{robot.tag}>")
+    if any("xacro" in child.tag for child in robot):
+        raise InputError("holds xacro macros: expand them first (xacro file.urdf.xacro > file.urdf)")
+    return robot
+
+
+def _by_name(robot: Element, tag: str) -> dict[str, Element]:
+    found: dict[str, Element] = {}
+    for index, element in enumerate(robot.findall(tag)):
+        name = element.get("name")
+        if not name:
+            raise InputError(f"<{tag}> number {index + 1} has no name: add name=...")
+        if name in found:
+            raise InputError(f"two <{tag}> elements are named {name!r}: names must be unique")
+        found[name] = element
+    return found
+
+
+def _root(bodies: dict[str, Element], edges: Sequence[_Edge]) -> str:
+    """The link that no joint carries, when the joints make a tree of all links."""
+    carried: dict[str, str] = {}
+    for edge in edges:
+        for role, link in (("parent", edge.parent), ("child", edge.child)):
+            if link not in bodies:
+                raise InputError(f"joint {edge.name!r}: its {role} link {link!r} does not exist")
+        if edge.child in carried:
+            both = f"joints {carried[edge.child]!r} and {edge.name!r}"
+            raise InputError(f"link {edge.child!r} is the child of two, {both}: loops are not URDF")
+        carried[edge.child] = edge.name
+    roots = [name for name in bodies if name not in carried]
+    if len(roots) > 1:
+        raise InputError(f"more than one root link, {_listed(roots)}: join all but one to the tree by joints")
+    loose = set(bodies) - _reached(roots, edges)
+    if loose or not roots:
+        raise InputError(
+            f"links in a cycle: {_listed(sorted(loose))}" if bodies else "there are no <link> elements"
+        )
+    return roots[0]
+
+
+def _reached(roots: Sequence[str], edges: Sequence[_Edge]) -> set[str]:
+    below: dict[str, list[str]] = {}
+    for edge in edges:
+        below.setdefault(edge.parent, []).append(edge.child)
+    reached, pending = set(roots), list(roots)
+    while pending:
+        children = below.get(pending.pop(), [])
+        reached.update(children)
+        pending += children
+    return reached
+
+
+def _movable(root: str, inertias: dict[str, Array], edges: Sequence[_Edge]) -> tuple[Link, ...]:
+    """Links behind joints that move, depth first; what is fixed to one is added to its inertia."""
+    below: dict[str, list[_Edge]] = {}
+    for edge in edges:
+        below.setdefault(edge.parent, []).append(edge)
+    links: list[tuple[_Edge, Joint, int, Pose]] = []
+    sums: list[Array] = []
+    pending = [(edge, GROUND, Pose.identity()) for edge in below.get(root, [])[::-1]]
+    while pending:
+        edge, carrier, place = pending.pop()
+        place = place @ edge.origin
+        if edge.joint is not None:
+            links.append((edge, edge.joint, carrier, place))
+            sums.append(inertias[edge.child])
+            carrier, place = len(links) - 1, Pose.identity()
+        elif carrier != GROUND:
+            sums[carrier] = sums[carrier] + transformed(inertias[edge.child], place)
+        pending += [(next_edge, carrier, place) for next_edge in below.get(edge.child, [])[::-1]]
+    if not links:
+        raise InputError("no joint moves: expected a revolute, continuous or prismatic joint")
+    pairs = zip(links, sums, strict=True)
+    return tuple(
+        Link(e.child, parent, joint, near, Pose.identity(), ten) for (e, joint, parent, near), ten in pairs
+    )
+
+
+def _inertia(link: Element) -> Array:
+    """The ten about the link frame's origin, zero without <inertial>."""
+    where = _where(link)
+    inertial = _only(link, "inertial", where)
+    if inertial is None:
+        return np.zeros(10)
+    mass = _number(_required(inertial, "mass", where), "value", where)
+    if mass < 0.0:
+        raise InputError(f"{where}: mass must not be negative, got {mass}")
+    element = _required(inertial, "inertia", where)
+    xx, xy, xz, yy, yz, zz = (_number(element, f"i{name}", where) for name in ("xx", "xy", "xz", "yy", "yz", "zz"))
+    center = _origin(inertial, where)
+    tensor = center.rotation @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ center.rotation.T
+    return from_center_of_mass(mass, center.translation, tensor)
+
+
+def _origin(element: Element, where: str) -> Pose:
+    origin = _only(element, "origin", where)
+    if origin is None:
+        return Pose.identity()
+    if "quat_xyzw" in origin.attrib:
+        raise InputError(f"{where}: quat_xyzw of <origin> is not read: give rpy")
+    rpy, xyz = (
+        _numbers(origin, name, 3, where) if name in origin.attrib else [0.0] * 3 for name in ("rpy", "xyz")
+    )
+    return Pose(roll_pitch_yaw(rpy), np.array(xyz))
+
+
+def _axis(joint: Element, where: str) -> Array:
+    axis = _only(joint, "axis", where)
+    return np.array(_numbers(axis, "xyz", 3, where) if axis is not None else [1.0, 0.0, 0.0])
+
+
+def _limits(limit: Element | None, kind: JointKind, where: str) -> tuple[Limits, bool]:
+    """The limits, and whether some were zero; what is absent does not limit."""
+    if limit is None:
+        return Limits(), False
+    lower, upper, velocity, effort = (
+        _number(limit, name, where) if name in limit.attrib else None
+        for name in ("lower", "upper", "velocity", "effort")
+    )
+    zero = velocity == 0.0 or effort == 0.0
+    bounds = (-math.inf, math.inf)
+    if kind is not JointKind.CONTINUOUS and (lower or upper):
+        bounds = (lower or 0.0, upper or 0.0)
+    elif kind is not JointKind.CONTINUOUS:
+        zero = zero or lower is not None or upper is not None
+    try:
+        return Limits(*bounds, velocity or math.inf, effort or math.inf), zero
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
+
+
+def _number(element: Element, attribute: str, where: str) -> float:
+    return _numbers(element, attribute, 1, where)[0]
+
+
+def _numbers(element: Element, attribute: str, count: int, where: str) -> list[float]:
+    text = _attribute(element, attribute, where)
+    wanted = "a finite number" if count == 1 else f"{count} finite numbers"
+    try:
+        values = [float(word) for word in text.split()]
+    except ValueError:
+        values = []
+    if len(values) != count or not all(map(math.isfinite, values)) or "_" in text:
+        raise InputError(f"{where}: {attribute} of <{element.tag}>: expected {wanted}, got {text!r}")
+    return values
+
+
+def _attribute(element: Element, name: str, where: str) -> str:
+    value = element.get(name)
+    if not value:
+        raise InputError(f"{where}: <{element.tag}> needs the attribute {name}")
+    return value
+
+
+def _required(element: Element, tag: str, where: str) -> Element:
+    found = _only(element, tag, where)
+    if found is None:
+        raise InputError(f"{where}: <{element.tag}> needs an element <{tag}>")
+    return found
+
+
+def _only(element: Element, tag: str, where: str) -> Element | None:
+    found = element.findall(tag)
+    if len(found) > 1:
+        raise InputError(f"{where}: <{element.tag}> has {len(found)} elements <{tag}>, expected one")
+    return found[0] if found else None
+
+
+def _where(element: Element) -> str:
+    return f"{element.tag} {element.attrib['name']!r}"
+
+
+def _refuse_kind(where: str, kind: str) -> NoReturn:
+    known = ", ".join([*KINDS, "fixed"])
+    if kind in UNREAD_KINDS:
+        raise InputError(f"{where}: type {kind!r} is not read yet; build it of {known} joints")
+    raise InputError(f"{where}: unknown type {kind!r}; expected one of {known}")
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(map(repr, names[:5])) + (", ..." if len(names) > 5 else "")
+
+
+def _warn(path: str | Path, text: str, names: Sequence[str]) -> None:
+    if names:
+        warnings.warn(f"{path}: {text}: {', '.join(names)}", SimplificationWarning, stacklevel=3)
