@@ -65,6 +65,12 @@ class TreeEquations:
         """Y_r D and Y_r' s without forming Y_r; `columns` sorted."""
         return newton_euler.adaptive_tick(self.links, p, v, v_r, a_r, s, self.gravity, parameters, columns)
 
+    def adaptation_gradient(
+        self, p: Column, v: Column, v_r: Column, a_r: Column, s: Column, columns: Sequence[int]
+    ) -> Column:
+        """Y_r' s alone; `columns` sorted."""
+        return newton_euler.adaptation_gradient(self.links, p, v, v_r, a_r, s, self.gravity, columns)
+
     def forward_dynamics(self, p: Column, v: Column, torque: Column, parameters: Column) -> Column:
         """Accelerations under a torque."""
         return mass_matrix.forward_dynamics(self.links, p, v, torque, self.gravity, parameters)

@@ -76,8 +76,8 @@ class Mechanism:
 
     def energy_regressor(self, p: ArrayLike, v: ArrayLike) -> Array:
         """E (..., P): kinetic plus potential energy is E @ D, in J (Sheu and Walker 1991, section 2.2)."""
-        p, v = self._joint(p, "p"), self._joint(v, "v")
-        return stacked(self.equations.energy_regressor(column(p), column(v)).of, same_samples(p=p, v=v))
+        (p, v), samples = self._joints(p=p, v=v)
+        return stacked(self.equations.energy_regressor(column(p), column(v)).of, samples)
 
     def energy(self, p: ArrayLike, v: ArrayLike) -> Array:
         """Kinetic plus potential energy (...), in J."""
@@ -87,7 +87,10 @@ class Mechanism:
         self, p: ArrayLike, v: ArrayLike, a: ArrayLike, columns: Sequence[int] | None = None
     ) -> Array:
         """Y (..., r, P) of the equations of motion tau = Y D, or its asked columns only."""
-        return self.slotine_li_regressor(p, v, v, a, columns)
+        (p, v, a), samples = self._joints(p=p, v=v, a=a)
+        speed = column(v)
+        rows = self.equations.torque_regressor(column(p), speed, speed, column(a), self._columns(columns))
+        return stacked_rows(rows, samples)
 
     def slotine_li_regressor(
         self,
@@ -97,34 +100,29 @@ class Mechanism:
         a_r: ArrayLike,
         columns: Sequence[int] | None = None,
     ) -> Array:
-        """Y_r (..., r, P): Y_r D = M(p) a_r + C(p, v) v_r + g(p), with the Christoffel C (Slotine and Li 1987)."""
+        """Y_r (..., r, P): Y_r D = M(p) a_r + C(p, v) v_r + g(p), C the Christoffel one (Slotine and Li 1987)."""
+        (p, v, v_r, a_r), samples = self._joints(p=p, v=v, v_r=v_r, a_r=a_r)
         kept = self._columns(columns)
-        same = v is v_r
-        p, v, a_r = self._joint(p, "p"), self._joint(v, "v"), self._joint(a_r, "a_r")
-        v_r = v if same else self._joint(v_r, "v_r")
-        samples = same_samples(p=p, v=v, v_r=v_r, a_r=a_r)
-        speed = column(v)
-        reference = speed if same else column(v_r)
-        rows = self.equations.torque_regressor(column(p), speed, reference, column(a_r), kept)
+        rows = self.equations.torque_regressor(column(p), column(v), column(v_r), column(a_r), kept)
         return stacked_rows(rows, samples)
 
     def inverse_dynamics(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
         """Torque (..., r) that gives the accelerations a."""
-        p, v, a = self._joint(p, "p"), self._joint(v, "v"), self._joint(a, "a")
+        (p, v, a), samples = self._joints(p=p, v=v, a=a)
         speed = column(v)
         torque = self.equations.inverse_dynamics(column(p), speed, speed, column(a), self._parameters)
-        return stacked(torque.of, same_samples(p=p, v=v, a=a))
+        return stacked(torque.of, samples)
 
     def forward_dynamics(self, p: ArrayLike, v: ArrayLike, torque: ArrayLike) -> Array:
         """Accelerations (..., r) under a torque."""
-        p, v, torque = self._joint(p, "p"), self._joint(v, "v"), self._joint(torque, "torque")
+        (p, v, torque), samples = self._joints(p=p, v=v, torque=torque)
         a = self.equations.forward_dynamics(column(p), column(v), column(torque), self._parameters)
-        return stacked(a.of, same_samples(p=p, v=v, torque=torque))
+        return stacked(a.of, samples)
 
     def mass_matrix(self, p: ArrayLike) -> Array:
         """M(p) (..., r, r)."""
-        p = self._joint(p, "p")
-        return stacked_rows(self.equations.mass_matrix(column(p), self._parameters), p.shape[:-1])
+        (p,), samples = self._joints(p=p)
+        return stacked_rows(self.equations.mass_matrix(column(p), self._parameters), samples)
 
     def to_pinocchio(self) -> pinocchio.Model:
         """The same mechanism as a Pinocchio model, built depth first."""
@@ -143,8 +141,10 @@ class Mechanism:
     def _parameters(self) -> Column:
         return Column(self.inertial_parameters.tolist())
 
-    def _joint(self, values: ArrayLike, what: str) -> Array:
-        return checked(values, self.dof, f"{self.name}: {what}")
+    def _joints(self, **given: ArrayLike) -> tuple[list[Array], tuple[int, ...]]:
+        """Checked arrays (..., r) and the sample axes they share."""
+        arrays = {what: checked(values, self.dof, f"{self.name}: {what}") for what, values in given.items()}
+        return list(arrays.values()), same_samples(**arrays)
 
     def _columns(self, columns: Sequence[int] | None) -> Sequence[int]:
         known = len(self.parameter_names)

@@ -101,14 +101,29 @@ def adaptive_tick(
     parameters: Column,
     columns: Sequence[int],
 ) -> AdaptiveTick:
-    """One controller tick in O(N): the feed-forward torque and the gradient of the adaptation.
-
-    The entries of Y_r' s are the powers of each parameter's wrench under the joint rates s, so one more
-    forward recursion gives them all. `columns` must be sorted.
-    """
+    """One controller tick in O(N): the feed-forward torque and the gradient of the adaptation, one motion."""
     places = placements(tuple(links), q)
     moving = motions(places, v, v_r, a_r, gravity)
-    kept = kept_by_link(columns, len(links))
+    return AdaptiveTick(joint_torques(places, moving, parameters), powers(places, moving, s, columns))
+
+
+def adaptation_gradient(
+    links: Sequence[Segment],
+    q: Column,
+    v: Column,
+    v_r: Column,
+    a_r: Column,
+    s: Column,
+    gravity: Vec,
+    columns: Sequence[int],
+) -> Column:
+    """Y_r' s on the asked columns, which must be sorted."""
+    places = placements(tuple(links), q)
+    return powers(places, motions(places, v, v_r, a_r, gravity), s, columns)
+
+
+def powers(places: Sequence[Placement], moving: Sequence[Motion], s: Column, columns: Sequence[int]) -> Column:
+    """Y_r' s: the power of each parameter's wrench under joint rates s, so one forward recursion gives all."""
+    kept = kept_by_link(columns, len(places))
     sliding = zip(moving, twists(places, s), kept, strict=True)
-    gradient = [y for motion, twist, keep in sliding for y in power(motion, twist, keep)]
-    return AdaptiveTick(joint_torques(places, moving, parameters), Column(gradient))
+    return Column(y for motion, twist, keep in sliding for y in power(motion, twist, keep))

@@ -33,26 +33,26 @@ class Dual:
         condition, yes, no = args[0], dual(args[1]), dual(args[2])
         return Dual(where(condition, yes.value, no.value), where(condition, yes.slope, no.slope))
 
-    def __add__(self, other: Any) -> Dual:
-        return _add(self, dual(other))
+    def __add__(self, other: Any) -> Any:
+        return _add(self, dual(other)) if _is_scalar(other) else NotImplemented
 
     def __radd__(self, other: Any) -> Dual:
         return _add(dual(other), self)
 
-    def __sub__(self, other: Any) -> Dual:
-        return _subtract(self, dual(other))
+    def __sub__(self, other: Any) -> Any:
+        return _subtract(self, dual(other)) if _is_scalar(other) else NotImplemented
 
     def __rsub__(self, other: Any) -> Dual:
         return _subtract(dual(other), self)
 
-    def __mul__(self, other: Any) -> Dual:
-        return _multiply(self, dual(other))
+    def __mul__(self, other: Any) -> Any:
+        return _multiply(self, dual(other)) if _is_scalar(other) else NotImplemented
 
     def __rmul__(self, other: Any) -> Dual:
         return _multiply(dual(other), self)
 
-    def __truediv__(self, other: Any) -> Dual:
-        return _divide(self, dual(other))
+    def __truediv__(self, other: Any) -> Any:
+        return _divide(self, dual(other)) if _is_scalar(other) else NotImplemented
 
     def __rtruediv__(self, other: Any) -> Dual:
         return _divide(dual(other), self)
@@ -79,6 +79,11 @@ class Dual:
 def dual(x: Any) -> Dual:
     """Lift a constant; leave a dual number as it is."""
     return x if isinstance(x, Dual) else Dual(x)
+
+
+def _is_scalar(x: Any) -> bool:
+    """Vectors and columns opt out of NumPy's protocol: they multiply themselves."""
+    return getattr(x, "__array_ufunc__", True) is not None
 
 
 def _add(a: Dual, b: Dual) -> Dual:

@@ -1,0 +1,191 @@
+"""The equations of motion: Pinocchio as oracle, and the laws they must obey on any tree."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from random_trees import random_tree
+from robot_files import urdf
+
+from adaptctl.dynamics import Mechanism, load
+from adaptctl.dynamics.arrays import column
+from adaptctl.errors import InputError, NonFiniteError
+from adaptctl.mechanism.pose import Array
+from adaptctl.scalars import Column, Dual
+
+SAMPLES = 1000
+seeds = st.integers(0, 2**32 - 1)
+FILES = {"ur5": "ur5_robot.urdf", "panda": "panda.urdf", "talos": "talos_reduced.urdf"}
+
+
+def robot(name: str) -> Mechanism:
+    if name in FILES:
+        return Mechanism.from_pinocchio(pinocchio.buildModelFromUrdf(str(urdf(FILES[name]))))
+    return load(name)
+
+
+def states(mechanism: Mechanism, count: int, seed: int = 0) -> list[Array]:
+    return list(np.random.default_rng(seed).normal(size=(4, count, mechanism.dof)))
+
+
+def relative(actual: Array, expected: Array) -> float:
+    """The greatest deviation of any sample over that sample's own size."""
+    axes = tuple(range(1, expected.ndim))
+    return float((np.abs(actual - expected).max(axes) / np.abs(expected).max(axes)).max())
+
+
+@pytest.mark.filterwarnings("ignore::adaptctl.errors.SimplificationWarning")
+@pytest.mark.parametrize("name", ["puma560_measured", *FILES])
+def test_torques_energies_and_accelerations_are_pinocchios(name: str) -> None:
+    mechanism = robot(name)
+    model = mechanism.to_pinocchio()
+    data = model.createData()
+    p, v, v_r, a = states(mechanism, SAMPLES if mechanism.dof < 16 else 100)
+    torque = np.array([pinocchio.rnea(model, data, *x) for x in zip(p, v, a, strict=True)])
+    coriolis = [pinocchio.computeCoriolisMatrix(model, data, *x).copy() for x in zip(p, v, strict=True)]
+    mass = np.array([pinocchio.crba(model, data, x).copy() for x in p])
+    mass = np.triu(mass) + np.swapaxes(np.triu(mass, 1), 1, 2)
+    gravity = np.array([pinocchio.computeGeneralizedGravity(model, data, x).copy() for x in p])
+    slotine = np.einsum("tij,tj->ti", mass, a) + np.einsum("tij,tj->ti", coriolis, v_r) + gravity
+    kinetic = np.array([pinocchio.computeKineticEnergy(model, data, *x) for x in zip(p, v, strict=True)])
+    potential = np.array([pinocchio.computePotentialEnergy(model, data, x) for x in p])
+    D = mechanism.inertial_parameters
+    assert relative(mechanism.torque_regressor(p, v, a) @ D, torque) < 1e-12
+    assert relative(mechanism.inverse_dynamics(p, v, a), torque) < 1e-12
+    assert relative(mechanism.slotine_li_regressor(p, v, v_r, a) @ D, slotine) < 1e-12
+    scale = np.abs(kinetic).max() + np.abs(potential).max()
+    assert np.abs(mechanism.energy(p, v) - kinetic - potential).max() < 1e-11 * scale
+    assert relative(mechanism.mass_matrix(p), mass) < 1e-12
+    conditions = np.linalg.cond(mass)
+    errors = np.abs(mechanism.forward_dynamics(p, v, torque) - a).max(1) / np.abs(a).max(1)
+    assert (errors / conditions).max() < 1e-12
+
+
+@settings(max_examples=30, deadline=None)
+@given(seeds, st.integers(1, 8))
+def test_every_tree_agrees_with_pinocchio(seed: int, links: int) -> None:
+    mechanism = random_tree(seed, links)
+    model = mechanism.to_pinocchio()
+    p, v, _, a = (x[0] for x in states(mechanism, 1, seed))
+    expected = pinocchio.rnea(model, model.createData(), p, v, a)
+    assert np.abs(mechanism.inverse_dynamics(p, v, a) - expected).max() < 1e-12 * max(np.abs(expected).max(), 1.0)
+
+
+@settings(max_examples=20, deadline=None)
+@given(seeds, st.integers(1, 7))
+def test_coriolis_is_symmetric_in_its_two_velocities(seed: int, links: int) -> None:
+    mechanism = random_tree(seed, links)
+    p, v, w, _ = states(mechanism, 5, seed)
+    zero = np.zeros_like(p)
+    D = mechanism.inertial_parameters
+    forward = mechanism.slotine_li_regressor(p, v, w, zero) @ D
+    backward = mechanism.slotine_li_regressor(p, w, v, zero) @ D
+    assert np.abs(forward - backward).max() < 1e-11 * max(np.abs(forward).max(), 1.0)
+
+
+def mass_rate(mechanism: Mechanism, p: Array, v: Array) -> Array:
+    """dM/dt along v, by dual numbers."""
+    q = Column(Dual(x, dx) for x, dx in zip(p.tolist(), v.tolist(), strict=True))
+    rows = mechanism.equations.mass_matrix(q, Column(mechanism.inertial_parameters.tolist()))
+    return np.array([[x.slope if isinstance(x, Dual) else 0.0 for x in row] for row in rows])
+
+
+@settings(max_examples=20, deadline=None)
+@given(seeds, st.integers(1, 7))
+def test_mass_rate_less_twice_coriolis_is_skew(seed: int, links: int) -> None:
+    mechanism = random_tree(seed, links)
+    p, v, s, _ = (x[0] for x in states(mechanism, 1, seed))
+    zero = np.zeros_like(p)
+    D = mechanism.inertial_parameters
+    gravity = mechanism.inverse_dynamics(p, zero, zero)
+    coriolis = mechanism.slotine_li_regressor(p, v, s, zero) @ D - gravity
+    rate = s @ mass_rate(mechanism, p, v) @ s
+    assert abs(rate - 2.0 * s @ coriolis) < 1e-11 * max(np.abs(s @ mechanism.mass_matrix(p) @ s), abs(rate), 1.0)
+
+
+def test_mass_rate_less_twice_coriolis_is_skew_by_differences() -> None:
+    mechanism = load("puma560_measured")
+    p, v, s, _ = (x[0] for x in states(mechanism, 1))
+    h, zero = 1e-5, np.zeros(6)
+    rate = (mechanism.mass_matrix(p + h * v) - mechanism.mass_matrix(p - h * v)) / (2.0 * h)
+    coriolis = mechanism.slotine_li_regressor(p, v, s, zero) @ mechanism.inertial_parameters
+    coriolis -= mechanism.inverse_dynamics(p, zero, zero)
+    assert s @ rate @ s == pytest.approx(2.0 * s @ coriolis, rel=1e-7)
+
+
+@settings(max_examples=20, deadline=None)
+@given(seeds, st.integers(1, 7))
+def test_the_rate_of_energy_is_the_power_of_the_torques(seed: int, links: int) -> None:
+    mechanism = random_tree(seed, links)
+    p, v, _, a = (x[0] for x in states(mechanism, 1, seed))
+    moving = Column(Dual(x, dx) for x, dx in zip(p.tolist(), v.tolist(), strict=True))
+    speeding = Column(Dual(x, dx) for x, dx in zip(v.tolist(), a.tolist(), strict=True))
+    row = mechanism.equations.energy_regressor(moving, speeding)
+    power = v @ mechanism.torque_regressor(p, v, a)
+    rates = np.array([x.slope if isinstance(x, Dual) else 0.0 for x in row])
+    assert np.abs(rates - power).max() < 1e-11 * max(np.abs(power).max(), 1.0)
+
+
+@settings(max_examples=20, deadline=None)
+@given(seeds, st.integers(1, 7), st.data())
+def test_asked_columns_are_the_regressors_columns(seed: int, links: int, data: st.DataObject) -> None:
+    mechanism = random_tree(seed, links)
+    columns = data.draw(st.lists(st.integers(0, 10 * links - 1), min_size=1, unique=True))
+    p, v, v_r, a_r = states(mechanism, 3, seed)
+    whole = mechanism.slotine_li_regressor(p, v, v_r, a_r)
+    np.testing.assert_array_equal(mechanism.slotine_li_regressor(p, v, v_r, a_r, columns), whole[..., columns])
+
+
+@settings(max_examples=20, deadline=None)
+@given(seeds, st.integers(1, 7))
+def test_the_tick_is_the_regressor_never_formed(seed: int, links: int) -> None:
+    mechanism = random_tree(seed, links)
+    p, v, v_r, a_r = (x[0] for x in states(mechanism, 1, seed))
+    s = np.random.default_rng(seed).normal(size=links)
+    Y, D = mechanism.slotine_li_regressor(p, v, v_r, a_r), mechanism.inertial_parameters
+    tick = mechanism.equations.adaptive_tick(*map(column, (p, v, v_r, a_r, s, D)), range(10 * links))
+    scale = max(np.abs(Y).max(), 1.0)
+    np.testing.assert_allclose(tick.torque.of, Y @ D, rtol=0, atol=1e-12 * np.abs(Y @ D).max())
+    np.testing.assert_allclose(tick.gradient.of, Y.T @ s, rtol=0, atol=1e-12 * scale * np.abs(s).max())
+
+
+def test_the_same_energy_and_torque_in_any_frame_of_the_links() -> None:
+    """Moving every link frame moves the parameters, and nothing that can be measured."""
+    mechanism = random_tree(5, 6)
+    joints_only = Mechanism.from_pinocchio(mechanism.to_pinocchio())
+    p, v, _, a = states(mechanism, 20)
+    np.testing.assert_allclose(joints_only.inverse_dynamics(p, v, a), mechanism.inverse_dynamics(p, v, a), rtol=1e-10)
+    np.testing.assert_allclose(joints_only.energy(p, v), mechanism.energy(p, v), rtol=1e-10)
+
+
+def test_wrong_shapes_say_what_was_expected_and_what_came() -> None:
+    mechanism = load("puma560_measured")
+    six, five = np.zeros(6), np.zeros(5)
+    with pytest.raises(InputError, match=r"puma560_measured: v: expected shape \(\.\.\., 6\), got \(5,\)"):
+        mechanism.torque_regressor(six, five, six)
+    with pytest.raises(InputError, match="sample axes do not fit together"):
+        mechanism.inverse_dynamics(np.zeros((3, 6)), np.zeros((4, 6)), six)
+    with pytest.raises(InputError, match="expected numbers"):
+        mechanism.energy("here", six)
+    with pytest.raises(InputError, match=r"columns must be in 0\.\.59, got 60"):
+        mechanism.torque_regressor(six, six, six, columns=[0, 60])
+
+
+def test_nan_is_refused_by_name_and_place() -> None:
+    bad = np.zeros((2, 6))
+    bad[1, 4] = np.nan
+    with pytest.raises(NonFiniteError, match=r"puma560_measured: torque: .* nan at index \(1, 4\)"):
+        load("puma560_measured").forward_dynamics(np.zeros(6), np.zeros(6), bad)
+
+
+def test_leading_axes_are_samples() -> None:
+    mechanism = load("puma560_measured")
+    p, v, v_r, a = (x.reshape(2, 3, 6) for x in states(mechanism, 6))
+    assert mechanism.energy_regressor(p, v).shape == (2, 3, 60)
+    assert mechanism.slotine_li_regressor(p, v, v_r, a).shape == (2, 3, 6, 60)
+    assert mechanism.forward_dynamics(p, v, np.zeros(6)).shape == (2, 3, 6)
+    one = mechanism.slotine_li_regressor(p[1, 2], v[1, 2], v_r[1, 2], a[1, 2])
+    np.testing.assert_allclose(mechanism.slotine_li_regressor(p, v, v_r, a)[1, 2], one, rtol=1e-13, atol=1e-13)

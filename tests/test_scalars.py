@@ -1,0 +1,77 @@
+"""Vectors, columns and dual numbers keep the laws of their algebra."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from adaptctl.scalars import Column, Dual, Mat, Vec, absolute, clip, cos, cross, dot, maximum, minimum, sin, sqrt, where
+
+reals = st.floats(-3.0, 3.0)
+vectors = st.builds(Vec, reals, reals, reals)
+
+
+@given(vectors, vectors, vectors)
+def test_triple_product_is_cyclic(a: Vec, b: Vec, c: Vec) -> None:
+    assert dot(a, cross(b, c)) == pytest.approx(dot(b, cross(c, a)), abs=1e-12)
+
+
+@given(vectors, vectors)
+def test_transpose_moves_across_the_inner_product(a: Vec, b: Vec) -> None:
+    m = Mat(Vec(1.0, 2.0, 3.0), Vec(-4.0, 5.0, 6.0), Vec(7.0, 8.0, -9.0))
+    assert dot(a, m @ b) == pytest.approx(dot(m.T @ a, b), abs=1e-10)
+
+
+def test_arrays_of_samples_multiply_vectors_and_columns() -> None:
+    samples = np.array([1.0, 2.0])
+    np.testing.assert_array_equal((samples * Vec(1.0, 0.0, 3.0)).z, [3.0, 6.0])
+    np.testing.assert_array_equal((samples * Column((1.0, 2.0)))[1], [2.0, 4.0])
+
+
+def test_columns_of_different_lengths_do_not_add() -> None:
+    with pytest.raises(ValueError, match="longer"):
+        Column((1.0,)) + Column((1.0, 2.0))
+
+
+def everything(x: object) -> object:
+    """Uses every function and operator once, smooth at the tested points."""
+    y = sin(x) * cos(x) + sqrt(x * x + 1.0) / (2.0 + absolute(x)) - 1.0 / (x - 5.0)
+    y = y + minimum(x, 10.0) * maximum(x, -10.0) + clip(x, -7.0, 7.0)
+    return -where(x > 0.5, y * y, 3.0 - y)
+
+
+@given(st.floats(-3.0, 3.0).filter(lambda x: min(abs(x), abs(x - 0.5)) > 1e-2))
+def test_dual_numbers_differentiate(x: float) -> None:
+    h = 1e-5
+    slope = (everything(x + h) - everything(x - h)) / (2.0 * h)
+    outcome = everything(Dual(x, 1.0))
+    assert outcome.value == pytest.approx(everything(x), rel=1e-14)
+    assert outcome.slope == pytest.approx(slope, rel=1e-6, abs=1e-6)
+
+
+def test_dual_numbers_of_arrays_are_dual_numbers_of_their_entries() -> None:
+    x = np.linspace(-2.0, 2.0, 7)
+    together = everything(Dual(x, np.ones(7)))
+    alone = [everything(Dual(float(entry), 1.0)) for entry in x]
+    np.testing.assert_allclose(together.value, [d.value for d in alone], rtol=1e-14)
+    np.testing.assert_allclose(together.slope, [d.slope for d in alone], rtol=1e-13)
+
+
+def test_a_dual_number_may_not_steer_an_if() -> None:
+    with pytest.raises(TypeError, match="where"):
+        bool(Dual(1.0))
+
+
+def test_functions_numpy_has_and_dual_numbers_have_not_are_refused() -> None:
+    with pytest.raises(TypeError):
+        np.arctan(Dual(1.0))
+
+
+def test_elementary_functions_of_floats_stay_floats() -> None:
+    assert sin(0.3) == math.sin(0.3)
+    assert where(True, 1.0, 2.0) == 1.0
+    assert where(np.bool_(False), 1.0, 2.0) == 2.0
