@@ -9,7 +9,7 @@ import re
 import secrets
 import tomllib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -39,11 +39,14 @@ def replacing(path: str | Path) -> Iterator[Path]:
         yield beside
         _flush(beside)
         beside.replace(target)
-        _flush(target.parent)
     except OSError as error:
+        if error.filename not in (None, str(beside)):
+            raise
         raise FileError(f"{path}: cannot be written ({_reason(error)})") from error
     finally:
         beside.unlink(missing_ok=True)
+    with suppress(OSError):  # Some file systems do not flush folders; the file is in place by now.
+        _flush(target.parent)
 
 
 def write_bytes(path: str | Path, data: bytes) -> None:
@@ -62,8 +65,11 @@ def write_json(path: str | Path, value: object) -> None:
 
     NaN and infinity are refused by name: JSON has neither.
     """
-    plain = msgspec.to_builtins(value, str_keys=True, enc_hook=_plain)
-    _require_finite(path, plain, "$")
+    try:
+        plain = msgspec.to_builtins(value, str_keys=True, enc_hook=_plain)
+    except TypeError as error:
+        raise FileError(f"{path}: {error}") from error
+    _require_finite(path, plain)
     write_text(path, json.dumps(plain, indent=2, allow_nan=False, ensure_ascii=False) + "\n")
 
 
@@ -91,7 +97,7 @@ def read_json(path: str | Path, kind: type[Content]) -> Content:
     """The file's JSON as `kind` (a msgspec Struct, a dataclass, a list of them ...)."""
     text = read_text(path)
     try:
-        plain = json.loads(text, parse_constant=float)
+        plain = json.loads(text, object_pairs_hook=_unrepeated)
     except (ValueError, RecursionError) as error:
         raise FileError(f"{path}: not valid JSON ({error})") from error
     return _typed(path, plain, kind)
@@ -101,29 +107,39 @@ def read_toml(path: str | Path, kind: type[Content]) -> Content:
     """The file's TOML as `kind` (a msgspec Struct, a dataclass ...)."""
     text = read_text(path)
     try:
-        plain = tomllib.loads(text.replace("\r\n", "\n"))
+        plain = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         raise FileError(f"{path}: not valid TOML ({error})") from error
     return _typed(path, plain, kind)
 
 
 def _typed(path: str | Path, plain: object, kind: type[Content]) -> Content:
-    _require_finite(path, plain, "$")
+    _require_finite(path, plain)
     try:
         return msgspec.convert(plain, kind)
-    except (msgspec.ValidationError, OverflowError) as error:
+    except (msgspec.ValidationError, OverflowError, RecursionError) as error:
         raise FileError(f"{path}: {error}{_remedy(kind, str(error))}") from error
 
 
-def _require_finite(path: str | Path, value: object, element: str) -> None:
-    if isinstance(value, float) and not math.isfinite(value):
-        raise FileError(f"{path}: expected a finite number, got {value} - at `{element}`")
-    if isinstance(value, dict):
-        for key, entry in value.items():
-            _require_finite(path, entry, f"{element}.{key}")
-    elif isinstance(value, list | tuple):
-        for index, entry in enumerate(value):
-            _require_finite(path, entry, f"{element}[{index}]")
+def _require_finite(path: str | Path, content: object) -> None:
+    pending = [("$", content)]
+    while pending:
+        element, value = pending.pop()
+        if isinstance(value, float) and not math.isfinite(value):
+            raise FileError(f"{path}: expected a finite number, got {value} - at `{element}`")
+        if isinstance(value, dict):
+            pending += [(f"{element}.{key}", entry) for key, entry in value.items()]
+        elif isinstance(value, list | tuple):
+            pending += [(f"{element}[{index}]", entry) for index, entry in enumerate(value)]
+
+
+def _unrepeated(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """JSON's own rule, the last of equal keys wins, would hide a slip."""
+    content = dict(pairs)
+    if len(content) < len(pairs):
+        keys = [key for key, _ in pairs]
+        raise ValueError(f"the key {next(key for key in keys if keys.count(key) > 1)!r} is given twice")
+    return content
 
 
 def _remedy(kind: Any, message: str) -> str:
@@ -154,7 +170,7 @@ def _plain(value: Any) -> Any:
         return value.tolist()
     if isinstance(value, Path):
         return str(value)
-    raise FileError(f"cannot write a {type(value).__name__} as JSON")
+    raise TypeError(f"a {type(value).__name__} cannot be written as JSON")
 
 
 def _flush(path: Path) -> None:

@@ -8,9 +8,13 @@ from difflib import get_close_matches
 from importlib.resources import as_file, files
 from pathlib import Path
 
+import numpy as np
+
 from adaptctl.errors import FileError, NotFoundError, PhysicalConsistencyWarning
 from adaptctl.mechanism.denavit_hartenberg import read_denavit_hartenberg
 from adaptctl.mechanism.description import Description
+from adaptctl.mechanism.inertia import pseudo_inertia
+from adaptctl.mechanism.pose import Array
 from adaptctl.mechanism.urdf import read_urdf
 
 Reader = Callable[[str | Path], Description]
@@ -64,8 +68,13 @@ def _reader(source: str | Path) -> Reader:
 
 
 def _warn_of_inconsistency(description: Description, remark: str) -> None:
-    massless = {link.name for link in description.links if not link.inertia.any()}
-    names = [name for name in description.inconsistent_links if name not in massless]
+    names = [link.name for link in description.links if _is_impossible(link.inertia)]
     if names:
         text = f"{description.name}: no rigid body has the inertial parameters of {', '.join(names)}"
         warnings.warn(f"{text}. {remark}".removesuffix(". "), PhysicalConsistencyWarning, stacklevel=3)
+
+
+def _is_impossible(ten: Array) -> bool:
+    """Whether not even a body shrunk to rods, points or nothing has these ten: real files hold such bodies."""
+    eigenvalues = np.linalg.eigvalsh(pseudo_inertia(ten))
+    return bool(eigenvalues[0] < -1e-12 * eigenvalues[-1])
