@@ -108,9 +108,12 @@ def _sqrt(a: Dual) -> Dual:
     return Dual(root, a.slope / (2.0 * root))
 
 
-def _choose(pick: Callable[[Any, Any], Any], a: Dual, b: Dual) -> Dual:
-    value = pick(a.value, b.value)
-    return Dual(value, where(value == a.value, a.slope, b.slope))
+def _minimum(a: Dual, b: Dual) -> Dual:
+    return Dual(minimum(a.value, b.value), where(a.value <= b.value, a.slope, b.slope))
+
+
+def _maximum(a: Dual, b: Dual) -> Dual:
+    return Dual(maximum(a.value, b.value), where(a.value >= b.value, a.slope, b.slope))
 
 
 _RULES: dict[np.ufunc, Callable[..., Any]] = {
@@ -123,8 +126,8 @@ _RULES: dict[np.ufunc, Callable[..., Any]] = {
     np.cos: lambda a: Dual(cos(a.value), -sin(a.value) * a.slope),
     np.sqrt: _sqrt,
     np.absolute: lambda a: Dual(absolute(a.value), where(a.value < 0.0, -a.slope, a.slope)),
-    np.minimum: lambda a, b: _choose(minimum, a, b),
-    np.maximum: lambda a, b: _choose(maximum, a, b),
+    np.minimum: _minimum,
+    np.maximum: _maximum,
     np.less: lambda a, b: a.value < b.value,
     np.less_equal: lambda a, b: a.value <= b.value,
     np.greater: lambda a, b: a.value > b.value,

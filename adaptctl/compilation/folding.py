@@ -1,0 +1,126 @@
+"""Arithmetic on expressions and floats, simplified where a law allows it.
+
+The laws are those of real numbers: `0 * x`, `0 / x` and `x - x` are 0 and the sign of a zero is not kept, so a
+NaN or an infinity in such an `x` is lost. Nothing is reassociated, so no rounding error changes; through all
+other operations NaN passes as it does in NumPy. At least one operand is an expression.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from adaptctl.compilation.graph import Expression, Op
+
+
+def add(x: Any, y: Any) -> Any:
+    """`x + y`; a negated operand is subtracted."""
+    if _is(x, 0.0) or _is(y, 0.0):
+        return y if _is(x, 0.0) else x
+    if _does(y, Op.NEGATE):
+        return subtract(x, y.operands[0])
+    if _does(x, Op.NEGATE):
+        return subtract(y, x.operands[0])
+    return _make(Op.ADD, *_ordered(x, y))
+
+
+def subtract(x: Any, y: Any) -> Any:
+    """`x - y`; a negated operand and a constant are added."""
+    if x is y:
+        return 0.0
+    if _is(x, 0.0):
+        return negate(y)
+    if isinstance(y, float):
+        return add(x, -y)
+    if _does(y, Op.NEGATE):
+        return add(x, y.operands[0])
+    return _make(Op.SUBTRACT, x, y)
+
+
+def negate(x: Any) -> Any:
+    """`-x`, for free where `x` is a difference, a negation or a constant multiple."""
+    if _does(x, Op.NEGATE):
+        return x.operands[0]
+    if _does(x, Op.SUBTRACT):
+        return subtract(*reversed(x.operands))
+    if _does(x, Op.MULTIPLY) and isinstance(x.operands[0], float):
+        return multiply(-x.operands[0], x.operands[1])
+    return _make(Op.NEGATE, x)
+
+
+def multiply(x: Any, y: Any) -> Any:
+    """`x * y`; signs move outwards, or into a constant factor."""
+    x, y = _ordered(x, y)
+    if isinstance(x, float) and abs(x) in (0.0, 1.0):
+        return 0.0 if x == 0.0 else y if x > 0.0 else negate(y)
+    if _does(y, Op.NEGATE):
+        return multiply(-x, y.operands[0]) if isinstance(x, float) else negate(multiply(x, y.operands[0]))
+    if _does(x, Op.NEGATE):
+        return negate(multiply(x.operands[0], y))
+    return _make(Op.MULTIPLY, x, y)
+
+
+def divide(x: Any, y: Any) -> Any:
+    """`x / y`; signs move outwards, or into a constant operand."""
+    if _is(x, 0.0):
+        return 0.0
+    if _is(y, 1.0) or _is(y, -1.0):
+        return x if y > 0.0 else negate(x)
+    if _does(x, Op.NEGATE):
+        return divide(x.operands[0], -y) if isinstance(y, float) else negate(divide(x.operands[0], y))
+    if _does(y, Op.NEGATE):
+        return divide(-x, y.operands[0]) if isinstance(x, float) else negate(divide(x, y.operands[0]))
+    return _make(Op.DIVIDE, x, y)
+
+
+def absolute(x: Any) -> Any:
+    """`|x|`."""
+    if _does(x, Op.NEGATE):
+        return absolute(x.operands[0])
+    return x if _does(x, Op.ABSOLUTE) else _make(Op.ABSOLUTE, x)
+
+
+def minimum(x: Any, y: Any) -> Any:
+    """The smaller; NaN when either is NaN."""
+    return x if x is y else _make(Op.MINIMUM, *_ordered(x, y))
+
+
+def maximum(x: Any, y: Any) -> Any:
+    """The larger; NaN when either is NaN."""
+    return x if x is y else _make(Op.MAXIMUM, *_ordered(x, y))
+
+
+def sin(x: Any) -> Any:
+    """Sine."""
+    return _make(Op.SIN, x)
+
+
+def cos(x: Any) -> Any:
+    """Cosine."""
+    return _make(Op.COS, x)
+
+
+def sqrt(x: Any) -> Any:
+    """Square root."""
+    return _make(Op.SQRT, x)
+
+
+def _make(op: Op, *operands: Any) -> Any:
+    traced = next(x for x in operands if isinstance(x, Expression))
+    return traced.graph.make(type(traced), op, *operands)
+
+
+def _is(x: Any, constant: float) -> bool:
+    return isinstance(x, float) and x == constant
+
+
+def _does(x: Any, op: Op) -> bool:
+    return isinstance(x, Expression) and x.op is op
+
+
+def _ordered(x: Any, y: Any) -> tuple[Any, Any]:
+    """One order for what commutes, constants first, so that `x + y` and `y + x` are one expression."""
+    return (x, y) if _rank(x) <= _rank(y) else (y, x)
+
+
+def _rank(x: Any) -> int:
+    return x.index if isinstance(x, Expression) else -1

@@ -1,0 +1,88 @@
+"""A graph of expressions in which equal expressions are one object (hash consing; Ershov 1958)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from enum import StrEnum
+from typing import Any, TypeVar, cast
+
+from adaptctl.errors import TraceError
+
+E = TypeVar("E", bound="Expression")
+
+
+class Op(StrEnum):
+    """What an expression does with its operands."""
+
+    INPUT = "input"
+    ADD = "+"
+    SUBTRACT = "-"
+    MULTIPLY = "*"
+    DIVIDE = "/"
+    NEGATE = "neg"
+    SIN = "sin"
+    COS = "cos"
+    SQRT = "sqrt"
+    ABSOLUTE = "abs"
+    MINIMUM = "min"
+    MAXIMUM = "max"
+    LESS = "<"
+    LESS_EQUAL = "<="
+    SELECT = "select"
+    CALL = "call"
+    RESULT = "result"
+
+
+class Expression:
+    """One operation on `operands`: earlier expressions of the same graph, or constants, which are plain floats.
+
+    `detail` says what operands cannot: which input, which routine is called, which of its results is meant.
+    """
+
+    __slots__ = ("detail", "graph", "index", "op", "operands")
+
+    def __init__(self, graph: Graph, index: int, op: Op, operands: tuple[Any, ...], detail: Any) -> None:
+        self.graph, self.index, self.op, self.operands, self.detail = graph, index, op, operands, detail
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.index}: {self.op}>"
+
+
+class Graph:
+    """The expressions of one trace. Operands come before what uses them, so the indices are a schedule.
+
+    `routines` remembers the functions called; the graph of a called function shares its caller's.
+    """
+
+    def __init__(self, routines: dict[Any, Any] | None = None) -> None:
+        self._expressions: dict[Any, Expression] = {}
+        self.routines = {} if routines is None else routines
+
+    def __len__(self) -> int:
+        return len(self._expressions)
+
+    def make(self, kind: type[E], op: Op, *operands: Any, detail: Any = None) -> E:
+        """The one expression with this operation, these operands and this detail."""
+        key = (op, operands, detail)
+        found = self._expressions.get(key)
+        if found is None:
+            self.require_own(operands)
+            found = self._expressions[key] = kind(self, len(self), op, operands, detail)
+        return cast(E, found)
+
+    def require_own(self, values: Iterable[Any]) -> None:
+        """Raise when one of the values was traced elsewhere."""
+        if any(isinstance(x, Expression) and x.graph is not self for x in values):
+            raise TraceError("a value of another trace was used: pass it to the function as an argument")
+
+
+def reachable(outputs: Iterable[Any]) -> list[Expression]:
+    """Every expression that the outputs need, operands first."""
+    needed: set[Expression] = set()
+    pending = [x for x in outputs if isinstance(x, Expression)]
+    while pending:
+        expression = pending.pop()
+        if expression not in needed:
+            needed.add(expression)
+            pending += [x for x in expression.operands if isinstance(x, Expression)]
+    return sorted(needed, key=lambda expression: expression.index)

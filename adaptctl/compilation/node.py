@@ -1,0 +1,145 @@
+"""Numbers that are not known yet: the kind of scalar that records what an equation does with it."""
+
+from __future__ import annotations
+
+import linecache
+import sys
+from collections.abc import Callable
+from typing import Any, NoReturn, TypeAlias
+
+import numpy as np
+
+from adaptctl.compilation import folding
+from adaptctl.compilation.graph import Expression, Op
+from adaptctl.errors import TraceError
+
+
+class _Traced(Expression):
+    """What nodes and conditions share: they refuse to give away a value they do not have."""
+
+    __slots__ = ()
+
+    def __bool__(self) -> bool:
+        _refuse("cannot steer an `if`, `and`, `or`, `min` or `max`: use where, minimum or maximum")
+
+    def __float__(self) -> float:
+        _refuse("is not a float: use sin, cos, sqrt of adaptctl.scalars or numpy, not of math")
+
+    def __array__(self, *_args: Any, **_options: Any) -> NoReturn:
+        _refuse("cannot be put into an array: use Column, Vec or Mat")
+
+    def __array_function__(self, function: Any, _types: Any, args: Any, options: Any) -> Any:
+        if function is not np.where or len(args) != 3 or options:
+            return NotImplemented
+        yes, no = lift(args[1]), lift(args[2])
+        return NotImplemented if yes is None or no is None else _select(args[0], yes, no)
+
+
+class Condition(_Traced):
+    """The outcome of comparing nodes; only `where` can use it."""
+
+    __slots__ = ()
+
+
+def _operator(rule: Callable[[Any, Any], Any], *, reflected: bool = False) -> Callable[[Node, Any], Any]:
+    def operator(self: Node, other: Any) -> Any:
+        operand = lift(other)
+        if operand is None:
+            return NotImplemented
+        return rule(operand, self) if reflected else rule(self, operand)
+
+    return operator
+
+
+def _comparison(op: Op) -> Callable[[Any, Any], Condition]:
+    def compare(x: Any, y: Any) -> Condition:
+        graph = x.graph if isinstance(x, Node) else y.graph
+        return graph.make(Condition, op, x, y)
+
+    return compare
+
+
+_less, _less_equal = _comparison(Op.LESS), _comparison(Op.LESS_EQUAL)
+
+
+class Node(_Traced):
+    """A traced number: arithmetic, elementary functions and comparisons with it make new nodes."""
+
+    __slots__ = ()
+
+    __add__, __radd__ = _operator(folding.add), _operator(folding.add, reflected=True)
+    __sub__, __rsub__ = _operator(folding.subtract), _operator(folding.subtract, reflected=True)
+    __mul__, __rmul__ = _operator(folding.multiply), _operator(folding.multiply, reflected=True)
+    __truediv__, __rtruediv__ = _operator(folding.divide), _operator(folding.divide, reflected=True)
+    __lt__, __gt__ = _operator(_less), _operator(_less, reflected=True)
+    __le__, __ge__ = _operator(_less_equal), _operator(_less_equal, reflected=True)
+    __hash__ = Expression.__hash__
+
+    def __neg__(self) -> Any:
+        return folding.negate(self)
+
+    def __abs__(self) -> Any:
+        return folding.absolute(self)
+
+    def __eq__(self, other: object) -> bool:
+        _refuse("cannot be tested for equality: use < or <=, and where")
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
+        operands = [lift(x) for x in inputs]
+        if any(x is None for x in operands) or method != "__call__" or options:
+            return NotImplemented
+        rule = _RULES.get(ufunc)
+        if rule is None:
+            raise TraceError(f"numpy.{ufunc.__name__} cannot be traced, only {_TRACEABLE}")
+        return rule(*operands)
+
+
+Value: TypeAlias = Node | float
+"""A scalar under trace: a node, or a float where the value is known."""
+
+
+def lift(x: Any) -> Value | None:
+    """A node as it is, a number as a float; None for anything else."""
+    if isinstance(x, Node):
+        return x
+    if isinstance(x, float | int | np.floating | np.integer) or (isinstance(x, np.ndarray) and x.ndim == 0):
+        return float(x) + 0.0  # -0.0 becomes 0.0
+    return None
+
+
+def _select(condition: Any, yes: Value, no: Value) -> Value:
+    """`yes` where the condition holds, else `no`; comparing with NaN does not hold."""
+    if isinstance(condition, bool | np.bool_):
+        return yes if condition else no
+    if not isinstance(condition, Condition):
+        raise TraceError(f"where: expected a comparison such as x < y, got {condition!r}")
+    if yes is no or (isinstance(yes, float) and isinstance(no, float) and yes == no):
+        return yes
+    return condition.graph.make(Node, Op.SELECT, condition, yes, no)
+
+
+def _refuse(why: str) -> NoReturn:
+    caller = sys._getframe(2)
+    file, line = caller.f_code.co_filename, caller.f_lineno
+    text = linecache.getline(file, line).strip()
+    raise TraceError(f"a traced value {why} ({file}:{line}: {text})")
+
+
+_RULES: dict[np.ufunc, Callable[..., Any]] = {
+    np.add: folding.add,
+    np.subtract: folding.subtract,
+    np.multiply: folding.multiply,
+    np.divide: folding.divide,
+    np.negative: folding.negate,
+    np.sin: folding.sin,
+    np.cos: folding.cos,
+    np.sqrt: folding.sqrt,
+    np.absolute: folding.absolute,
+    np.minimum: folding.minimum,
+    np.maximum: folding.maximum,
+    np.less: _less,
+    np.less_equal: _less_equal,
+    np.greater: lambda x, y: _less(y, x),
+    np.greater_equal: lambda x, y: _less_equal(y, x),
+}
+_TRACEABLE = ", ".join(sorted(ufunc.__name__ for ufunc in _RULES)) + " and where"

@@ -1,0 +1,136 @@
+"""From a function over scalars to the expressions of its result; calls that are not unrolled."""
+
+from __future__ import annotations
+
+import functools
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from typing import Any, TypeVar, cast
+
+from adaptctl.compilation.graph import Expression, Graph, Op, reachable
+from adaptctl.compilation.layout import Layout, flatten
+from adaptctl.compilation.node import Node, Value, lift
+from adaptctl.errors import TraceError
+from adaptctl.scalars import Column
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+_FLOPS = (Op.ADD, Op.SUBTRACT, Op.MULTIPLY, Op.DIVIDE, Op.NEGATE)
+_FREE = (Op.INPUT, Op.CALL, Op.RESULT)
+
+
+class Operations(Counter[Op]):
+    """How often each operation is carried out, those of called routines included."""
+
+    @property
+    def flops(self) -> int:
+        """Additions, subtractions, multiplications, divisions and negations."""
+        return sum(self[op] for op in _FLOPS)
+
+
+@dataclass(frozen=True, eq=False)
+class Routine:
+    """A traced function of `inputs` scalars; `layout` is that of its result."""
+
+    name: str
+    inputs: int
+    outputs: tuple[Value, ...]
+    layout: Layout
+
+    @functools.cached_property
+    def body(self) -> list[Expression]:
+        """What is to be computed, in order."""
+        return reachable(self.outputs)
+
+    @property
+    def calls(self) -> list[Routine]:
+        """The routine behind each call, in order."""
+        return [x.detail for x in self.body if x.op is Op.CALL]
+
+    @functools.cached_property
+    def operations(self) -> Operations:
+        """What one evaluation costs."""
+        total = Operations(x.op for x in self.body if x.op not in _FREE)
+        for routine in self.calls:
+            total.update(routine.operations)
+        return total
+
+
+def trace(function: Callable[..., Any], arguments: Mapping[str, int], *, name: str = "") -> Routine:
+    """Run `function` once on Columns of nodes; `arguments` gives their names and lengths.
+
+    The function returns a scalar, a Column, or a tuple or NamedTuple of these. Raises TraceError for any other
+    result, and where the function needs a number that is not known yet.
+    """
+    graph, size = Graph(), sum(arguments.values())
+    nodes = _inputs(graph, size)
+    columns = {argument: Column(islice(nodes, length)) for argument, length in arguments.items()}
+    return _routine(name or _name(function), graph, size, function(**columns))
+
+
+def outlined(function: F) -> F:
+    """Let all calls of `function` within a trace share one native subroutine instead of being unrolled.
+
+    Its arguments are scalars and Columns by position, its result is as `trace` has it. Constants among the scalars
+    are folded into the body: a trace keeps one body for each pattern of nodes and constants. Wrap a function once,
+    not before each call, or each call gets its own body. On other scalars, dual numbers among them, the function
+    is simply called.
+    """
+
+    @functools.wraps(function)
+    def call(*arguments: Any) -> Any:
+        layout, scalars = flatten(arguments)
+        values = [lift(x) for x in scalars]
+        nodes = [x for x in values if isinstance(x, Node)]
+        if not nodes or any(x is None for x in values):
+            return function(*arguments)
+        routine = _shared(function, layout, values, nodes[0].graph)
+        return routine.layout.columns(_results(routine, nodes))
+
+    return cast(F, call)
+
+
+def _shared(function: Callable[..., Any], layout: Layout, values: Sequence[Any], graph: Graph) -> Routine:
+    """The body for this pattern of nodes (None in the key) and constants, traced at its first use."""
+    key = function, layout, tuple(None if isinstance(x, Node) else x for x in values)
+    if key not in graph.routines:
+        inner, size = Graph(graph.routines), sum(isinstance(x, Node) for x in values)
+        nodes = _inputs(inner, size)
+        scalars = [next(nodes) if isinstance(x, Node) else x for x in values]
+        graph.routines[key] = _routine(_name(function), inner, size, function(*layout.columns(scalars)))
+    return cast(Routine, graph.routines[key])
+
+
+def _results(routine: Routine, nodes: Sequence[Node]) -> list[Value]:
+    """The outputs of a call; one that does not depend on the arguments is known already."""
+    graph = nodes[0].graph
+    call = graph.make(Expression, Op.CALL, *nodes, detail=routine)
+    return [
+        graph.make(Node, Op.RESULT, call, detail=k) if isinstance(output, Node) else output
+        for k, output in enumerate(routine.outputs)
+    ]
+
+
+def _routine(name: str, graph: Graph, inputs: int, result: Any) -> Routine:
+    layout, scalars = flatten(result)
+    outputs = tuple(_output(name, x) for x in scalars)
+    graph.require_own(outputs)
+    return Routine(name, inputs, outputs, layout)
+
+
+def _output(name: str, scalar: Any) -> Value:
+    value = lift(scalar)
+    if value is None:
+        kind = type(scalar).__name__
+        raise TraceError(f"{name}: expected a scalar, a Column or a tuple of these as result, got {kind}")
+    return value
+
+
+def _inputs(graph: Graph, size: int) -> Iterator[Node]:
+    return (graph.make(Node, Op.INPUT, detail=k) for k in range(size))
+
+
+def _name(function: Callable[..., Any]) -> str:
+    return str(getattr(function, "__name__", "function"))
