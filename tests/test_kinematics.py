@@ -7,33 +7,13 @@ import pinocchio
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_trees import random_tree
 
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.kinematics import joint_axes, link_poses
 from adaptctl.errors import InputError, NonFiniteError
-from adaptctl.mechanism import GROUND, Description, Joint, JointKind, Link, Pose, depth_first
+from adaptctl.mechanism import GROUND, Pose
 from adaptctl.mechanism.pose import Array, rotation_about
-
-
-def some_pose(rng: np.random.Generator) -> Pose:
-    axis = rng.normal(size=3)
-    return Pose(rotation_about(axis / np.linalg.norm(axis), rng.uniform(-3, 3)), rng.uniform(-1, 1, 3))
-
-
-def some_tree(rng: np.random.Generator, links: int) -> Mechanism:
-    kinds = (JointKind.REVOLUTE, JointKind.PRISMATIC)
-    tree = [
-        Link(
-            f"link{i}",
-            int(rng.integers(GROUND, i)),
-            Joint(f"joint{i}", kinds[int(rng.integers(2))], rng.normal(size=3)),
-            some_pose(rng),
-            some_pose(rng),
-            rng.uniform(0.1, 1.0, 10),
-        )
-        for i in range(links)
-    ]
-    return Mechanism(Description("tree", depth_first(tree)))
 
 
 def pinocchio_model(mechanism: Mechanism) -> pinocchio.Model:
@@ -61,8 +41,7 @@ def se3(pose: Pose) -> pinocchio.SE3:
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 7))
 def test_link_poses_are_pinocchios(seed: int, links: int) -> None:
-    rng = np.random.default_rng(seed)
-    tree = some_tree(rng, links)
+    rng, tree = np.random.default_rng(seed), random_tree(seed, links)
     p = rng.uniform(-2, 2, (3, links))
     poses = link_poses(tree, p)
     assert poses.rotations.shape == (3, links, 3, 3)
@@ -75,8 +54,7 @@ def test_link_poses_are_pinocchios(seed: int, links: int) -> None:
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 7))
 def test_moving_one_joint_turns_or_shifts_its_link_about_its_axis(seed: int, links: int) -> None:
-    rng = np.random.default_rng(seed)
-    tree = some_tree(rng, links)
+    rng, tree = np.random.default_rng(seed), random_tree(seed, links)
     p, i, angle = rng.uniform(-2, 2, links), int(rng.integers(links)), 0.7
     axes, before = joint_axes(tree, p), link_poses(tree, p)
     after = link_poses(tree, p + angle * (np.arange(links) == i))
@@ -93,14 +71,14 @@ def test_moving_one_joint_turns_or_shifts_its_link_about_its_axis(seed: int, lin
 def test_heights_are_the_energy_regressors() -> None:
     """The potential of a unit mass at a link's origin is -g.x: energies and kinematics share one geometry."""
     rng = np.random.default_rng(1)
-    tree = some_tree(rng, 5)
+    tree = random_tree(1, 5)
     p = rng.uniform(-2, 2, (4, 5))
     heights = -link_poses(tree, p).translations @ tree.description.gravity
     np.testing.assert_allclose(tree.energy_regressor(p, np.zeros((4, 5)))[:, ::10], heights, atol=1e-12)
 
 
 def test_bad_input_is_refused() -> None:
-    tree = some_tree(np.random.default_rng(2), 3)
+    tree = random_tree(2, 3)
     with pytest.raises(InputError, match=r"p: expected shape \(\.\.\., 3\), got \(2,\)"):
         link_poses(tree, np.zeros(2))
     with pytest.raises(NonFiniteError, match="nan at index"):

@@ -1,0 +1,6 @@
+"""The physical arm in time: integrators, the plant, and closed-loop runs."""
+
+from adaptctl.simulation.integrator import Acceleration, Integrator, RungeKutta4, SemiImplicitEuler
+from adaptctl.simulation.plant import Plant, PlantState
+
+__all__ = ["Acceleration", "Integrator", "Plant", "PlantState", "RungeKutta4", "SemiImplicitEuler"]

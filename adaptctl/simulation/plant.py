@@ -1,0 +1,171 @@
+"""The physical arm: equations of motion under a torque held over each control period."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple, NoReturn
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.compilation import compile_function, outlined
+from adaptctl.control.controller import LARGEST_COMPILED
+from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.arrays import checked
+from adaptctl.errors import InputError, NonFiniteError
+from adaptctl.mechanism.pose import Array
+from adaptctl.scalars import Column, clip
+from adaptctl.simulation.integrator import Integrator, RungeKutta4
+
+
+class PlantState(NamedTuple):
+    """The arm at one time (s): positions (r,) and velocities (r,)."""
+
+    time: float
+    p: Array
+    v: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Plant:
+    """A mechanism driven by torques in N m (N for a prismatic joint), each held over one control period.
+
+    `control_period` is in s and is integrated in `substeps` equal steps; `torque_limits` (r,) bound every
+    joint's effort, infinity meaning none, the mechanism's own when not given. Joints have no stops.
+
+    The inertial parameters are an argument of `step`, so one plant serves an arm with any payload. Mechanisms
+    of at most LARGEST_COMPILED links run as native code, longer ones in Python. Equal calls give equal bits.
+    """
+
+    mechanism: Mechanism
+    control_period: float
+    substeps: int = 1
+    integrator: Integrator = RungeKutta4()  # noqa: RUF009  # frozen
+    torque_limits: Array | None = None
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.control_period) and self.control_period > 0.0):
+            raise InputError(f"control_period: expected a positive time in s, got {self.control_period}")
+        if self.substeps < 1 or self.substeps != int(self.substeps):
+            raise InputError(f"substeps: expected a whole number of at least 1, got {self.substeps}")
+        own = self.mechanism.effort_limits if self.torque_limits is None else self.torque_limits
+        object.__setattr__(self, "torque_limits", _limits(own, self.mechanism.dof))
+
+    @property
+    def dof(self) -> int:
+        """Number of joints r."""
+        return self.mechanism.dof
+
+    def init(self, p: ArrayLike, v: ArrayLike) -> PlantState:
+        """The state at time zero, from positions and velocities (r,)."""
+        return PlantState(0.0, self._vector(p, "p"), self._vector(v, "v"))
+
+    def limited(self, torque: ArrayLike) -> Array:
+        """The torque (r,) clipped to the limits: what the arm feels. Raises as `step` does."""
+        return np.minimum(np.maximum(self._finite(torque), self._lower), self._upper)
+
+    def step(self, state: PlantState, torque: ArrayLike, parameters: ArrayLike | None = None) -> PlantState:
+        """One control period under a torque (r,), clipped to the limits and held.
+
+        `parameters` (P,) are the mechanism's own unless given. Raises `InputError` on a wrong shape and
+        `NonFiniteError` on NaN or infinity in any argument, or when the motion itself runs away.
+        """
+        true = self.mechanism.inertial_parameters if parameters is None else parameters
+        p, v = self._advance(state.p, state.v, self._finite(torque), true)
+        if not math.isfinite(p.dot(p) + v.dot(v)):
+            self._blame(state, true)
+        return PlantState(state.time + self.control_period, p, v)
+
+    def energy(self, state: PlantState, parameters: ArrayLike | None = None) -> float:
+        """Kinetic plus potential energy, in J."""
+        true = self.mechanism.inertial_parameters if parameters is None else parameters
+        (energy,) = self._energy(state.p, state.v, true)
+        return float(energy[0])
+
+    @cached_property
+    def _advance(self) -> Callable[..., tuple[Array, Array]]:
+        return self._native(self._equation(), "plant", p=self.dof, v=self.dof, torque=self.dof)
+
+    @cached_property
+    def _energy(self) -> Callable[..., tuple[Array]]:
+        def energy(p: Column, v: Column, parameters: Column) -> tuple[Column]:
+            return (Column((self.mechanism.equations.energy_regressor(p, v) @ parameters,)),)
+
+        return self._native(energy, "energy", p=self.dof, v=self.dof)
+
+    def _equation(self) -> Callable[[Column, Column, Column, Column], tuple[Column, Column]]:
+        """A control period over scalars of any kind. All stages share one body of the forward dynamics."""
+        dt, bounds = self.control_period / self.substeps, self._limits
+        dynamics = outlined(self.mechanism.equations.forward_dynamics)
+
+        def substep(p: Column, v: Column, torque: Column, parameters: Column) -> tuple[Column, Column]:
+            return self.integrator.step(lambda p, v: dynamics(p, v, torque, parameters), p, v, dt)
+
+        repeated = outlined(substep) if self.substeps > 1 else substep
+
+        def advance(p: Column, v: Column, torque: Column, parameters: Column) -> tuple[Column, Column]:
+            held = Column(clip(x, -bound, bound) for x, bound in zip(torque, bounds, strict=True))
+            for _ in range(self.substeps):
+                p, v = repeated(p, v, held, parameters)
+            return p, v
+
+        return advance
+
+    def _native(self, equation: Callable[..., tuple[Column, ...]], name: str, **sizes: int) -> Callable[..., Any]:
+        if len(self.mechanism.links) > LARGEST_COMPILED:
+            return _on_floats(equation)
+        return compile_function(equation, sizes | {"parameters": self.mechanism.equations.parameters}, name=name)
+
+    @cached_property
+    def _limits(self) -> list[float]:
+        return np.asarray(self.torque_limits).tolist()
+
+    @cached_property
+    def _upper(self) -> Array:
+        return np.array(self._limits)
+
+    @cached_property
+    def _lower(self) -> Array:
+        return -self._upper
+
+    def _finite(self, torque: ArrayLike) -> Array:
+        array = torque if isinstance(torque, np.ndarray) else np.asarray(torque)
+        if array.dtype != np.float64 or array.shape != (self.dof,) or not math.isfinite(array.dot(array)):
+            return self._vector(array, "torque")
+        return array
+
+    def _vector(self, values: ArrayLike, what: str) -> Array:
+        array = checked(np.atleast_1d(np.asarray(values)), self.dof, f"{self.mechanism.name}: {what}")
+        if array.ndim != 1:
+            raise InputError(f"{self.mechanism.name}: {what}: expected shape ({self.dof},), got {array.shape}")
+        return array
+
+    def _blame(self, state: PlantState, parameters: ArrayLike) -> NoReturn:
+        self._vector(state.p, "p"), self._vector(state.v, "v")
+        checked(parameters, self.mechanism.equations.parameters, f"{self.mechanism.name}: parameters")
+        raise NonFiniteError(
+            f"{self.mechanism.name}: the motion ran away after {state.time:g} s: use a shorter control period or "
+            "more substeps, weaker gains, and parameters whose mass matrix is positive definite"
+        )
+
+
+def _limits(values: ArrayLike, dof: int) -> Array:
+    limits = np.broadcast_to(np.asarray(values, dtype=np.float64), (dof,)) if np.ndim(values) == 0 else values
+    array = np.array(limits, dtype=np.float64)
+    if array.shape != (dof,) or not np.all(array > 0.0):
+        raise InputError(f"torque_limits: expected {dof} positive numbers, got {array.tolist()}")
+    array.flags.writeable = False
+    return array
+
+
+def _on_floats(equation: Callable[..., tuple[Column, ...]]) -> Callable[..., tuple[Array, ...]]:
+    """The same equation in Python, for mechanisms too long to compile."""
+
+    def on_arrays(*arrays: ArrayLike) -> tuple[Array, ...]:
+        columns = equation(*(Column(np.asarray(array, dtype=np.float64).tolist()) for array in arrays))
+        return tuple(np.array(column.of, dtype=np.float64) for column in columns)
+
+    return on_arrays
