@@ -38,9 +38,7 @@ def random_pose(rng: np.random.Generator) -> Pose:
 
 def random_inertia(rng: np.random.Generator) -> np.ndarray:
     points = rng.uniform(-0.5, 0.5, (5, 3))
-    return sum(
-        from_center_of_mass(m, c, np.zeros((3, 3))) for m, c in zip(rng.uniform(0.1, 2, 5), points, strict=True)
-    )
+    return sum(from_center_of_mass(m, c, np.zeros((3, 3))) for m, c in zip(rng.uniform(0.1, 2, 5), points, strict=True))
 
 
 def random_tree(seed: int, n: int) -> Description:
@@ -188,18 +186,14 @@ def test_unbounded_joint_turns_by_its_angle() -> None:
     assert close(torques(ours, np.array([angle]), v, a), theirs)
 
 
-@pytest.mark.parametrize(
-    "kind", ["FreeFlyer", "Spherical", "SphericalZYX", "Planar", "Translation", "HX", "Universal"]
-)
+@pytest.mark.parametrize("kind", ["FreeFlyer", "Spherical", "SphericalZYX", "Planar", "Translation", "HX", "Universal"])
 def test_other_joints_are_refused_by_name(kind: str) -> None:
     model = pinocchio.Model()
     model.name = "odd"
     made = getattr(pinocchio, f"JointModel{kind}")
     arguments = {"HX": (0.1,), "Universal": (np.array([1.0, 0, 0]), np.array([0, 1.0, 0]))}.get(kind, ())
     model.addJoint(0, made(*arguments), pinocchio.SE3.Identity(), "strange")
-    with pytest.raises(
-        InputError, match=f"odd: joint 'strange' is a JointModel{kind}; only revolute and prismatic"
-    ):
+    with pytest.raises(InputError, match=f"odd: joint 'strange' is a JointModel{kind}; only revolute and prismatic"):
         from_pinocchio(model)
 
 
@@ -219,6 +213,27 @@ def test_armature_is_left_out_with_a_warning() -> None:
         from_pinocchio(model)
 
 
+def limited(effort: float, velocity: float, lower: float, upper: float) -> pinocchio.Model:
+    model, bounds = pinocchio.Model(), [np.array([b]) for b in (effort, velocity, lower, upper)]
+    model.name = "short"
+    model.addJoint(0, pinocchio.JointModelRX(), pinocchio.SE3.Identity(), "stiff", *bounds)
+    return model
+
+
+@pytest.mark.parametrize("bounds", [(0, 0, 0, 0), (1, 0, -1, 1), (0, 1, -1, 1), (1, 1, 0, 0)])
+def test_limits_of_zero_are_no_limits_but_said(bounds: tuple[float, ...]) -> None:
+    with pytest.warns(SimplificationWarning, match="short: limits of zero are taken as no limits: stiff"):
+        description = from_pinocchio(limited(*bounds))
+    limits = description.links[0].joint.limits
+    assert math.inf in (limits.upper, limits.velocity, limits.effort)
+
+
+@pytest.mark.parametrize("bounds", [(1, 1, 1, -1), (1, 1, 1, 1)])
+def test_impossible_limits_are_refused_by_name(bounds: tuple[float, ...]) -> None:
+    with pytest.raises(InputError, match=r"short: joint 'stiff': .*expected"):
+        from_pinocchio(limited(*bounds))
+
+
 def test_empty_model_is_refused() -> None:
     with pytest.raises(InputError, match="at least one movable link"):
         from_pinocchio(pinocchio.Model())
@@ -233,9 +248,7 @@ def test_first_moment_without_mass_cannot_go_out() -> None:
         to_pinocchio(one_link([0, 1, 0, 0, 1, 0, 1, 0, 0, 1]))
 
 
-@pytest.mark.parametrize(
-    "ten", [[0.0] * 10, [0, 0, 0, 0, 1, 0.1, 1, 0.2, 0.3, 1], [2, 0.1, 0, 0, 1, 0, -1, 0, 0, 1]]
-)
+@pytest.mark.parametrize("ten", [[0.0] * 10, [0, 0, 0, 0, 1, 0.1, 1, 0.2, 0.3, 1], [2, 0.1, 0, 0, 1, 0, -1, 0, 0, 1]])
 def test_odd_inertias_survive_there_and_back(ten: list[float]) -> None:
     np.testing.assert_allclose(from_pinocchio(to_pinocchio(one_link(ten))).inertial_parameters, ten, atol=1e-15)
 

@@ -6,6 +6,7 @@ from adaptctl.mechanism.denavit_hartenberg import read_denavit_hartenberg
 from adaptctl.mechanism.description import GROUND, Description, Joint, JointKind, Limits, Link, depth_first
 from adaptctl.mechanism.pose import Pose
 from adaptctl.mechanism.sources import builtin_names, read
+from adaptctl.mechanism.urdf import read_urdf
 
 if TYPE_CHECKING:
     from adaptctl.mechanism.pinocchio_model import from_pinocchio, to_pinocchio
@@ -23,6 +24,7 @@ __all__ = [
     "from_pinocchio",
     "read",
     "read_denavit_hartenberg",
+    "read_urdf",
     "to_pinocchio",
 ]
 

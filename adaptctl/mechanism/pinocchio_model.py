@@ -42,15 +42,14 @@ def from_pinocchio(model: pinocchio.Model, name: str | None = None) -> Descripti
     up a joint's place in the model by its name (``model.getJointId``). An unbounded revolute joint, which has
     (cos, sin) in Pinocchio's q, becomes a continuous one, with the angle. Bodies fixed to the universe do not
     move and are left out. Raises InputError for joints with more than one coordinate, helical or mimic ones;
-    warns (SimplificationWarning) of armature inertias, which are left out.
+    warns
+    (SimplificationWarning) of armature inertias, which are left out, and of limits of zero, taken as no limits.
     """
-    armed = [model.names[i] for i in range(1, model.njoints) if model.armature[model.idx_vs[i]] != 0.0]
-    if armed:
-        text = f"{model.name}: armature inertias are left out: {', '.join(armed)}"
-        warnings.warn(text, SimplificationWarning, stacklevel=2)
     if np.any(model.gravity.angular):
         raise InputError(f"{model.name}: gravity must be linear, got {model.gravity}")
     links = [_link(model, i) for i in range(1, model.njoints)]
+    _warn(model, "armature inertias are left out", _armed(model))
+    _warn(model, "limits of zero are taken as no limits", _zero_limited(model))
     return Description(name or model.name or "mechanism", depth_first(links), np.array(model.gravity.linear))
 
 
@@ -69,9 +68,7 @@ def _joint_model(joint: Joint) -> pinocchio.JointModel:
     for axis, unit in zip("XYZ", np.eye(3), strict=True):
         if np.array_equal(joint.axis, unit):
             return getattr(pinocchio, f"JointModel{letter}{axis}")()
-    unaligned = (
-        pinocchio.JointModelRevoluteUnaligned if joint.kind.turns else pinocchio.JointModelPrismaticUnaligned
-    )
+    unaligned = pinocchio.JointModelRevoluteUnaligned if joint.kind.turns else pinocchio.JointModelPrismaticUnaligned
     return unaligned(np.array(joint.axis))
 
 
@@ -85,9 +82,7 @@ def _inertia(link: Link) -> pinocchio.Inertia:
     if ten[0] != 0.0:
         return pinocchio.Inertia.FromDynamicParameters(ten)
     if np.any(ten[1:4]):
-        raise InputError(
-            f"link {link.name!r}: Pinocchio holds no first moment without mass, got {ten[1:4].tolist()}"
-        )
+        raise InputError(f"link {link.name!r}: Pinocchio holds no first moment without mass, got {ten[1:4].tolist()}")
     inertia = pinocchio.Inertia.Zero()
     inertia.inertia = inertia_tensor(ten)
     return inertia
@@ -123,7 +118,7 @@ def _joint(model: pinocchio.Model, index: int) -> Joint:
             "(for a floating base, use three prismatic and three revolute joints)"
         )
     axis, turns = _axis(model, index)
-    limits = _limits(model, joint)
+    limits = _limits(model, index)
     unbounded = joint.nq == 2 or (limits.lower == -math.inf and limits.upper == math.inf)
     kind = JointKind.PRISMATIC if not turns else JointKind.CONTINUOUS if unbounded else JointKind.REVOLUTE
     return Joint(name, kind, axis, limits)
@@ -139,10 +134,35 @@ def _axis(model: pinocchio.Model, index: int) -> tuple[Array, bool]:
     return subspace[3:] if turns else subspace[:3], turns
 
 
-def _limits(model: pinocchio.Model, joint: pinocchio.JointModel) -> Limits:
-    v, q = joint.idx_v, joint.idx_q
+def _limits(model: pinocchio.Model, index: int) -> Limits:
+    lower, upper, velocity, effort = _bounds(model, index)
+    if lower == upper == 0.0:
+        lower, upper = -math.inf, math.inf
+    try:
+        return Limits(lower, upper, velocity or math.inf, effort or math.inf)
+    except InputError as error:
+        raise InputError(f"{model.name}: joint {model.names[index]!r}: {error}") from error
+
+
+def _bounds(model: pinocchio.Model, index: int) -> list[float]:
+    """Lower, upper, velocity and effort as the model has them, for the last two those of the positive direction."""
+    v, q = model.joints[index].idx_v, model.joints[index].idx_q
     lower, upper = -math.inf, math.inf
-    if joint.nq == 1:
+    if model.joints[index].nq == 1:
         lower, upper = model.lowerPositionLimit[q], model.upperPositionLimit[q]
-    values = [lower, upper, model.velocityLimit[v], model.effortLimit[v]]
-    return Limits(*(math.copysign(math.inf, x) if abs(x) > _UNLIMITED else float(x) for x in values))
+    values = (lower, upper, model.velocityLimit[v], model.effortLimit[v])
+    return [math.copysign(math.inf, x) if abs(x) > _UNLIMITED else float(x) for x in values]
+
+
+def _armed(model: pinocchio.Model) -> list[str]:
+    return [model.names[i] for i in range(1, model.njoints) if model.armature[model.idx_vs[i]] != 0.0]
+
+
+def _zero_limited(model: pinocchio.Model) -> list[str]:
+    bounds = {model.names[i]: _bounds(model, i) for i in range(1, model.njoints)}
+    return [name for name, (a, b, velocity, effort) in bounds.items() if a == b == 0.0 or not velocity or not effort]
+
+
+def _warn(model: pinocchio.Model, text: str, names: list[str]) -> None:
+    if names:
+        warnings.warn(f"{model.name}: {text}: {', '.join(names)}", SimplificationWarning, stacklevel=3)

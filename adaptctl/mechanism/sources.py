@@ -38,7 +38,6 @@ def builtin_names() -> tuple[str, ...]:
 def read(source: str | Path) -> Description:
     """The mechanism of a built-in's name or of a file, which is read by its suffix.
 
-    A name that is a built-in's means the built-in; write ``./name`` for a file called so.
     Raises NotFoundError for a name that is neither, FileError for a file that cannot be used.
     Warns (PhysicalConsistencyWarning) of links that no rigid body can be.
     """
@@ -57,14 +56,14 @@ def _reader(source: str | Path) -> Reader:
     if path.suffix.lower() in _READERS:
         return _READERS[path.suffix.lower()]
     suffixes = ", ".join(_READERS)
-    if path.suffix or path.exists():
+    if path.suffix:
         raise FileError(f"{source}: unknown kind of file {path.suffix!r}; files that are read: {suffixes}")
-    close = get_close_matches(str(source), builtin_names(), n=1)
+    if str(source) and path.exists():
+        raise FileError(f"{source}: a file's suffix says how to read it; files that are read: {suffixes}")
+    close = get_close_matches(str(source).lower(), builtin_names(), n=1)
     guess = f" (did you mean {close[0]!r}?)" if close else ""
     known = ", ".join(builtin_names())
-    raise NotFoundError(
-        f"unknown robot {str(source)!r}{guess}; built-in: {known}; or a path to a file: {suffixes}"
-    )
+    raise NotFoundError(f"unknown robot {str(source)!r}{guess}; built-in: {known}; or a path to a file: {suffixes}")
 
 
 def _warn_of_inconsistency(description: Description, remark: str) -> None:
