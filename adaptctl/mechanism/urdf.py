@@ -124,9 +124,7 @@ def _root(bodies: dict[str, Element], edges: Sequence[_Edge]) -> str:
         raise InputError(f"more than one root link, {_listed(roots)}: join all but one to the tree by joints")
     loose = set(bodies) - _reached(roots, edges)
     if loose or not roots:
-        raise InputError(
-            f"links in a cycle: {_listed(sorted(loose))}" if bodies else "there are no <link> elements"
-        )
+        raise InputError(f"links in a cycle: {_listed(sorted(loose))}" if bodies else "there are no <link> elements")
     return roots[0]
 
 
@@ -163,9 +161,7 @@ def _movable(root: str, inertias: dict[str, Array], edges: Sequence[_Edge]) -> t
     if not links:
         raise InputError("no joint moves: expected a revolute, continuous or prismatic joint")
     pairs = zip(links, sums, strict=True)
-    return tuple(
-        Link(e.child, parent, joint, near, Pose.identity(), ten) for (e, joint, parent, near), ten in pairs
-    )
+    return tuple(Link(e.child, parent, joint, near, Pose.identity(), ten) for (e, joint, parent, near), ten in pairs)
 
 
 def _inertia(link: Element) -> Array:
@@ -190,9 +186,7 @@ def _origin(element: Element, where: str) -> Pose:
         return Pose.identity()
     if "quat_xyzw" in origin.attrib:
         raise InputError(f"{where}: quat_xyzw of <origin> is not read: give rpy")
-    rpy, xyz = (
-        _numbers(origin, name, 3, where) if name in origin.attrib else [0.0] * 3 for name in ("rpy", "xyz")
-    )
+    rpy, xyz = (_numbers(origin, name, 3, where) if name in origin.attrib else [0.0] * 3 for name in ("rpy", "xyz"))
     return Pose(roll_pitch_yaw(rpy), np.array(xyz))
 
 
