@@ -2,5 +2,15 @@
 
 from adaptctl.simulation.integrator import Acceleration, Integrator, RungeKutta4, SemiImplicitEuler
 from adaptctl.simulation.plant import Plant, PlantState
+from adaptctl.simulation.rollout import Rollout, rollout
 
-__all__ = ["Acceleration", "Integrator", "Plant", "PlantState", "RungeKutta4", "SemiImplicitEuler"]
+__all__ = [
+    "Acceleration",
+    "Integrator",
+    "Plant",
+    "PlantState",
+    "Rollout",
+    "RungeKutta4",
+    "SemiImplicitEuler",
+    "rollout",
+]

@@ -85,6 +85,10 @@ class Plant:
         (energy,) = self._energy(state.p, state.v, true)
         return float(energy[0])
 
+    def compile(self) -> None:
+        """Compile now what would else be compiled when first used."""
+        _ = self._advance, self._energy
+
     @cached_property
     def _advance(self) -> Callable[..., tuple[Array, Array]]:
         return self._native(self._equation(), "plant", p=self.dof, v=self.dof, torque=self.dof)

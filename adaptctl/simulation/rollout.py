@@ -1,0 +1,228 @@
+"""A controller in closed loop with a Gymnasium environment, start to end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from adaptctl.control.controller import Controller, ReferencePoint
+from adaptctl.errors import InputError
+from adaptctl.mechanism.pose import Array
+
+if TYPE_CHECKING:
+    import gymnasium
+
+
+@dataclass(frozen=True, eq=False)
+class Rollout:
+    """What happened in one closed-loop run of T control periods of r joints; every array is read-only.
+
+    Sample k is the state at `time[k]` and the torque commanded on it; T samples.
+    """
+
+    time: Array
+    """(T,) s"""
+    p: Array
+    """(T, r) positions, rad or m"""
+    v: Array
+    """(T, r) velocities"""
+    reference_p: Array
+    """(T, r)"""
+    reference_v: Array
+    """(T, r)"""
+    reference_a: Array
+    """(T, r)"""
+    torque: Array
+    """(T, r) commanded, N m"""
+    applied: Array
+    """(T, r) after the limits, N m"""
+    clipped: Array
+    """(T,) whether a torque was clipped, as 0 and 1"""
+    energy: Array
+    """(T,) J; NaN where the environment does not tell"""
+    reward: Array
+    """(T,)"""
+    estimate: Array
+    """(T, k) the controller's parameter estimates, k = 0 where it has none"""
+    control_period: float
+    """s"""
+    wall_time: float
+    """s"""
+    complete: bool = True
+    """False when the run was interrupted: what was computed is kept."""
+    terminated: bool = False
+    """True when the environment ended the run early, an error bound having been passed."""
+    info: dict[str, object] = field(default_factory=dict)
+    """The environment's last info."""
+
+    @property
+    def error(self) -> Array:
+        """Tracking errors p - p_d (T, r)."""
+        return self.p - self.reference_p
+
+    @property
+    def velocity_error(self) -> Array:
+        """v - v_d (T, r)."""
+        return self.v - self.reference_v
+
+
+PARTS = ("p", "v", "reference_p", "reference_v", "reference_a")
+"""What a controller needs of an observation; the environment's `observation_slices` say where it is."""
+
+
+def rollout(
+    env: gymnasium.Env[Any, Any],
+    controller: Controller[Any],
+    *,
+    seed: int | None = None,
+    options: dict[str, Any] | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> Rollout:
+    """Drive an environment with a controller from reset to termination or truncation.
+
+    Any environment will do, wrapped or not, whose `env.unwrapped` has a `control_period` and
+    `observation_slices` that name PARTS. `info` may tell `applied_torque`, `energy` (J), `clipped` (a count);
+    what it does not tell is taken as the torque commanded, NaN, and 0. `progress` is called about a hundred
+    times with the share done.
+
+    Ctrl-C ends the run but keeps what was computed, marked `complete=False`.
+    Raises `InputError` for an environment that cannot be driven; what controller and environment raise passes.
+    """
+    loop = _ClosedLoop(env, controller, seed, options)
+    every = max(1, (loop.steps or 0) // 100)
+    complete, started = False, perf_counter()
+    try:
+        while not (loop.terminated or loop.truncated):
+            loop.tick()
+            if progress is not None and loop.steps is not None and loop.count % every == 0:
+                progress(min(1.0, loop.count / loop.steps))
+        complete = True
+    except KeyboardInterrupt:
+        pass
+    return loop.result(perf_counter() - started, complete)
+
+
+class _ClosedLoop:
+    """A run in the making: what the environment and the controller remember, and the samples so far."""
+
+    def __init__(
+        self,
+        env: gymnasium.Env[Any, Any],
+        controller: Controller[Any],
+        seed: int | None,
+        options: dict[str, Any] | None,
+    ) -> None:
+        self._parts, self.control_period = _interface(env, controller)
+        self.steps = _known_steps(env)
+        self._env, self._controller = env, controller
+        observation, self._info = env.reset(seed=seed, options=options)
+        self._observation = np.asarray(observation, dtype=np.float64)
+        self._kept = np.concatenate([np.arange(self._observation.size)[part] for part in self._parts])
+        p, v, reference = self._read()
+        self._state = controller.init(p, v)
+        controller.step(self._state, p, v, reference)  # pure: it is compiled now, before the clock starts
+        self.count, self.terminated, self.truncated = 0, False, False
+        self._samples = _Samples(self.steps or 1024, len(self._kept), p.size, _estimate(self._state).size)
+
+    def tick(self) -> None:
+        """One control period."""
+        p, v, reference = self._read()
+        torque, state = self._controller.step(self._state, p, v, reference)
+        observation, reward, terminated, truncated, info = self._env.step(torque)
+        before, k = self._info, self.count
+        samples = self._samples.with_room_for(k)
+        np.take(self._observation, self._kept, out=samples.observation[k], mode="clip")
+        samples.torque[k] = torque
+        samples.applied[k] = info.get("applied_torque", torque)
+        samples.estimate[k] = _estimate(state)
+        samples.scalars[k] = (
+            before.get("time", k * self.control_period),
+            before.get("energy", np.nan),
+            float(reward),
+            info.get("clipped", 0) != before.get("clipped", 0),
+        )
+        self._state, self._info = state, info
+        self._observation = np.asarray(observation, dtype=np.float64)
+        self.terminated, self.truncated = bool(terminated), bool(truncated)
+        self.count = k + 1  # last, so that an interrupted sample does not count
+
+    def result(self, wall_time: float, complete: bool) -> Rollout:
+        """What happened so far."""
+        samples, n, dof = self._samples, self.count, self._samples.torque.shape[1]
+        columns = {name: samples.observation[:n, i * dof : (i + 1) * dof] for i, name in enumerate(PARTS)}
+        columns |= {name: samples.scalars[:n, i] for i, name in enumerate(("time", "energy", "reward", "clipped"))}
+        columns |= {name: getattr(samples, name)[:n] for name in ("torque", "applied", "estimate")}
+        return Rollout(
+            **{name: _frozen(values) for name, values in columns.items()},
+            control_period=self.control_period,
+            wall_time=wall_time,
+            complete=complete,
+            terminated=self.terminated,
+            info=dict(self._info),
+        )
+
+    def _read(self) -> tuple[Array, Array, ReferencePoint]:
+        p, v, *reference = (self._observation[part] for part in self._parts)
+        return p, v, ReferencePoint(*reference)
+
+
+class _Samples:
+    """Memory for the samples of a run, made at once where its length is known."""
+
+    def __init__(self, capacity: int, observed: int, dof: int, estimates: int) -> None:
+        self.observation = np.empty((capacity, observed))
+        self.torque, self.applied = np.empty((capacity, dof)), np.empty((capacity, dof))
+        self.estimate, self.scalars = np.empty((capacity, estimates)), np.empty((capacity, 4))
+
+    def with_room_for(self, k: int) -> _Samples:
+        """Itself, twice as large where sample k would not fit."""
+        if k >= len(self.scalars):
+            for name, old in vars(self).items():
+                setattr(self, name, np.concatenate((old, np.empty_like(old))))
+        return self
+
+
+def _interface(env: gymnasium.Env[Any, Any], controller: Controller[Any]) -> tuple[list[slice], float]:
+    """Where the parts of an observation are, and the control period (s)."""
+    slices = getattr(env.unwrapped, "observation_slices", None)
+    period = getattr(env.unwrapped, "control_period", None)
+    if not isinstance(slices, Mapping) or not isinstance(period, float):
+        raise InputError(
+            f"{env}: cannot be driven by a controller: its unwrapped environment needs a control_period in s and "
+            f"observation_slices, a mapping from {', '.join(PARTS)} to slices of the observation"
+        )
+    if missing := [name for name in PARTS if name not in slices]:
+        raise InputError(f"{env}: observation_slices must name {', '.join(PARTS)}; missing: {', '.join(missing)}")
+    _require_joints(env, controller, [slices[name] for name in PARTS])
+    return [slices[name] for name in PARTS], period
+
+
+def _require_joints(env: gymnasium.Env[Any, Any], controller: Controller[Any], parts: list[slice]) -> None:
+    shape = env.observation_space.shape
+    if shape is None or len(shape) != 1:
+        raise InputError(f"{env}: expected observations of shape (n,), got a space of shape {shape}")
+    widths = {len(range(*part.indices(shape[0]))) for part in parts}
+    if widths != {controller.dof}:
+        counts = " and ".join(str(width) for width in sorted(widths))
+        raise InputError(f"{env}: observes {counts} joints, the controller is for {controller.dof}")
+    if env.action_space.shape != (controller.dof,):
+        raise InputError(f"{env}: expected actions of shape ({controller.dof},), got {env.action_space.shape}")
+
+
+def _known_steps(env: gymnasium.Env[Any, Any]) -> int | None:
+    limits = (getattr(env.unwrapped, "steps", None), getattr(env.spec, "max_episode_steps", None))
+    return min((steps for steps in limits if isinstance(steps, int) and steps > 0), default=None)
+
+
+def _estimate(state: object) -> Array:
+    return np.asarray(getattr(state, "estimate", ()), dtype=np.float64)
+
+
+def _frozen(values: Array) -> Array:
+    array = values.copy()
+    array.flags.writeable = False
+    return array

@@ -1,0 +1,57 @@
+"""What the last link carries."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.errors import InputError, NotFoundError
+from adaptctl.mechanism.inertia import from_center_of_mass
+from adaptctl.mechanism.pose import Array, frozen_array
+
+
+@dataclass(frozen=True, eq=False)
+class Payload:
+    """A body held by the last link: `mass` in kg, `center` (3,) in m in that link's frame, and `inertia` (3, 3)
+    in kg m^2 about that centre. A point in the frame's origin unless told otherwise."""
+
+    mass: float
+    center: Array = field(default_factory=lambda: np.zeros(3))
+    inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
+
+    def __post_init__(self) -> None:
+        if not (np.ndim(self.mass) == 0 and np.isfinite(self.mass) and self.mass >= 0.0):
+            raise InputError(f"payload: expected a mass of at least 0 kg, got {self.mass!r}")
+        object.__setattr__(self, "center", frozen_array(self.center, (3,), "payload: center"))
+        tensor = frozen_array(self.inertia, (3, 3), "payload: inertia")
+        second_moments = 0.5 * np.trace(tensor) * np.eye(3) - tensor
+        if not np.array_equal(tensor, tensor.T) or np.linalg.eigvalsh(second_moments)[0] < -1e-12 * np.trace(tensor):
+            raise InputError(
+                f"payload: no body has the inertia {tensor.tolist()}: expected a symmetric tensor whose "
+                "principal moments satisfy the triangle inequality"
+            )
+        object.__setattr__(self, "inertia", tensor)
+
+    @classmethod
+    def of(cls, given: float | Mapping[str, Any] | Payload) -> Payload:
+        """A payload from a mass, or from a mapping with `mass`, `center` and `inertia`."""
+        if isinstance(given, Payload):
+            return given
+        if not isinstance(given, Mapping):
+            return cls(given)
+        known = ("mass", "center", "inertia")
+        unknown = [key for key in given if key not in known]
+        if unknown or "mass" not in given:
+            wrong = f"unknown entry {unknown[0]!r}" if unknown else "the mass is missing"
+            raise NotFoundError(f"payload: {wrong}; entries: {', '.join(known)}")
+        return cls(**given)
+
+    def added_to(self, parameters: ArrayLike, link: int) -> Array:
+        """The inertial parameters (10N,) of a mechanism whose link of that index carries this."""
+        loaded = np.array(parameters, dtype=np.float64)
+        loaded[10 * link : 10 * link + 10] += from_center_of_mass(self.mass, self.center, self.inertia)
+        return loaded

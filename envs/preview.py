@@ -1,0 +1,48 @@
+"""A reference read ahead, in blocks, so that a control step costs no evaluation."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from adaptctl.control.controller import Reference
+from adaptctl.dynamics.arrays import checked
+from adaptctl.errors import InputError
+from adaptctl.mechanism.pose import Array
+
+BLOCK = 1024
+"""Control periods evaluated at once."""
+
+
+class Preview:
+    """Rows of a reference of r joints at every control period (s): p, v, a now and p at each time ahead (s).
+
+    Raises `InputError` when the reference is not of r joints or does not take many times at once, and
+    `NonFiniteError` where it is not finite.
+    """
+
+    def __init__(self, reference: Reference, dof: int, control_period: float, look_ahead: Array) -> None:
+        self.reference, self._dof = reference, dof
+        self._period, self._look_ahead = control_period, look_ahead
+        self._first, self._rows = 0, self._block(0)
+
+    def row(self, step: int) -> Array:
+        """The row (3r + r per time ahead,) at a control period."""
+        if not self._first <= step < self._first + BLOCK:
+            self._first, self._rows = step, self._block(step)
+        return self._rows[step - self._first]
+
+    def _block(self, first: int) -> Array:
+        times = self._period * np.arange(first, first + BLOCK)
+        now = self.reference(times)
+        ahead = [self._checked(self.reference(times + delay).p, "p") for delay in self._look_ahead]
+        parts = [self._checked(getattr(now, name), name) for name in ("p", "v", "a")]
+        return np.concatenate((*parts, *ahead), axis=1)
+
+    def _checked(self, values: Array, name: str) -> Array:
+        array = checked(values, self._dof, f"reference: {name}")
+        if array.shape != (BLOCK, self._dof):
+            raise InputError(
+                f"reference: {name}: expected times of shape (n,) to give shape (n, {self._dof}), "
+                f"got {array.shape} for n = {BLOCK}"
+            )
+        return array

@@ -1,0 +1,41 @@
+"""What an environment pays for tracking."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+from adaptctl.errors import InputError
+from adaptctl.mechanism.pose import Array
+
+
+@dataclass(frozen=True)
+class RewardWeights:
+    """Weights of the squares, summed over the joints, that are subtracted at each control period.
+
+    `termination` is subtracted once when an error passes its bound. Without it a learner whose every reward
+    is negative would do best by ending the episode at once.
+    """
+
+    position: float = 1.0
+    """per rad^2 (m^2) of tracking error"""
+    velocity: float = 0.1
+    """per (rad/s)^2 ((m/s)^2) of velocity error"""
+    torque: float = 0.001
+    """per square of torque over its limit"""
+    termination: float = 1000.0
+
+    def __post_init__(self) -> None:
+        for name in (field.name for field in fields(self)):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0.0):
+                raise InputError(f"reward weight of {name}: expected a number of at least 0, got {value}")
+
+    def reward(self, error: Array, velocity_error: Array, relative_torque: Array, terminated: bool) -> float:
+        """Minus the weighted squares of errors (r,) and torque (r,)."""
+        cost = (
+            self.position * error.dot(error)
+            + self.velocity * velocity_error.dot(velocity_error)
+            + self.torque * relative_torque.dot(relative_torque)
+        )
+        return -float(cost) - (self.termination if terminated else 0.0)

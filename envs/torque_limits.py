@@ -1,0 +1,32 @@
+"""Torques an action may have, also where the mechanism states none."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from adaptctl.control.gains import sampled_configurations
+from adaptctl.dynamics import Mechanism
+from adaptctl.mechanism.pose import Array
+
+SPEED, ACCELERATION, MARGIN = 2.0, 10.0, 4.0
+"""rad/s (m/s), rad/s^2 (m/s^2), and how many times the torque that these ask of a joint is its limit."""
+
+
+def finite_torque_limits(mechanism: Mechanism) -> Array:
+    """The effort limits (r,), in N m or N, and where a joint has none a generous bound.
+
+    A learner's action needs finite bounds. Where there is none it is MARGIN times the largest torque that
+    inverse dynamics asks of that joint in 200 random states at up to SPEED and ACCELERATION, and at least 1.
+    """
+    limits = np.array(mechanism.effort_limits)
+    unlimited = np.isinf(limits)
+    if unlimited.any():
+        limits[unlimited] = np.maximum(MARGIN * _largest_torques(mechanism), 1.0)[unlimited]
+    return limits
+
+
+def _largest_torques(mechanism: Mechanism) -> Array:
+    p = sampled_configurations(mechanism)
+    rng = np.random.default_rng(0)
+    v, a = rng.uniform(-SPEED, SPEED, p.shape), rng.uniform(-ACCELERATION, ACCELERATION, p.shape)
+    return np.asarray(np.abs(mechanism.inverse_dynamics(p, v, a)).max(axis=0))

@@ -1,0 +1,313 @@
+"""The tracking environment for any mechanism."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import gymnasium
+import numpy as np
+from gymnasium.error import ResetNeeded
+from numpy.typing import ArrayLike, NDArray
+
+from adaptctl.control.controller import Reference
+from adaptctl.dynamics import Mechanism, load
+from adaptctl.envs.payload import Payload
+from adaptctl.envs.preview import Preview
+from adaptctl.envs.random_reference import Trajectory, drawn
+from adaptctl.envs.reward import RewardWeights
+from adaptctl.envs.torque_limits import finite_torque_limits
+from adaptctl.errors import InputError, NotFoundError
+from adaptctl.mechanism.pose import Array, frozen_array
+from adaptctl.simulation import Integrator, Plant, PlantState, RungeKutta4
+
+if TYPE_CHECKING:
+    from adaptctl.envs.render import Renderer
+
+LARGEST_OBSERVATION = 1e6
+"""Bound of every observation in its own unit: check_env wants a finite one, and no motion comes near it."""
+
+OPTIONS = ("payload", "trajectory", "initial_error", "parameters")
+
+
+@dataclass(slots=True)
+class _Episode:
+    """What changes while an episode runs."""
+
+    parameters: Array
+    preview: Preview
+    state: PlantState
+    step: int = 0
+    clipped: int = 0
+    over: bool = False
+
+
+class TrackingEnv(gymnasium.Env[Array, Array]):
+    """
+    ## Description
+
+    A mechanism of r joints, driven by joint torques, is to follow a reference trajectory in joint space. The
+    physics are the equations of motion of rigid links without friction and without joint stops, integrated under
+    a torque that is held over each control period. The true inertial parameters are known and are in `info`, so
+    that an estimate can be judged.
+
+    ```python
+    import gymnasium
+    env = gymnasium.make("adaptctl.envs:adaptctl/Tracking-v0", robot="my_arm.urdf")
+    ```
+
+    ## Action space
+
+    `Box(-limit, limit, (r,), float64)`: the torque of every joint in N m (the force in N of a prismatic one). The
+    limits are the mechanism's own. A joint without one gets four times the largest torque that inverse dynamics
+    asks of it in 200 random states at up to 2 rad/s and 10 rad/s^2 (m/s, m/s^2), and at least 1: see
+    `adaptctl.envs.torque_limits`. What is out of bounds is clipped and counted; NaN and infinity raise
+    `NonFiniteError`, a wrong shape `InputError`.
+
+    Actions are in physical units, so that a control law can be used as it is. Learning algorithms expect
+    [-1, 1]: `gymnasium.wrappers.RescaleAction(env, -1.0, 1.0)`.
+
+    ## Observation space
+
+    `Box(-1e6, 1e6, (5r + r L,), float64)` for L look-ahead times. `observation_slices` has the places.
+
+    | Slice         | Size | Observation                                                | Unit               |
+    |---------------|------|------------------------------------------------------------|--------------------|
+    | `p`           | r    | positions                                                  | rad (m)            |
+    | `v`           | r    | velocities                                                 | rad/s (m/s)        |
+    | `reference_p` | r    | the reference's positions now                              | rad (m)            |
+    | `reference_v` | r    | the reference's velocities now                             | rad/s (m/s)        |
+    | `reference_a` | r    | the reference's accelerations now                          | rad/s^2 (m/s^2)    |
+    | `look_ahead`  | r L  | the reference's positions at each time ahead, in turn      | rad (m)            |
+
+    ## Reward
+
+    At each step, with the errors e = p - reference p and e' = v - reference v after it:
+
+    *r = -(position sum(e^2) + velocity sum(e'^2) + torque sum((applied torque / limit)^2))*
+
+    with `RewardWeights(position=1, velocity=0.1, torque=0.001, termination=1000)`. `termination` is subtracted
+    once when an episode is terminated: all rewards are negative, and without it giving up at once would pay.
+
+    ## Starting state
+
+    On the reference at time zero, at its speed, `initial_error` off in every joint.
+
+    ## Episode end
+
+    Terminated when a joint's |e| passes `error_bound` (1 rad or m; infinity for never). Truncated at `duration`.
+
+    ## Information
+
+    | Key              | Value                                                                      |
+    |------------------|----------------------------------------------------------------------------|
+    | `time`           | s since the reset                                                          |
+    | `parameters`     | (P,) the true inertial parameters, payload included                        |
+    | `applied_torque` | (r,) the torque of the last step within the limits                         |
+    | `energy`         | kinetic plus potential energy in J                                         |
+    | `clipped`        | how many steps since the reset had a torque clipped                        |
+
+    ## Arguments
+
+    | Argument         | Default              | Meaning                                                        |
+    |------------------|----------------------|----------------------------------------------------------------|
+    | `robot`          | `"puma560_measured"` | a built-in's name, a file (`.urdf`, `.toml`), or a `Mechanism` |
+    | `reference`      | `None`               | a `Reference`, the seed of a random one, or `None` or `"random"` for a new one at each reset |
+    | `duration`       | 20.0                 | s                                                              |
+    | `control_period` | 0.001                | s a torque is held                                             |
+    | `substeps`       | 1                    | integration steps a control period                             |
+    | `integrator`     | `RungeKutta4()`      | or `SemiImplicitEuler()`                                       |
+    | `look_ahead`     | (0.05, 0.2)          | s; may be empty                                                |
+    | `error_bound`    | 1.0                  | rad (m), one number or one a joint                             |
+    | `reward_weights` | `RewardWeights()`    |                                                                |
+    | `initial_error`  | 0.0                  | rad (m), one number or one a joint                             |
+    | `torque_limits`  | `None`               | other limits than the mechanism's, one number or one a joint   |
+    | `render_mode`    | `None`               | or `"rgb_array"`                                               |
+
+    A random reference is one sinusoid a joint of 0.1 to 0.25 Hz and up to 0.5 rad (m), faded in over 2 s, within
+    the position and velocity limits.
+
+    ## Options at reset
+
+    For the episode that begins; what is not given is as it was constructed.
+
+    | Option          | Value                                                                                 |
+    |-----------------|---------------------------------------------------------------------------------------|
+    | `payload`       | a mass in kg held in the last link's origin, or a mapping with `mass`, `center` (3,) in that link's frame and `inertia` (3, 3) about that centre |
+    | `trajectory`    | a `Reference`, the seed of a random one, or `"random"`                                |
+    | `initial_error` | rad (m), one number or one a joint                                                    |
+    | `parameters`    | (P,) true inertial parameters, to which the payload is added                          |
+
+    Equal seeds, options and actions give equal episodes, bit for bit.
+
+    ## Version history
+
+    * v0: first version
+    """  # noqa: E501  # tables
+
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 1000.0}  # noqa: RUF012  # Gymnasium's way
+
+    def __init__(
+        self,
+        robot: str | Path | Mechanism = "puma560_measured",
+        reference: Trajectory = None,
+        *,
+        duration: float = 20.0,
+        control_period: float = 1e-3,
+        substeps: int = 1,
+        integrator: Integrator | None = None,
+        look_ahead: Sequence[float] = (0.05, 0.2),
+        error_bound: ArrayLike = 1.0,
+        reward_weights: RewardWeights | None = None,
+        initial_error: ArrayLike = 0.0,
+        torque_limits: ArrayLike | None = None,
+        render_mode: str | None = None,
+    ) -> None:
+        self.mechanism = robot if isinstance(robot, Mechanism) else load(robot)
+        own = finite_torque_limits(self.mechanism) if torque_limits is None else torque_limits
+        limits = _per_joint(own, self.mechanism.dof, "torque_limits")
+        self.plant = Plant(self.mechanism, float(control_period), substeps, integrator or RungeKutta4(), limits)
+        self.control_period = self.plant.control_period
+        self.steps = _steps(duration, self.control_period)
+        self.look_ahead = _times_ahead(look_ahead)
+        self.error_bound = _per_joint(error_bound, self.mechanism.dof, "error_bound")
+        self.reward_weights = reward_weights or RewardWeights()
+        self._initial_error = _per_joint(initial_error, self.mechanism.dof, "initial_error")
+        self._trajectory = reference
+        self._set_spaces()
+        self._set_render_mode(render_mode)
+        self._episode: _Episode | None = None
+        self._renderer: Renderer | None = None
+
+    @property
+    def reference(self) -> Reference:
+        """The reference of the episode."""
+        return self._running("reference").preview.reference
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
+        """Begin an episode. Raises `NotFoundError` on an option that does not exist, `InputError` on a bad one."""
+        super().reset(seed=seed)
+        given = options or {}
+        if unknown := [name for name in given if name not in OPTIONS]:
+            raise NotFoundError(f"reset: unknown option {unknown[0]!r}; options: {', '.join(OPTIONS)}")
+        r = self.plant.dof
+        error = _per_joint(given.get("initial_error", self._initial_error), r, "initial_error")
+        parameters = self._true_parameters(given)
+        reference = drawn(given.get("trajectory", self._trajectory), self.mechanism, self.np_random)
+        preview = Preview(reference, r, self.control_period, self.look_ahead)
+        start = preview.row(0)
+        self.plant.compile()
+        self._episode = _Episode(parameters, preview, self.plant.init(start[:r] + error, start[r : 2 * r]))
+        return self._observation(self._episode), self._info(self._episode, np.zeros(r))
+
+    def step(self, action: ArrayLike) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+        """One control period under a torque (r,), held."""
+        episode = self._running("step")
+        if episode.over:
+            raise ResetNeeded("the episode is over: call env.reset() before the next env.step(action)")
+        torque = self._torque(action)
+        applied = self.plant.limited(torque)
+        episode.state = self.plant.step(episode.state, applied, episode.parameters)
+        episode.step += 1
+        episode.clipped += bool((applied != torque).any())
+        reward, terminated = self._judged(episode, applied)
+        truncated = episode.step >= self.steps
+        episode.over = terminated or truncated
+        return self._observation(episode), reward, terminated, truncated, self._info(episode, applied)
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """The arm and, as a ghost, where it should be: an image (height, width, 3). None without a render mode."""
+        episode = self._running("render")
+        if self.render_mode is None:
+            gymnasium.logger.warn("render: choose a mode when making the environment: render_mode='rgb_array'")
+            return None
+        if self._renderer is None:
+            from adaptctl.envs.render import Renderer
+
+            self._renderer = Renderer(self.mechanism)
+        goal = episode.preview.row(episode.step)[: self.plant.dof]
+        return self._renderer.image(episode.state.p, goal, episode.step * self.control_period)
+
+    def _judged(self, episode: _Episode, applied: Array) -> tuple[float, bool]:
+        """The reward of the state reached, and whether an error passed its bound there."""
+        (_, p, v), row, r = episode.state, episode.preview.row(episode.step), self.plant.dof
+        error = p - row[:r]
+        terminated = bool((np.abs(error) > self.error_bound).any())
+        relative = applied / self._limits
+        return self.reward_weights.reward(error, v - row[r : 2 * r], relative, terminated), terminated
+
+    def _observation(self, episode: _Episode) -> Array:
+        return np.concatenate((episode.state.p, episode.state.v, episode.preview.row(episode.step)))
+
+    def _info(self, episode: _Episode, applied: Array) -> dict[str, Any]:
+        return {
+            "time": episode.step * self.control_period,
+            "parameters": episode.parameters.copy(),  # Gymnasium: what is returned is the caller's to change
+            "applied_torque": applied,
+            "energy": self.plant.energy(episode.state, episode.parameters),
+            "clipped": episode.clipped,
+        }
+
+    def _torque(self, action: ArrayLike) -> Array:
+        try:
+            torque = np.asarray(action, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"action: expected {self.plant.dof} torques, got {action!r}") from error
+        if torque.shape != (self.plant.dof,):
+            raise InputError(f"action: expected shape ({self.plant.dof},), got {torque.shape}")
+        return torque
+
+    def _true_parameters(self, options: Mapping[str, Any]) -> Array:
+        own = options.get("parameters", self.mechanism.inertial_parameters)
+        parameters = frozen_array(own, self.mechanism.inertial_parameters.shape, "parameters")
+        if "payload" in options:
+            return Payload.of(options["payload"]).added_to(parameters, len(self.mechanism.links) - 1)
+        return parameters
+
+    def _running(self, what: str) -> _Episode:
+        if self._episode is None:
+            raise ResetNeeded(f"{what}: there is no episode yet: call env.reset() first")
+        return self._episode
+
+    def _set_spaces(self) -> None:
+        r, ahead = self.plant.dof, self.plant.dof * len(self.look_ahead)
+        names = ("p", "v", "reference_p", "reference_v", "reference_a")
+        slices = {name: slice(i * r, (i + 1) * r) for i, name in enumerate(names)}
+        self.observation_slices = MappingProxyType(slices | {"look_ahead": slice(5 * r, 5 * r + ahead)})
+        self._limits = np.asarray(self.plant.torque_limits)
+        if not np.isfinite(self._limits).all():
+            raise InputError(f"torque_limits: an action needs finite ones, got {self._limits.tolist()}")
+        self.action_space = gymnasium.spaces.Box(-self._limits, self._limits, dtype=np.float64)
+        shape = (5 * r + ahead,)
+        self.observation_space = gymnasium.spaces.Box(-LARGEST_OBSERVATION, LARGEST_OBSERVATION, shape, np.float64)
+
+    def _set_render_mode(self, render_mode: str | None) -> None:
+        modes = self.metadata["render_modes"]
+        if render_mode is not None and render_mode not in modes:
+            raise NotFoundError(f"unknown render mode {render_mode!r}; modes: {', '.join(modes)}")
+        self.render_mode = render_mode
+        self.metadata = self.metadata | {"render_fps": 1.0 / self.control_period}
+
+
+def _steps(duration: float, control_period: float) -> int:
+    if not (np.isfinite(duration) and duration >= control_period):
+        raise InputError(f"duration: expected at least one control period of {control_period:g} s, got {duration}")
+    return round(duration / control_period)
+
+
+def _times_ahead(times: Sequence[float]) -> Array:
+    return frozen_array(times, (np.size(times),), "look_ahead")
+
+
+def _per_joint(values: ArrayLike, dof: int, what: str) -> Array:
+    """One number for all joints or one each, as (r,)."""
+    try:
+        array = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{what}: expected a number or {dof} of them, got {values!r}") from error
+    if array.shape not in ((), (dof,)):
+        raise InputError(f"{what}: expected a number or shape ({dof},), got shape {array.shape}")
+    return np.broadcast_to(array, (dof,)).copy()
