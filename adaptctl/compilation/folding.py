@@ -7,6 +7,7 @@ other operations NaN passes as it does in NumPy. At least one operand is an expr
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from adaptctl.compilation.graph import Expression, Op
@@ -89,19 +90,9 @@ def maximum(x: Any, y: Any) -> Any:
     return x if x is y else _make(Op.MAXIMUM, *_ordered(x, y))
 
 
-def sin(x: Any) -> Any:
-    """Sine."""
-    return _make(Op.SIN, x)
-
-
-def cos(x: Any) -> Any:
-    """Cosine."""
-    return _make(Op.COS, x)
-
-
-def sqrt(x: Any) -> Any:
-    """Square root."""
-    return _make(Op.SQRT, x)
+def elementary(op: Op) -> Callable[[Any], Any]:
+    """A function of one expression about which no law is used."""
+    return lambda x: _make(op, x)
 
 
 def _make(op: Op, *operands: Any) -> Any:

@@ -40,7 +40,7 @@ class _Frame:
 
 
 class Kernel:
-    """A compiled function of vectors.
+    """A compiled function of vectors, made by `compile_function`.
 
     `arguments` has their names and lengths, `outputs` the lengths of its results, `operations` what one sample
     costs. Any number of threads may call it at once.
@@ -62,7 +62,7 @@ class Kernel:
     def __call__(self, *arguments: Any) -> Any:
         """Evaluate at array-likes of shape (n,), by position; the results are fresh arrays.
 
-        Arrays that fit, the usual case, are looked at no further than their shape.
+        Raises InputError for arguments of another shape or kind. Those that fit are looked at only once.
         """
         try:
             frame = self._frames.pop()

@@ -18,6 +18,10 @@ class _Traced(Expression):
     """What nodes and conditions share: they refuse to give away a value they do not have."""
 
     __slots__ = ()
+    __hash__ = Expression.__hash__
+
+    def __eq__(self, other: object) -> bool:
+        _refuse("cannot be tested for equality: use < or <=, and where")
 
     def __bool__(self) -> bool:
         _refuse("cannot steer an `if`, `and`, `or`, `min` or `max`: use where, minimum or maximum")
@@ -73,7 +77,6 @@ class Node(_Traced):
     __truediv__, __rtruediv__ = _operator(folding.divide), _operator(folding.divide, reflected=True)
     __lt__, __gt__ = _operator(_less), _operator(_less, reflected=True)
     __le__, __ge__ = _operator(_less_equal), _operator(_less_equal, reflected=True)
-    __hash__ = Expression.__hash__
 
     def __neg__(self) -> Any:
         return folding.negate(self)
@@ -81,10 +84,9 @@ class Node(_Traced):
     def __abs__(self) -> Any:
         return folding.absolute(self)
 
-    def __eq__(self, other: object) -> bool:
-        _refuse("cannot be tested for equality: use < or <=, and where")
-
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
+        if any(isinstance(x, np.ndarray) and x.ndim for x in inputs):
+            raise TraceError("a traced value cannot meet an array: make the array a Column, Vec or Mat")
         operands = [lift(x) for x in inputs]
         if any(x is None for x in operands) or method != "__call__" or options:
             return NotImplemented
@@ -131,9 +133,9 @@ _RULES: dict[np.ufunc, Callable[..., Any]] = {
     np.multiply: folding.multiply,
     np.divide: folding.divide,
     np.negative: folding.negate,
-    np.sin: folding.sin,
-    np.cos: folding.cos,
-    np.sqrt: folding.sqrt,
+    np.sin: folding.elementary(Op.SIN),
+    np.cos: folding.elementary(Op.COS),
+    np.sqrt: folding.elementary(Op.SQRT),
     np.absolute: folding.absolute,
     np.minimum: folding.minimum,
     np.maximum: folding.maximum,
