@@ -1,0 +1,158 @@
+"""What an experiment hands over to be shown: several controllers on one arm, one reference, one seed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
+from adaptctl.mechanism.pose import Array
+from adaptctl.simulation.rollout import Rollout
+
+if TYPE_CHECKING:
+    from adaptctl.identifiability import EssentialSpace, FundamentalBasis
+
+SETTLED = 2.0
+"""s at the end of a run over which its final error is taken."""
+BEGINNING = 1.0
+"""s at the start of a run over which its first error is taken."""
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One controller in closed loop, and what to call it."""
+
+    name: str
+    """short and fit for a file: ``adaptive``"""
+    label: str
+    """for legends and tables: ``Slotine-Li, 36 parameters``"""
+    knows: str
+    """what it knew of the arm beforehand: ``nothing``"""
+    rollout: Rollout
+    lyapunov: Array | None = None
+    """(T,) where the law has such a function"""
+    tick_time: float | None = None
+    """s one control tick takes, where it was measured"""
+
+    @property
+    def duration(self) -> float:
+        """s in closed loop."""
+        return len(self.rollout.time) * self.rollout.control_period
+
+    def rms_error(self, start: float = 0.0, stop: float = np.inf) -> float | None:
+        """Root mean square of the tracking errors of all joints over a stretch of time; None without samples."""
+        inside = (self.rollout.time >= start) & (self.rollout.time < stop)
+        return float(np.sqrt(np.mean(self.rollout.error[inside] ** 2))) if inside.any() else None
+
+    @property
+    def first_rms_error(self) -> float | None:
+        """`rms_error` over the first second."""
+        return self.rms_error(stop=BEGINNING)
+
+    @property
+    def final_rms_error(self) -> float | None:
+        """`rms_error` over the last two seconds that were run."""
+        return self.rms_error(start=self.duration - SETTLED)
+
+    @property
+    def clipped_steps(self) -> int:
+        """Control periods in which the environment had to clip a torque."""
+        return int(np.count_nonzero(self.rollout.clipped))
+
+    @property
+    def lyapunov_max_increase(self) -> float | None:
+        """The largest rise of the Lyapunov function from one sample to the next, 0 when it never rises."""
+        if self.lyapunov is None or len(self.lyapunov) == 0:
+            return None
+        return max(0.0, float(np.diff(self.lyapunov).max(initial=0.0)))
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One thing that was chosen, for the record."""
+
+    name: str
+    value: str
+    meaning: str
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was measured besides the runs."""
+
+    name: str
+    """the key in summary.json"""
+    value: float
+    unit: str
+    meaning: str
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Runs on one arm, one reference and one seed; the first is the adaptive one, the experiment's subject."""
+
+    experiment: str
+    title: str
+    purpose: str
+    mechanism: Mechanism
+    space: EssentialSpace
+    basis: FundamentalBasis
+    runs: tuple[Run, ...]
+    torque_limits: Array
+    """(r,) of the environment, N m or N"""
+    settings: tuple[Setting, ...]
+    seed: int
+    duration: float
+    """s asked for"""
+    findings: tuple[Finding, ...] = ()
+    complete: bool = True
+    """False when it was interrupted: what was computed is kept."""
+    without_adaptation: str = "adaptation-off"
+    """the name of the run with the subject's gains and adaptation off"""
+
+    def __post_init__(self) -> None:
+        if not self.runs or len(self.runs[0].rollout.time) == 0:
+            raise InputError(f"{self.experiment}: nothing was run, so there is nothing to show")
+
+    @property
+    def subject(self) -> Run:
+        """The adaptive run."""
+        return self.runs[0]
+
+    @property
+    def baseline(self) -> Run | None:
+        """The subject's controller with adaptation off, where it was run."""
+        return next((run for run in self.runs if run.name == self.without_adaptation), None)
+
+    @property
+    def true_parameters(self) -> Array:
+        """The true fundamental parameters (k,)."""
+        return np.asarray(self.basis.regrouping @ self.mechanism.inertial_parameters)
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints (r,)."""
+        return tuple(link.joint.name for link in self.mechanism.links)
+
+    @property
+    def position_units(self) -> tuple[str, ...]:
+        """rad or m, a joint each."""
+        return tuple("rad" if link.joint.kind.turns else "m" for link in self.mechanism.links)
+
+    @property
+    def torque_units(self) -> tuple[str, ...]:
+        """N m or N, a joint each."""
+        return tuple("N·m" if link.joint.kind.turns else "N" for link in self.mechanism.links)
+
+    @property
+    def error_unit(self) -> str:
+        """What a thousandth of a joint's position is called."""
+        return ", ".join(f"m{unit}" for unit in sorted(set(self.position_units), reverse=True))
+
+    @property
+    def peak_torque_shares(self) -> Array:
+        """The subject's largest applied torque over the limit, a joint each (r,)."""
+        return np.asarray(np.abs(self.subject.rollout.applied).max(axis=0) / self.torque_limits)

@@ -1,0 +1,276 @@
+"""The figures of the report, drawn without a screen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from adaptctl.files import replacing
+from adaptctl.mechanism.pose import Array
+from adaptctl.recording.comparison import Comparison, Run
+from adaptctl.recording.palette import INK, MUTED, PAPER, joint_color, run_color
+from adaptctl.recording.series import thinned
+from adaptctl.recording.spectrum import shares, threshold
+from adaptctl.recording.wording import number
+
+WIDTH = 9.2
+"""inches; the report shows figures at that width"""
+DOTS = 160
+"""dots an inch"""
+SAMPLES = 3000
+"""At most as many samples are drawn."""
+AVERAGE = 0.25
+"""s over which errors are averaged where they are compared on a logarithmic scale"""
+
+STYLE: dict[Any, Any] = {
+    "font.family": "DejaVu Sans",
+    "font.size": 9.0,
+    "text.color": INK.hex,
+    "axes.edgecolor": INK.faded(0.65, PAPER).hex,
+    "axes.labelcolor": INK.hex,
+    "axes.titlelocation": "left",
+    "axes.titlesize": 9.5,
+    "axes.titleweight": "bold",
+    "axes.titlepad": 8.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": INK.faded(0.9, PAPER).hex,
+    "grid.linewidth": 0.7,
+    "xtick.color": INK.faded(0.3, PAPER).hex,
+    "ytick.color": INK.faded(0.3, PAPER).hex,
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "xtick.major.size": 0.0,
+    "ytick.major.size": 0.0,
+    "ytick.minor.size": 0.0,
+    "lines.linewidth": 1.5,
+    "lines.solid_capstyle": "round",
+    "legend.frameon": False,
+    "legend.fontsize": 8.0,
+    "figure.facecolor": PAPER.hex,
+    "svg.hashsalt": "adaptctl",
+}
+
+
+class Drawing(NamedTuple):
+    """A figure: its file's name, its caption, and what draws it."""
+
+    name: str
+    caption: str
+    draw: Callable[[Comparison], Figure]
+
+
+def write_figures(folder: str | Path, comparison: Comparison) -> dict[str, Path]:
+    """Write every figure that a comparison has into a folder; returns the files by name."""
+    written = {}
+    for drawing in drawings(comparison):
+        written[drawing.name] = Path(folder) / f"{drawing.name}.png"
+        with mpl.rc_context(STYLE), replacing(written[drawing.name]) as beside:
+            figure = drawing.draw(comparison)
+            figure.savefig(beside, format="png", metadata={"Software": "adaptctl"})
+    return written
+
+
+def drawings(comparison: Comparison) -> Iterator[Drawing]:
+    """The figures of a comparison, in the order of the report."""
+    unit = comparison.error_unit
+    yield Drawing(
+        "tracking-error",
+        f"Root mean square of all joints' tracking errors, averaged over {AVERAGE:g} s, one line a controller "
+        "(logarithmic scale).",
+        tracking_error,
+    )
+    yield Drawing(
+        "joint-errors",
+        f"Every joint's tracking error in {unit}: learning above, the same controller with adaptation off below.",
+        joint_errors,
+    )
+    if comparison.subject.lyapunov is not None:
+        yield Drawing(
+            "lyapunov",
+            "The Lyapunov function along the adaptive run, and how much it falls a control period. Where theory "
+            "says it never rises, it must not.",
+            lyapunov,
+        )
+    yield Drawing("torque", "Torque of the adaptive run. Shaded: beyond the limits.", torque)
+    if comparison.subject.rollout.estimate.shape[1]:
+        yield Drawing(
+            "parameters",
+            "Estimates of the fundamental parameters from zero (lines), and their true values (dashed). "
+            "Each has its own scale; units are kg, kg·m and kg·m².",
+            parameters,
+        )
+    yield Drawing(
+        "spectrum",
+        "Singular values of the energy matrix. The gap tells how many parameters matter.",
+        spectrum,
+    )
+
+
+def tracking_error(comparison: Comparison) -> Figure:
+    """All controllers' errors over time, on a logarithmic scale."""
+    figure = Figure(figsize=(WIDTH, 4.2), dpi=DOTS, layout="constrained")
+    axes = figure.subplots()
+    for i, run in reversed(list(enumerate(comparison.runs))):
+        time, values = _average_error(run)
+        foremost = i == 0
+        axes.semilogy(
+            time,
+            1e3 * values,
+            color=run_color(i).hex,
+            linewidth=2.6 if foremost else 1.5,
+            label=run.label,
+            zorder=3 if foremost else 2,
+            linestyle="-" if i < 5 else (0, (4, 2)),
+        )
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel(f"RMS tracking error [{comparison.error_unit}]")
+    axes.set_xlim(0.0, comparison.subject.duration)
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles[::-1], labels[::-1], loc="outside upper left", ncols=3)
+    return figure
+
+
+def joint_errors(comparison: Comparison) -> Figure:
+    """Errors of every joint, with adaptation and without, on one scale."""
+    runs = [run for run in (comparison.subject, comparison.baseline) if run is not None]
+    figure = Figure(figsize=(WIDTH, 2.3 * len(runs) + 0.4), dpi=DOTS, layout="constrained")
+    for axes, run in zip(
+        figure.subplots(len(runs), 1, sharex=True, sharey=True, squeeze=False)[:, 0], runs, strict=True
+    ):
+        every = thinned(len(run.rollout.time), SAMPLES)
+        for j, name in enumerate(comparison.joint_names):
+            values = 1e3 * run.rollout.error[every, j]
+            axes.plot(run.rollout.time[every], values, color=joint_color(j).hex, label=name, linewidth=1.3)
+        axes.set_title(run.label)
+        axes.set_ylabel(f"error [{comparison.error_unit}]")
+        axes.set_xlim(0.0, comparison.subject.duration)
+    axes.set_xlabel("time [s]")
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper right", ncols=8)
+    return figure
+
+
+def lyapunov(comparison: Comparison) -> Figure:
+    """The Lyapunov function, and its fall at every step."""
+    values, time = comparison.subject.lyapunov, comparison.subject.rollout.time
+    if values is None:
+        raise ValueError("this run has no Lyapunov function")
+    figure = Figure(figsize=(WIDTH, 2.9), dpi=DOTS, layout="constrained")
+    whole, steps = figure.subplots(1, 2)
+    every = thinned(len(time), SAMPLES)
+    whole.plot(time[every], values[every], color=run_color(0).hex, linewidth=2.2)
+    whole.fill_between(time[every], values[every], color=run_color(0).hex, alpha=0.08, linewidth=0)
+    whole.set_ylim(bottom=0.0)
+    whole.set_title("Lyapunov function V [J]")
+    falls = -np.diff(values)
+    steps.semilogy(time[1:], np.where(falls > 0.0, falls, np.nan), color=run_color(0).hex, linewidth=1.0)
+    rises = falls < 0.0
+    if rises.any():
+        label = f"rises, {np.count_nonzero(rises)} steps"
+        steps.semilogy(time[1:][rises], -falls[rises], ".", color=run_color(1).hex, markersize=3, label=label)
+        steps.legend(loc="upper right")
+    else:
+        steps.text(0.98, 0.94, "no step rises", transform=steps.transAxes, ha="right", va="top", weight="bold")
+    steps.set_title("Fall of V in each control period [J]")
+    for axes in (whole, steps):
+        axes.set_xlabel("time [s]")
+        axes.set_xlim(0.0, comparison.subject.duration)
+    return figure
+
+
+def torque(comparison: Comparison) -> Figure:
+    """Every joint's torque between its limits."""
+    rollout, dof = comparison.subject.rollout, len(comparison.joint_names)
+    time = rollout.time
+    grid = _small_multiples(dof, columns=3, height=1.75)
+    for j, axes in grid.panels:
+        limit, name = comparison.torque_limits[j], comparison.joint_names[j]
+        axes.plot(time, rollout.applied[:, j], color=joint_color(j).hex, linewidth=1.3)
+        for low, high in ((limit, 1.25 * limit), (-1.25 * limit, -limit)):
+            axes.axhspan(low, high, color=run_color(1).hex, alpha=0.12, linewidth=0)
+        axes.set_ylim(-1.25 * limit, 1.25 * limit)
+        axes.set_xlim(0.0, comparison.subject.duration)
+        share = np.abs(rollout.applied[:, j]).max() / limit
+        axes.set_title(f"{name} [{comparison.torque_units[j]}]")
+        axes.text(0.985, 0.97, f"peak {100 * share:.0f} %", transform=axes.transAxes, ha="right", va="top", size=7.5)
+    grid.figure.supxlabel("time [s]", size=9)
+    return grid.figure
+
+
+def parameters(comparison: Comparison) -> Figure:
+    """Every estimate against the truth, one small panel each."""
+    names, rollout, truth = comparison.basis.names, comparison.subject.rollout, comparison.true_parameters
+    every = thinned(len(rollout.time), SAMPLES // 6)
+    grid = _small_multiples(len(names), columns=6, height=1.12)
+    for i, axes in grid.panels:
+        _estimate(axes, rollout.time[every], rollout.estimate[every, i], truth[i])
+        axes.set_title(f"{names[i]}", size=7.5, pad=3.0)
+        axes.set_xlim(0.0, comparison.subject.duration)
+        axes.tick_params(labelsize=6.5, pad=1.5)
+        axes.locator_params(nbins=3)
+    return grid.figure
+
+
+def spectrum(comparison: Comparison) -> Figure:
+    """Singular values on a logarithmic scale, with the gap."""
+    values, rank = shares(comparison.space), comparison.space.rank
+    figure = Figure(figsize=(WIDTH, 3.3), dpi=DOTS, layout="constrained")
+    axes = figure.subplots()
+    place, floor = np.arange(1, len(values) + 1), values.min() / 10.0
+    colors = [run_color(0).hex if i <= rank else MUTED.faded(0.35, PAPER).hex for i in place]
+    axes.bar(place, values - floor, bottom=floor, color=colors, width=0.72)
+    axes.set_yscale("log")
+    axes.set_ylim(floor, 8.0)
+    axes.axhline(threshold(comparison.space), color=run_color(1).hex, linestyle=(0, (4, 3)), linewidth=1.3)
+    if rank < len(values):
+        ratio = number(float(values[rank - 1] / values[rank]), 2)
+        text = f"{rank} of {len(values)} are above the gap, a ratio of {ratio}"
+        axes.text(len(values) + 0.5, threshold(comparison.space) * 3.0, text, ha="right", color=run_color(1).hex)
+    axes.set_xlim(0.3, len(values) + 0.7)
+    axes.set_xlabel("number")
+    axes.set_ylabel("singular value / largest")
+    axes.grid(visible=False, axis="x")
+    return figure
+
+
+class _Grid(NamedTuple):
+    figure: Figure
+    panels: list[tuple[int, Axes]]
+
+
+def _small_multiples(count: int, columns: int, height: float) -> _Grid:
+    """Panels in rows, the last row as long as it needs to be."""
+    rows = -(-count // columns)
+    figure = Figure(figsize=(WIDTH, height * rows + 0.3), dpi=DOTS, layout="constrained")
+    axes = figure.subplots(rows, columns, sharex=True, squeeze=False).ravel()
+    for unused in axes[count:]:
+        unused.set_visible(False)
+    return _Grid(figure, list(enumerate(axes[:count])))
+
+
+def _estimate(axes: Axes, time: Array, values: Array, truth: float) -> None:
+    axes.axhline(truth, color=run_color(1).hex, linestyle=(0, (3, 2)), linewidth=1.2)
+    axes.plot(time, values, color=run_color(0).hex, linewidth=1.3)
+    low, high = min(values.min(), truth, 0.0), max(values.max(), truth, 0.0)
+    margin = 0.12 * (high - low) or 1.0
+    axes.set_ylim(low - margin, high + margin)
+
+
+def _average_error(run: Run) -> tuple[Array, Array]:
+    """Moving root mean square of all joints' errors, at most SAMPLES of it."""
+    squares = np.mean(run.rollout.error**2, axis=1)
+    window = max(1, min(round(AVERAGE / run.rollout.control_period), len(squares)))
+    sums = np.cumsum(np.concatenate([[0.0], squares]))
+    stop = np.arange(1, len(squares) + 1)
+    start = np.maximum(stop - window, 0)
+    every = thinned(len(squares), SAMPLES)
+    average = np.maximum((sums[stop] - sums[start]) / (stop - start), 0.0)
+    return run.rollout.time[every], np.sqrt(average[every])

@@ -1,0 +1,48 @@
+"""What the recording says in words."""
+
+from __future__ import annotations
+
+from adaptctl.recording.comparison import Comparison
+from adaptctl.recording.wording import CONVERGENCE, INCOMPLETE, error, facts, outcome, verdict
+
+
+def summary_markdown(comparison: Comparison) -> str:
+    """The outcome, the figures that matter, the runs side by side."""
+    warning = "" if comparison.complete else f"**{INCOMPLETE}**\n\n"
+    unit = comparison.error_unit
+    runs = "\n".join(
+        f"| {run.label} | {run.knows} | {error(run.first_rms_error, unit)} | {error(run.final_rms_error, unit)} "
+        f"| {outcome(run)} |"
+        for run in comparison.runs
+    )
+    return f"""{warning}{verdict(comparison)}
+
+{_paired(list(facts(comparison)))}
+
+| controller | knows | first second | last 2 s | outcome |
+|---|---|---|---|---|
+{runs}
+
+{CONVERGENCE}
+"""
+
+
+def _paired(answers: list[tuple[str, str]]) -> str:
+    """A table of two questions and answers a row."""
+    cells = [f"{question} | **{answer}**" for question, answer in answers]
+    cells += [" | "] * (len(cells) % 2)
+    head, *rows = [f"| {left} | {right} |" for left, right in zip(cells[::2], cells[1::2], strict=True)]
+    return "\n".join([head, "|---|---|---|---|", *rows])
+
+
+def equations_markdown(comparison: Comparison) -> str:
+    """Which parameters are kept, and what is regrouped into them."""
+    certificate = f"rank {comparison.space.rank} of {len(comparison.mechanism.parameter_names)}"
+    equations = "\n".join(f"    {equation}" for equation in comparison.basis.equations())
+    return f"""# Independent parameters: {certificate}
+
+Found from energies alone. A star marks a parameter into which others are regrouped; what is not named here
+changes no torque by itself.
+
+{equations}
+"""

@@ -1,0 +1,72 @@
+"""One meaning, one colour: in the recording, the figures and the report alike."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Color(NamedTuple):
+    """An sRGB colour, 0 to 255."""
+
+    red: int
+    green: int
+    blue: int
+
+    @property
+    def hex(self) -> str:
+        """As HTML and Matplotlib write it."""
+        return f"#{self.red:02x}{self.green:02x}{self.blue:02x}"
+
+    def faded(self, share: float, towards: Color) -> Color:
+        """Mixed with another colour: 0 leaves it, 1 is the other."""
+        return Color(*(round(mine + share * (other - mine)) for mine, other in zip(self, towards, strict=True)))
+
+
+INK = Color(28, 34, 48)
+"""Text and axes on paper."""
+PAPER = Color(255, 255, 255)
+MUTED = Color(120, 129, 146)
+"""What is there for comparison only."""
+
+RUNS = (
+    Color(27, 108, 214),
+    Color(232, 110, 28),
+    Color(24, 146, 112),
+    Color(150, 84, 190),
+    Color(120, 129, 146),
+    Color(200, 62, 110),
+    Color(140, 110, 50),
+    Color(60, 160, 190),
+)
+"""One a controller, in the order of the runs: the adaptive one is blue, the same with adaptation off orange."""
+
+JOINTS = (
+    Color(45, 125, 235),
+    Color(240, 130, 40),
+    Color(40, 170, 110),
+    Color(225, 75, 95),
+    Color(155, 105, 225),
+    Color(170, 135, 55),
+    Color(35, 175, 195),
+    Color(215, 95, 175),
+    Color(130, 150, 180),
+    Color(150, 190, 60),
+)
+"""One a joint; bright enough for a dark screen, dark enough for paper."""
+
+GOAL = Color(60, 200, 170)
+"""The desired arm."""
+BODY = Color(226, 230, 238)
+"""The arm's links."""
+BASE = Color(96, 104, 120)
+"""What stands still."""
+
+
+def run_color(index: int) -> Color:
+    """The colour of the index-th run."""
+    return RUNS[index % len(RUNS)]
+
+
+def joint_color(index: int) -> Color:
+    """The colour of the index-th joint or curve."""
+    return JOINTS[index % len(JOINTS)]

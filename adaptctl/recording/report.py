@@ -1,0 +1,104 @@
+"""A comparison as one HTML page that needs nothing else: text, tables, and the figures inside."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jinja2
+
+from adaptctl.files import write_text
+from adaptctl.mechanism.inertia import PARAMETERS
+from adaptctl.recording.comparison import Comparison, Run
+from adaptctl.recording.figures import drawings
+from adaptctl.recording.palette import run_color
+from adaptctl.recording.trace import parameter_unit
+from adaptctl.recording.wording import CONVERGENCE, INCOMPLETE, error, facts, number, outcome, verdict
+
+
+class Figure(NamedTuple):
+    """A figure as the page holds it."""
+
+    caption: str
+    data: str
+
+
+def write_report(path: str | Path, comparison: Comparison, figures: Mapping[str, Path]) -> None:
+    """Write the page with the figures, given as files by name, inside."""
+    write_text(path, report(comparison, figures))
+
+
+def report(comparison: Comparison, figures: Mapping[str, Path]) -> str:
+    """The page's HTML."""
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("adaptctl.recording", "."),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("report.html").render(
+        comparison=comparison,
+        verdict=verdict(comparison),
+        incomplete=INCOMPLETE,
+        convergence=CONVERGENCE,
+        facts=list(facts(comparison)),
+        runs=[_run_row(i, run, comparison) for i, run in enumerate(comparison.runs)],
+        findings=[(f.meaning, number(f.value), _typeset(f.unit)) for f in comparison.findings],
+        parameters=list(_parameter_rows(comparison)),
+        kinds=PARAMETERS,
+        grid=_grid(comparison),
+        equations=[str(equation) for equation in comparison.basis.equations()],
+        robot_source=comparison.mechanism.description.source,
+        inconsistent=comparison.mechanism.description.inconsistent_links,
+        figures={
+            drawing.name: Figure(drawing.caption, _embedded(figures[drawing.name]))
+            for drawing in drawings(comparison)
+            if drawing.name in figures
+        },
+    )
+
+
+def _embedded(path: Path) -> str:
+    return base64.b64encode(path.read_bytes()).decode("ascii")
+
+
+def _run_row(index: int, run: Run, comparison: Comparison) -> dict[str, Any]:
+    unit = comparison.error_unit
+    tick = "–" if run.tick_time is None else f"{1e6 * run.tick_time:.1f} µs"
+    return {
+        "color": run_color(index).hex,
+        "label": run.label,
+        "knows": run.knows,
+        "first": error(run.first_rms_error, unit),
+        "final": error(run.final_rms_error, unit),
+        "clipped": run.clipped_steps,
+        "tick": tick,
+        "outcome": outcome(run),
+    }
+
+
+def _parameter_rows(comparison: Comparison) -> list[tuple[str, str, str, str, str]]:
+    final = comparison.subject.rollout.estimate[-1]
+    rows = zip(comparison.basis.names, comparison.true_parameters, final, strict=True)
+    return [
+        (name, _typeset(parameter_unit(name)), _fixed(true), _fixed(est), _fixed(est - true))
+        for name, true, est in rows
+    ]
+
+
+def _typeset(unit: str) -> str:
+    return unit.replace(" ", "·").replace("^2", "²")
+
+
+def _fixed(value: float) -> str:
+    return f"{value + 0.0:+.4f}".replace("-", "−")
+
+
+def _grid(comparison: Comparison) -> list[tuple[str, list[bool]]]:
+    """Which of every link's ten are kept, as the paper's tables show it."""
+    kept = set(comparison.basis.names)
+    names = [link.name for link in comparison.mechanism.links]
+    return [(name, [f"{name}.{kind}" in kept for kind in PARAMETERS]) for name in names]

@@ -1,0 +1,229 @@
+"""A comparison as a rerun recording: the arm in motion, and everything else over the same time."""
+
+from __future__ import annotations
+
+import hashlib
+import warnings
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+from rerun.chunk import RrdReader
+
+from adaptctl.dynamics.kinematics import link_poses
+from adaptctl.errors import FileError
+from adaptctl.files import replacing
+from adaptctl.mechanism.pose import Array
+from adaptctl.recording.blueprint import Layout, blueprint
+from adaptctl.recording.comparison import Comparison, Run
+from adaptctl.recording.overview import equations_markdown, summary_markdown
+from adaptctl.recording.palette import GOAL, MUTED, Color, joint_color, run_color
+from adaptctl.recording.scene import GOAL_LOOK, entity, ghost_look, log_arm, log_base, log_path, log_trail, solid_look
+from adaptctl.recording.series import Style, log_levels, log_series, thinned
+from adaptctl.recording.skeleton import ROOT_RADIUS, Skeleton, skeleton
+from adaptctl.recording.spectrum import decades
+
+CURVE_SAMPLES, POSE_SAMPLES = 4000, 2000
+"""At most as many samples are shown; the table beside the recording has them all."""
+LARGEST = 6
+"""Parameters shown at a glance."""
+LIMIT = Color(235, 87, 87)
+DARK = Color(13, 13, 13)
+
+
+def write_recording(path: str | Path, comparison: Comparison) -> None:
+    """Write the recording beside its place, read it back, and put it there. Raises FileError."""
+    with replacing(path) as beside:
+        recording = rr.RecordingStream(
+            f"adaptctl-{comparison.experiment}", recording_id=_identifier(comparison), make_default=False
+        )
+        recording.save(beside)
+        recording.send_blueprint(blueprint(_layout(comparison)))
+        _log(recording, comparison)
+        recording.flush()
+        recording.disconnect()
+        _verify(beside)
+
+
+def _identifier(comparison: Comparison) -> str:
+    """Equal runs, equal names: two recordings that are opened together must not be mixed up."""
+    digest = hashlib.sha256(np.ascontiguousarray(comparison.subject.rollout.p).tobytes()).hexdigest()
+    return f"{comparison.experiment}-seed{comparison.seed}-{digest[:12]}"
+
+
+def _verify(path: Path) -> None:
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            RrdReader(path).store().schema()
+    except (RuntimeError, Warning) as error:
+        raise FileError(f"{path}: the recording cannot be read back ({error})") from error
+
+
+def _log(recording: rr.RecordingStream, comparison: Comparison) -> None:
+    recording.send_recording_name(comparison.title)
+    recording.send_property(
+        "adaptctl",
+        rr.AnyValues(experiment=comparison.experiment, seed=comparison.seed, complete=comparison.complete),
+    )
+    recording.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    _markdown(recording, "summary", summary_markdown(comparison))
+    _log_scene(recording, comparison)
+    _log_tracking(recording, comparison)
+    _log_torques(recording, comparison)
+    _log_lyapunov(recording, comparison)
+    if comparison.subject.rollout.estimate.shape[1]:
+        _log_estimates(recording, comparison)
+    _log_offline(recording, comparison)
+
+
+def _markdown(recording: rr.RecordingStream, path: str, text: str) -> None:
+    recording.log(path, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
+
+
+def _log_scene(recording: rr.RecordingStream, comparison: Comparison) -> None:
+    mechanism, rollout = comparison.mechanism, comparison.subject.rollout
+    parts = skeleton(mechanism)
+    every = thinned(len(rollout.time), POSE_SAMPLES)
+    time = rollout.time[every]
+    log_base(recording, mechanism, _floor(comparison, parts), 1.15 * ROOT_RADIUS * parts.reach)
+    goal = log_arm(recording, "desired", mechanism, parts, time, rollout.reference_p[every], GOAL_LOOK)
+    log_path(recording, "desired", goal, GOAL)
+    tip = log_arm(recording, "adaptive", mechanism, parts, time, rollout.p[every], solid_look(run_color(0)))
+    log_trail(recording, "adaptive", time, tip, run_color(0))
+    if (baseline := comparison.baseline) is not None:
+        color, other = run_color(comparison.runs.index(baseline)), baseline.rollout
+        every = thinned(len(other.time), POSE_SAMPLES)
+        look = ghost_look(color)
+        tip = log_arm(recording, baseline.name, mechanism, parts, other.time[every], other.p[every], look)
+        log_trail(recording, baseline.name, other.time[every], tip, color)
+
+
+def _log_tracking(recording: rr.RecordingStream, comparison: Comparison) -> None:
+    names, rollout = comparison.joint_names, comparison.subject.rollout
+    every = thinned(len(rollout.time), CURVE_SAMPLES)
+    colors = [joint_color(j) for j in range(len(names))]
+    for run in comparison.runs:
+        kept = thinned(len(run.rollout.time), CURVE_SAMPLES)
+        errors = 1e3 * run.rollout.error[kept]
+        log_series(recording, f"error/{run.name}", run.rollout.time[kept], errors, Style(names, colors))
+    for j, name in enumerate(names):
+        both = np.stack([rollout.reference_p[every, j], rollout.p[every, j]], axis=-1)
+        style = Style(("desired", "actual"), (GOAL, joint_color(j)))
+        log_series(recording, f"position/{entity(name)}", rollout.time[every], both, style)
+
+
+def _log_torques(recording: rr.RecordingStream, comparison: Comparison) -> None:
+    names, rollout = comparison.joint_names, comparison.subject.rollout
+    limits, time, applied = comparison.torque_limits, rollout.time, rollout.applied  # no peak must be lost
+    colors = [joint_color(j) for j in range(len(names))]
+    log_series(recording, "torque_share/joints", time, applied / limits, Style(names, colors))
+    bounds = Style(("limit", "limit"), (LIMIT, LIMIT), width=1.0)
+    log_levels(recording, "torque_share/limit", time, np.array([-1.0, 1.0]), bounds)
+    for j, name in enumerate(names):
+        path, style = f"torque/{entity(name)}", Style((name,), (joint_color(j),))
+        log_series(recording, f"{path}/applied", time, applied[:, j : j + 1], style)
+        log_levels(recording, f"{path}/limit", time, np.array([-limits[j], limits[j]]), bounds)
+
+
+def _log_lyapunov(recording: rr.RecordingStream, comparison: Comparison) -> None:
+    for i, run in enumerate(comparison.runs):
+        if run.lyapunov is not None and run is comparison.subject:
+            every = thinned(len(run.lyapunov), CURVE_SAMPLES)
+            style = Style(("V",), (run_color(i),), width=2.5)
+            log_series(recording, f"lyapunov/{run.name}", run.rollout.time[every], run.lyapunov[every, None], style)
+    rollout = comparison.subject.rollout
+    every = thinned(len(rollout.time), CURVE_SAMPLES)
+    style = Style(("energy",), (run_color(0),))
+    log_series(recording, "energy", rollout.time[every], rollout.energy[every, None], style)
+
+
+def _log_estimates(recording: rr.RecordingStream, comparison: Comparison) -> None:
+    names, truth = comparison.basis.names, comparison.true_parameters
+    largest = np.argsort(-np.abs(truth), kind="stable")[:LARGEST]
+    _log_group(recording, "largest", comparison, np.sort(largest), [names[i] for i in np.sort(largest)])
+    for link in _links(comparison):
+        own = [i for i, name in enumerate(names) if name.rpartition(".")[0] == link]
+        _log_group(recording, entity(link), comparison, np.array(own), [names[i].rpartition(".")[2] for i in own])
+
+
+def _log_group(
+    recording: rr.RecordingStream, path: str, comparison: Comparison, indices: Array, names: list[str]
+) -> None:
+    rollout = comparison.subject.rollout
+    every = thinned(len(rollout.time), CURVE_SAMPLES)
+    colors = [joint_color(i) for i in range(len(indices))]
+    time, values = rollout.time[every], rollout.estimate[every][:, indices]
+    pale = Style(["true"] * len(names), [c.faded(0.55, DARK) for c in colors], width=1.0)
+    log_levels(recording, f"estimate/{path}/truth", time, comparison.true_parameters[indices], pale)
+    log_series(recording, f"estimate/{path}/estimate", time, values, Style(names, colors))
+
+
+def _links(comparison: Comparison) -> list[str]:
+    """Links that own fundamental parameters, in order."""
+    return list(dict.fromkeys(name.rpartition(".")[0] for name in comparison.basis.names))
+
+
+def _log_offline(recording: rr.RecordingStream, comparison: Comparison) -> None:
+    height = decades(comparison.space)
+    rank = comparison.space.rank
+    for name, part, color in (
+        ("essential", slice(0, rank), run_color(0)),
+        ("null space", slice(rank, len(height)), MUTED),
+    ):
+        starts = np.arange(len(height))[part] + 0.5
+        if len(starts):
+            bars = rr.BarChart(height[part], abscissa=starts, color=color)
+            recording.log(f"basis/spectrum/{entity(name)}", bars, static=True)
+    _markdown(recording, "basis/equations", equations_markdown(comparison))
+
+
+def _floor(comparison: Comparison, parts: Skeleton) -> float:
+    """The floor's height (m): low enough for everything that moves to stay above it."""
+    rollout = comparison.subject.rollout
+    every = thinned(len(rollout.time), 200)
+    heights = link_poses(comparison.mechanism, rollout.p[every]).translations[..., 2]
+    lowest = min(float(heights.min()), min(link.near.translation[2] for link in comparison.mechanism.links[:1]))
+    return 0.0 if lowest > 0.0 else lowest - 0.6 * parts.reach
+
+
+def _layout(comparison: Comparison) -> Layout:
+    parts = skeleton(comparison.mechanism)
+    floor = _floor(comparison, parts)
+    eye, target = _camera(comparison, parts)
+    shown = _shown(comparison)
+    largest = max(float(np.abs(run.rollout.error).max()) for run in shown[:2])
+    has_estimates = comparison.subject.rollout.estimate.shape[1] > 0
+    return Layout(
+        eye=eye,
+        target=target,
+        floor=floor,
+        error_unit=comparison.error_unit,
+        error_range=1.1e3 * largest,
+        links=tuple(entity(link) for link in _links(comparison)) if has_estimates else (),
+        joints=tuple(entity(name) for name in comparison.joint_names),
+        position_units=comparison.position_units,
+        torque_units=comparison.torque_units,
+        runs=tuple(run.name for run in shown),
+        labels=tuple(run.label for run in shown),
+        has_lyapunov=comparison.subject.lyapunov is not None,
+    )
+
+
+def _shown(comparison: Comparison) -> list[Run]:
+    """The runs whose errors get a view each: the subject, adaptation off, then the rest."""
+    first = [run for run in (comparison.subject, comparison.baseline) if run is not None]
+    return first + [run for run in comparison.runs if run not in first]
+
+
+def _camera(comparison: Comparison, parts: Skeleton) -> tuple[Array, Array]:
+    """Where to stand to see the arm from its side, all of it."""
+    rollout = comparison.subject.rollout
+    every = thinned(len(rollout.time), 200)
+    origins = link_poses(comparison.mechanism, rollout.reference_p[every]).translations
+    center = (origins.reshape(-1, 3).min(axis=0) + origins.reshape(-1, 3).max(axis=0)) / 2.0
+    outward = origins[:, parts.tip_link, :2].mean(axis=0)
+    azimuth = float(np.arctan2(outward[1], outward[0])) - 1.1
+    away = np.array([np.cos(azimuth), np.sin(azimuth), 0.4])
+    target = center - np.array([0.0, 0.0, 0.15 * parts.reach])
+    return target + 1.55 * parts.reach * away, target

@@ -1,0 +1,161 @@
+"""The arm in three dimensions, in a rerun recording."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import rerun as rr
+
+from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.kinematics import LinkPoses, link_poses
+from adaptctl.mechanism.pose import Array
+from adaptctl.recording.palette import BASE, BODY, GOAL, Color
+from adaptctl.recording.skeleton import Shape, Skeleton, Solid, tip_path
+
+TIMELINE = "sim_time"
+WORLD = "world"
+
+Solids = rr.Capsules3D | rr.Cylinders3D | rr.Ellipsoids3D
+
+
+@dataclass(frozen=True)
+class Look:
+    """How an arm is drawn: the colour of its links and of its joints, and how much one sees through it."""
+
+    links: Color
+    joints: Color
+    opacity: int = 255
+
+    @property
+    def fill_mode(self) -> rr.components.FillMode:
+        """Solid, or translucent with its edges drawn."""
+        modes = rr.components.FillMode
+        return modes.Solid if self.opacity == 255 else modes.TransparentFillMajorWireframe
+
+
+def solid_look(joints: Color) -> Look:
+    """The arm itself."""
+    return Look(BODY, joints)
+
+
+def ghost_look(color: Color) -> Look:
+    """An arm that is there for comparison."""
+    return Look(color, color, opacity=70)
+
+
+GOAL_LOOK = ghost_look(GOAL)
+
+
+def log_arm(
+    recording: rr.RecordingStream,
+    name: str,
+    mechanism: Mechanism,
+    parts: Skeleton,
+    time: Array,
+    p: Array,
+    look: Look,
+) -> Array:
+    """Draw an arm that moves through positions p (T, r) at times (T,); returns the path (T, 3) of its tip."""
+    poses = link_poses(mechanism, p)
+    for i, link in enumerate(mechanism.links):
+        path = f"{WORLD}/{name}/{entity(link.name)}"
+        recording.send_columns(path, [rr.TimeColumn(TIMELINE, duration=time)], _transforms(poses, i))
+        for solid in Solid:
+            shapes = [shape for shape in parts.shapes if shape.link == i and shape.solid is solid]
+            if shapes:
+                recording.log(f"{path}/{solid.value}", _geometry(solid, shapes, look), static=True)
+    return tip_path(parts, *poses)
+
+
+def log_trail(recording: rr.RecordingStream, name: str, time: Array, path: Array, color: Color) -> None:
+    """Where the tip has just been: a piece of line a sample, which the view shows for some seconds."""
+    if len(path) < 2:
+        return
+    strips = np.stack([path[:-1], path[1:]], axis=1)
+    count = len(strips)
+    recording.send_columns(
+        f"{WORLD}/trail/{name}",
+        [rr.TimeColumn(TIMELINE, duration=time[1:])],
+        rr.LineStrips3D.columns(
+            strips=strips.tolist(), radii=np.full(count, 0.0045), colors=np.full((count, 3), color)
+        ),
+    )
+
+
+def log_path(recording: rr.RecordingStream, name: str, path: Array, color: Color) -> None:
+    """The whole of a tip's path, standing still."""
+    line = rr.LineStrips3D([path], radii=[0.002], colors=[(*color, 110)])
+    recording.log(f"{WORLD}/path/{name}", line, static=True)
+
+
+def log_base(recording: rr.RecordingStream, mechanism: Mechanism, floor: float, radius: float) -> None:
+    """A pedestal under every link that hangs on the ground, down to the floor (m)."""
+    feet = np.array([link.near.translation for link in mechanism.links if link.parent < 0])
+    heights = feet[:, 2] - floor
+    centers = np.stack([feet[:, 0], feet[:, 1], floor + heights / 2.0], axis=-1)
+    plate = np.stack([feet[:, 0], feet[:, 1], np.full(len(feet), floor + 0.1 * radius)], axis=-1)
+    pedestal = rr.Cylinders3D(
+        lengths=[*heights, *np.full(len(feet), 0.2 * radius)],
+        radii=[*np.full(len(feet), radius), *np.full(len(feet), 2.2 * radius)],
+        centers=np.concatenate([centers, plate]),
+        colors=[BASE],
+        fill_mode=rr.components.FillMode.Solid,
+    )
+    recording.log(f"{WORLD}/base", pedestal, static=True)
+
+
+def entity(name: str) -> str:
+    """A name as one part of an entity path: what rerun would have to escape becomes an underscore."""
+    return "".join(letter if letter.isalnum() or letter in "-_." else "_" for letter in name)
+
+
+def _transforms(poses: LinkPoses, link: int) -> rr.ComponentColumnList:
+    return rr.Transform3D.columns(
+        translation=poses.translations[:, link], quaternion=quaternions(poses.rotations[:, link])
+    )
+
+
+def _geometry(solid: Solid, shapes: Sequence[Shape], look: Look) -> Solids:
+    radii = [shape.radius for shape in shapes]
+    color = [(*(look.links if solid is Solid.LINK else look.joints), look.opacity)]
+    centers = [(shape.start + shape.end) / 2.0 for shape in shapes]
+    if solid is Solid.TOOL:
+        return rr.Ellipsoids3D(centers=centers, radii=radii, colors=color, fill_mode=look.fill_mode)
+    lengths = [shape.length for shape in shapes]
+    turns = [rr.Quaternion(xyzw=_along(shape.end - shape.start)) for shape in shapes]
+    if solid is Solid.LINK:
+        starts = [shape.start for shape in shapes]
+        return rr.Capsules3D(
+            lengths=lengths,
+            radii=radii,
+            translations=starts,
+            quaternions=turns,
+            colors=color,
+            fill_mode=look.fill_mode,
+        )
+    return rr.Cylinders3D(
+        lengths=lengths,
+        radii=radii,
+        centers=centers,
+        quaternions=turns,
+        colors=color,
+        fill_mode=look.fill_mode,
+    )
+
+
+def quaternions(rotations: Array) -> Array:
+    """Unit quaternions (T, 4), x y z w, of rotation matrices (T, 3, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_matrix(rotations).as_quat())
+
+
+def _along(direction: Array) -> Array:
+    """The unit quaternion, x y z w, that turns the z axis into a direction (3,)."""
+    x, y, z = direction / np.linalg.norm(direction)
+    if z < -1.0 + 1e-12:
+        return np.array([1.0, 0.0, 0.0, 0.0])
+    quaternion = np.array([-y, x, 0.0, 1.0 + z])
+    return quaternion / np.linalg.norm(quaternion)

@@ -1,0 +1,124 @@
+"""A mechanism as a person recognises it: capsules along its links, cylinders about its joints."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adaptctl.dynamics import Mechanism
+from adaptctl.mechanism import GROUND, Link
+from adaptctl.mechanism.pose import Array
+
+SHORTEST = 1e-6
+"""Lengths (m) below this are not drawn."""
+ROOT_RADIUS, TIP_RADIUS = 0.062, 0.026
+"""Radii of the first and the last link as shares of the reach."""
+
+
+class Solid(Enum):
+    """How a shape looks."""
+
+    LINK = "link"
+    JOINT = "joint"
+    TOOL = "tool"
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A round solid fixed to a link, from `start` to `end` (3,) in that link's frame; lengths in m."""
+
+    link: int
+    solid: Solid
+    start: Array
+    end: Array
+    radius: float
+
+    @property
+    def length(self) -> float:
+        """Distance from start to end."""
+        return float(np.linalg.norm(self.end - self.start))
+
+
+@dataclass(frozen=True, eq=False)
+class Skeleton:
+    """Everything drawn of a mechanism, and the point whose path is of interest."""
+
+    shapes: tuple[Shape, ...]
+    reach: float
+    """m, along the chain from the first joint to the tip"""
+    tip_link: int
+    tip: Array
+    """(3,) in the tip link's frame"""
+
+
+def skeleton(mechanism: Mechanism) -> Skeleton:
+    """What to draw of a mechanism: its offsets between joints, and its joints' axes.
+
+    An offset goes along the joint's axis first and square to it then, as an arm's shoulder does.
+    """
+    links = mechanism.links
+    depths = _depths(links)
+    tip_link = int(np.argmax(depths))
+    tip, reach = _end(links[tip_link]), _reach(links, tip_link) or 1.0
+    slimness = depths / max(depths.max(), 1)
+    radii = reach * (ROOT_RADIUS + slimness * (TIP_RADIUS - ROOT_RADIUS))
+    shapes = [shape for i in range(len(links)) for shape in _link_shapes(links, i, float(radii[i]))]
+    tool = Shape(tip_link, Solid.TOOL, tip, tip, 1.15 * TIP_RADIUS * reach)
+    return Skeleton((*shapes, tool), reach, tip_link, tip)
+
+
+def tip_path(parts: Skeleton, rotations: Array, translations: Array) -> Array:
+    """The tip (..., 3) in the world for link rotations (..., N, 3, 3) and origins (..., N, 3)."""
+    return translations[..., parts.tip_link, :] + rotations[..., parts.tip_link, :, :] @ parts.tip
+
+
+def _link_shapes(links: tuple[Link, ...], index: int, radius: float) -> Iterator[Shape]:
+    link = links[index]
+    start, axis = _joint(link)
+    for goal in _attachments(links, index):
+        corner = start + axis * float(axis @ (goal - start))
+        for a, b in ((start, corner), (corner, goal)):
+            if np.linalg.norm(b - a) > SHORTEST:
+                yield Shape(index, Solid.LINK, a, b, radius)
+    half = (1.25 if link.joint.kind.turns else 2.5) * radius * axis
+    yield Shape(index, Solid.JOINT, start - half, start + half, 1.2 * radius)
+
+
+def _joint(link: Link) -> tuple[Array, Array]:
+    """Where a link's joint is in the link's frame, and its axis there."""
+    return link.far.inverse.translation, link.far.rotation.T @ link.joint.axis
+
+
+def _attachments(links: tuple[Link, ...], index: int) -> list[Array]:
+    """Where the links behind one hang on it, in its frame; the end of the link where none do."""
+    behind = [link.near.translation for link in links if link.parent == index]
+    return behind or [_end(links[index])]
+
+
+def _end(link: Link) -> Array:
+    """Where a link ends: its frame, or its centre of mass when its frame is at the joint."""
+    start, _ = _joint(link)
+    if np.linalg.norm(start) > SHORTEST or link.inertia[0] <= 0.0:
+        return np.zeros(3)
+    return link.inertia[1:4] / link.inertia[0]
+
+
+def _depths(links: tuple[Link, ...]) -> NDArray[np.int64]:
+    """How many links each one has before it; parents come before their children."""
+    depths = np.zeros(len(links), dtype=np.int64)
+    for i, link in enumerate(links):
+        depths[i] = 0 if link.parent == GROUND else depths[link.parent] + 1
+    return depths
+
+
+def _reach(links: tuple[Link, ...], index: int) -> float:
+    """Length of the chain from its first joint to the end of a link."""
+    length = float(np.linalg.norm(_end(links[index]) - _joint(links[index])[0]))
+    while (parent := links[index].parent) != GROUND:
+        length += float(np.linalg.norm(links[index].near.translation - _joint(links[parent])[0]))
+        index = parent
+    return length

@@ -1,0 +1,80 @@
+"""The figures that matter of a comparison, as JSON."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from adaptctl.files import write_json
+from adaptctl.recording.comparison import Comparison, Run
+
+SCHEMA = "adaptctl/summary/1"
+
+
+def write_summary(path: str | Path, comparison: Comparison) -> None:
+    """Write `summary` as JSON."""
+    write_json(path, summary(comparison))
+
+
+def summary(comparison: Comparison) -> dict[str, Any]:
+    """What was run and how it went; SI units and radians, null where something was not run.
+
+    `rms_error` is the root mean square over all joints and all control periods of the adaptive run,
+    `final_rms_error` over the last two seconds.
+    """
+    subject, baseline = comparison.subject, comparison.baseline
+    lyapunov = subject.lyapunov if subject.lyapunov is not None and len(subject.lyapunov) else (None,)
+    return {
+        "schema": SCHEMA,
+        "complete": comparison.complete,
+        "experiment": comparison.experiment,
+        "robot": comparison.mechanism.name,
+        "robot_sha256": comparison.mechanism.description.sha256,
+        "seed": comparison.seed,
+        "duration": subject.duration,
+        "duration_asked": comparison.duration,
+        "control_period": subject.rollout.control_period,
+        "rms_error": subject.rms_error(),
+        "first_rms_error": subject.first_rms_error,
+        "final_rms_error": subject.final_rms_error,
+        "final_rms_error_adaptation_off": baseline.final_rms_error if baseline else None,
+        "lyapunov_initial": lyapunov[0],
+        "lyapunov_final": lyapunov[-1],
+        "lyapunov_max_increase": subject.lyapunov_max_increase,
+        "peak_torque_share": float(comparison.peak_torque_shares.max()),
+        "clipped_steps": subject.clipped_steps,
+        "rank": comparison.space.rank,
+        "parameters": _parameters(comparison),
+        "runs": {run.name: _run(run) for run in comparison.runs},
+        "findings": {finding.name: {"value": finding.value, "unit": finding.unit} for finding in comparison.findings},
+        "settings": {setting.name: setting.value for setting in comparison.settings},
+        "wall_time": subject.rollout.wall_time,
+        "realtime_factor": realtime_factor(subject),
+    }
+
+
+def realtime_factor(run: Run) -> float | None:
+    """Simulated seconds a second of computing."""
+    return run.duration / run.rollout.wall_time if run.rollout.wall_time > 0.0 else None
+
+
+def _parameters(comparison: Comparison) -> dict[str, dict[str, float]]:
+    final = comparison.subject.rollout.estimate[-1]
+    rows = zip(comparison.basis.names, comparison.true_parameters, final, strict=True)
+    return {name: {"true": float(true), "estimate": float(estimate)} for name, true, estimate in rows}
+
+
+def _run(run: Run) -> dict[str, Any]:
+    return {
+        "label": run.label,
+        "complete": run.rollout.complete,
+        "terminated": run.rollout.terminated,
+        "duration": run.duration,
+        "rms_error": run.rms_error(),
+        "first_rms_error": run.first_rms_error,
+        "final_rms_error": run.final_rms_error,
+        "clipped_steps": run.clipped_steps,
+        "lyapunov_max_increase": run.lyapunov_max_increase,
+        "tick_time": run.tick_time,
+        "wall_time": run.rollout.wall_time,
+    }

@@ -1,0 +1,97 @@
+"""A run as a table in a Parquet file: one row a control period, named columns with units."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from adaptctl.dynamics import Mechanism
+from adaptctl.files import replacing
+from adaptctl.mechanism.pose import Array
+from adaptctl.recording.comparison import Comparison, Run
+
+SCHEMA = "adaptctl/trace/1"
+
+
+class Quantity(NamedTuple):
+    """A column: its name, what it is measured in, what it means, and its values (T,)."""
+
+    name: str
+    unit: str
+    meaning: str
+    values: Array
+
+
+def write_trace(path: str | Path, comparison: Comparison) -> None:
+    """Write the subject of a comparison, every control period of it, losslessly compressed."""
+    about = {
+        "schema": SCHEMA,
+        "experiment": comparison.experiment,
+        "robot": comparison.mechanism.name,
+        "run": comparison.subject.name,
+        "seed": str(comparison.seed),
+        "control_period": repr(comparison.subject.rollout.control_period),
+        "complete": str(comparison.complete).lower(),
+    }
+    columns = list(quantities(comparison.subject, comparison.mechanism, comparison.basis.names))
+    with replacing(path) as beside:
+        pq.write_table(
+            _table(columns, about),
+            beside,
+            compression="zstd",
+            use_dictionary=False,
+            use_byte_stream_split=True,
+        )
+
+
+def quantities(run: Run, mechanism: Mechanism, parameters: tuple[str, ...]) -> Iterator[Quantity]:
+    """Every column of a run: ``p.joint1``, ``estimate.link2.mc_x``, ``lyapunov`` ..."""
+    rollout = run.rollout
+    yield Quantity("time", "s", "time since the start", rollout.time)
+    yield from _of_joints(run, mechanism)
+    yield Quantity("energy", "J", "kinetic plus potential energy", rollout.energy)
+    yield Quantity("reward", "1", "reward of the environment", rollout.reward)
+    yield Quantity("clipped", "1", "1 where a torque was clipped", rollout.clipped)
+    if run.lyapunov is not None:
+        yield Quantity("lyapunov", "J", "Lyapunov function of the adaptive law", run.lyapunov)
+    for name, values in zip(parameters, rollout.estimate.T, strict=False):
+        yield Quantity(f"estimate.{name}", parameter_unit(name), "estimate of the fundamental parameter", values)
+
+
+def _of_joints(run: Run, mechanism: Mechanism) -> Iterator[Quantity]:
+    rollout = run.rollout
+    kinds = (
+        ("p", "", "position", rollout.p),
+        ("v", "/s", "velocity", rollout.v),
+        ("reference_p", "", "desired position", rollout.reference_p),
+        ("reference_v", "/s", "desired velocity", rollout.reference_v),
+        ("reference_a", "/s^2", "desired acceleration", rollout.reference_a),
+        ("error", "", "position minus desired position", rollout.error),
+        ("torque", None, "torque asked for", rollout.torque),
+        ("applied", None, "torque within the limits", rollout.applied),
+    )
+    for name, rate, meaning, values in kinds:
+        for link, column in zip(mechanism.links, values.T, strict=True):
+            turns = link.joint.kind.turns
+            unit = ("N m" if turns else "N") if rate is None else ("rad" if turns else "m") + rate
+            yield Quantity(f"{name}.{link.joint.name}", unit, meaning, column)
+
+
+def parameter_unit(name: str) -> str:
+    """The unit of a parameter by its name: ``link2.mc_x`` is in kg m."""
+    kind = name.rsplit(".", 1)[-1]
+    if kind == "m":
+        return "kg"
+    return "kg m" if kind.startswith("mc_") else "kg m^2"
+
+
+def _table(columns: list[Quantity], about: dict[str, str]) -> pa.Table:
+    fields = [
+        pa.field(c.name, pa.float64(), nullable=False, metadata={"unit": c.unit, "meaning": c.meaning}) for c in columns
+    ]
+    arrays = [pa.array(c.values, pa.float64()) for c in columns]
+    return pa.Table.from_arrays(arrays, schema=pa.schema(fields, metadata=about))

@@ -1,0 +1,79 @@
+"""What is said of a comparison, in the recording and in the report alike."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from adaptctl.recording.comparison import Comparison, Run
+from adaptctl.recording.summary import realtime_factor
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """A number as a person reads it, a dash where there is none."""
+    if value is None:
+        return "–"
+    if value == 0.0:
+        return "0"
+    if 1e-4 <= abs(value) < 1e5:
+        return f"{value:.{digits}g}" if abs(value) < 10.0**digits else f"{value:.0f}"
+    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+    return f"{mantissa}·10{str(int(exponent)).translate(_RAISED)}"
+
+
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def error(value: float | None, unit: str) -> str:
+    """A tracking error (rad or m) in thousandths."""
+    return "–" if value is None else f"{number(1e3 * value)} {unit}"
+
+
+def verdict(comparison: Comparison) -> str:
+    """The outcome in a sentence or two."""
+    subject, baseline, unit = comparison.subject, comparison.baseline, comparison.error_unit
+    first, final = subject.first_rms_error, subject.final_rms_error
+    said = (
+        f"Knowing {subject.knows} of its inertial parameters, the arm goes from "
+        f"{error(first, unit)} of tracking error in the first second to {error(final, unit)} in the last two"
+    )
+    if baseline is None or baseline.final_rms_error is None or not final:
+        return f"{said}."
+    ratio = baseline.final_rms_error / final
+    return (
+        f"{said}. The same controller with adaptation off stays at "
+        f"{error(baseline.final_rms_error, unit)}, {number(ratio, 2)} times as much."
+    )
+
+
+def outcome(run: Run) -> str:
+    """How a run ended."""
+    if not run.rollout.complete:
+        return f"interrupted at {run.duration:.2f} s"
+    if run.rollout.terminated:
+        return f"gave up at {run.duration:.2f} s: an error passed its bound"
+    return "ran to the end"
+
+
+def facts(comparison: Comparison) -> Iterator[tuple[str, str]]:
+    """What a person asks first, and the answers."""
+    subject, unit = comparison.subject, comparison.error_unit
+    yield "RMS error, first second", error(subject.first_rms_error, unit)
+    yield "RMS error, last 2 s", error(subject.final_rms_error, unit)
+    if comparison.baseline:
+        yield "… with adaptation off", error(comparison.baseline.final_rms_error, unit)
+    if subject.lyapunov_max_increase is not None:
+        rise = subject.lyapunov_max_increase
+        yield "Lyapunov function", "never rises" if rise == 0.0 else f"rises by at most {number(rise)} J a step"
+    peak = float(comparison.peak_torque_shares.max())
+    yield "Peak torque", f"{100 * peak:.0f} % of the limit"
+    yield "Steps clipped", f"{subject.clipped_steps} of {len(subject.rollout.time)}"
+    yield "Parameters", f"{comparison.space.rank} independent among {len(comparison.mechanism.parameter_names)}"
+    yield "Simulated", f"{number(realtime_factor(subject))} times faster than real time"
+
+
+INCOMPLETE = "This run was interrupted. What was computed until then is shown; it is not the whole experiment."
+
+CONVERGENCE = (
+    "The tracking error converges; the estimates need not: they reach the true values only as far as the "
+    "motion excites them."
+)
