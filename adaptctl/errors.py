@@ -45,3 +45,11 @@ class TraceError(AdaptctlError, TypeError):
 
 class SimplificationWarning(UserWarning):
     """Something in a file or a model is left out or taken more simply than it says."""
+
+
+class LoopError(InputError):
+    """Loops that cannot be: they do not close, they lock, or the primary joints do not fit them."""
+
+
+class SingularityError(AdaptctlError):
+    """A loop is at or near a configuration where its primary joints no longer determine the others."""

@@ -34,6 +34,23 @@ class TreeEquations:
         """Number of parameters P."""
         return 10 * len(self.links)
 
+    @property
+    def joints(self) -> int:
+        """Number of tree joints n; every one is primary."""
+        return len(self.links)
+
+    def closed(self, p: Column, guess: Column) -> Column:
+        """The configuration q = U(p), which for a tree is p itself."""
+        return p
+
+    def projected(self, q: Column) -> Column:
+        """The nearest configuration that closes all loops: q, there being none."""
+        return q
+
+    def rates(self, q: Column, v: Column) -> Column:
+        """How the configuration moves: v."""
+        return v
+
     def energy_regressor(self, p: Column, v: Column) -> Column:
         """E (P,): total energy is E' D, in J."""
         return energy.energy_regressor(self.links, p, v, self.gravity)
@@ -42,9 +59,7 @@ class TreeEquations:
         """The potential part of E (P,)."""
         return energy.potential_regressor(self.links, p, self.gravity)
 
-    def torque_regressor(
-        self, p: Column, v: Column, v_r: Column, a_r: Column, columns: Sequence[int]
-    ) -> list[Column]:
+    def torque_regressor(self, p: Column, v: Column, v_r: Column, a_r: Column, columns: Sequence[int]) -> list[Column]:
         """Rows of Y: Y D = M a_r + C(p, v) v_r + g, the asked columns only."""
         return newton_euler.torque_regressor(self.links, p, v, v_r, a_r, self.gravity, columns)
 

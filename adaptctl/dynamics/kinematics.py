@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from numpy.typing import ArrayLike
 
-from adaptctl.dynamics.arrays import checked, column, stacked
+from adaptctl.dynamics.arrays import column, stacked
 from adaptctl.dynamics.mechanism import Mechanism
 from adaptctl.dynamics.motion import GROUND
 from adaptctl.dynamics.segment import Placement, Segment, placements
@@ -80,8 +80,8 @@ def joint_axes(mechanism: Mechanism, p: ArrayLike) -> JointAxes:
 
 
 def _placed(mechanism: Mechanism, p: ArrayLike) -> tuple[list[Frame], tuple[int, ...]]:
-    positions = checked(p, mechanism.dof, f"{mechanism.name}: p")
-    return frames(mechanism.equations.links, column(positions)), positions.shape[:-1]
+    q = mechanism.configuration(p)
+    return frames(mechanism.equations.links, column(q)), q.shape[:-1]
 
 
 def _base(segment: Segment, placed: Sequence[Frame]) -> Frame:

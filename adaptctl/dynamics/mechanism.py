@@ -5,20 +5,27 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.dynamics.arrays import checked, column, same_samples, stacked, stacked_rows
+from adaptctl.dynamics.assembly import assembled
+from adaptctl.dynamics.constraint import Closing
+from adaptctl.dynamics.continuation import Continuation
 from adaptctl.dynamics.equations import TreeEquations
+from adaptctl.dynamics.loop_equations import LoopEquations
+from adaptctl.dynamics.segment import segments
 from adaptctl.errors import InputError
-from adaptctl.mechanism import Description, Link
+from adaptctl.mechanism import Description, Joint, Link
 from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column
 
 if TYPE_CHECKING:
     import pinocchio
+
+Equations: TypeAlias = TreeEquations | LoopEquations
 
 
 class Mechanism:
@@ -26,7 +33,8 @@ class Mechanism:
 
     Trailing axes are the mathematics, leading axes are samples: p, v, a, torque are (..., r), regressors
     (..., P) and (..., r, P). Angles in rad, lengths in m, torques in N m (N for a prismatic joint).
-    Every method raises `InputError` on a wrong shape and `NonFiniteError` on NaN or infinity.
+    Every method raises `InputError` on a wrong shape and `NonFiniteError` on NaN or infinity; with loops,
+    `LoopError` where they do not fit together and `SingularityError` near a configuration where they lock.
     """
 
     def __init__(self, description: Description) -> None:
@@ -36,9 +44,32 @@ class Mechanism:
         return f"<Mechanism {self.name!r}: {len(self.links)} links, {self.dof} degrees of freedom>"
 
     @cached_property
-    def equations(self) -> TreeEquations:
-        """The equations over scalars of any kind, to trace or to differentiate."""
-        return TreeEquations.of(self.description)
+    def equations(self) -> Equations:
+        """The equations over scalars of any kind, to trace or to differentiate, at tree configurations q."""
+        tree = TreeEquations.of(self.description)
+        return tree if self._closing is None else LoopEquations(tree, self._closing[0])
+
+    @cached_property
+    def _closing(self) -> tuple[Closing, Array] | None:
+        loops = self.description.loops
+        return None if loops is None else assembled(self.description, loops, segments(self.description))
+
+    @cached_property
+    def continuation(self) -> Continuation | None:
+        """The branch of closed configurations through the reference; None for a tree."""
+        if self._closing is None or not isinstance(self.equations, LoopEquations):
+            return None
+        return Continuation(self.equations, self._closing[1])
+
+    def configuration(self, p: ArrayLike, start: ArrayLike | None = None) -> Array:
+        """The tree's joints q = U(p) (..., n), followed from `start` (..., n), the reference if not given.
+
+        For a tree it is p itself. Sheu and Walker (1991), equation 1.
+        """
+        (p,), _ = self._joints(p=p)
+        if self.continuation is None:
+            return p
+        return self.continuation.follow(p, None if start is None else checked(start, len(self.links), "start"))
 
     @property
     def name(self) -> str:
@@ -48,7 +79,7 @@ class Mechanism:
     @property
     def dof(self) -> int:
         """Number of primary joints r."""
-        return len(self.description.links)
+        return len(self.description.primary)
 
     @property
     def links(self) -> tuple[Link, ...]:
@@ -67,8 +98,13 @@ class Mechanism:
 
     @property
     def effort_limits(self) -> Array:
-        """Greatest torque of every joint (r,), infinite where none is known."""
-        return np.array([link.joint.limits.effort for link in self.links])
+        """Greatest torque of every primary joint (r,), infinite where none is known."""
+        return np.array([joint.limits.effort for joint in self.primary_joints])
+
+    @property
+    def primary_joints(self) -> tuple[Joint, ...]:
+        """The joints whose coordinates are p, in its order."""
+        return tuple(self.links[i].joint for i in self.description.primary)
 
     def with_parameters(self, parameters: ArrayLike) -> Mechanism:
         """The same mechanism with other inertial parameters (P,)."""
@@ -77,19 +113,17 @@ class Mechanism:
     def energy_regressor(self, p: ArrayLike, v: ArrayLike) -> Array:
         """E (..., P): kinetic plus potential energy is E @ D, in J (Sheu and Walker 1991, section 2.2)."""
         (p, v), samples = self._joints(p=p, v=v)
-        return stacked(self.equations.energy_regressor(column(p), column(v)).of, samples)
+        return stacked(self.equations.energy_regressor(self._tree(p), column(v)).of, samples)
 
     def energy(self, p: ArrayLike, v: ArrayLike) -> Array:
         """Kinetic plus potential energy (...), in J."""
         return self.energy_regressor(p, v) @ self.inertial_parameters
 
-    def torque_regressor(
-        self, p: ArrayLike, v: ArrayLike, a: ArrayLike, columns: Sequence[int] | None = None
-    ) -> Array:
+    def torque_regressor(self, p: ArrayLike, v: ArrayLike, a: ArrayLike, columns: Sequence[int] | None = None) -> Array:
         """Y (..., r, P) of the equations of motion tau = Y D, or its asked columns only."""
         (p, v, a), samples = self._joints(p=p, v=v, a=a)
         speed = column(v)
-        rows = self.equations.torque_regressor(column(p), speed, speed, column(a), self._columns(columns))
+        rows = self.equations.torque_regressor(self._tree(p), speed, speed, column(a), self._columns(columns))
         return stacked_rows(rows, samples)
 
     def slotine_li_regressor(
@@ -103,26 +137,26 @@ class Mechanism:
         """Y_r (..., r, P): Y_r D = M(p) a_r + C(p, v) v_r + g(p), C the Christoffel one (Slotine and Li 1987)."""
         (p, v, v_r, a_r), samples = self._joints(p=p, v=v, v_r=v_r, a_r=a_r)
         kept = self._columns(columns)
-        rows = self.equations.torque_regressor(column(p), column(v), column(v_r), column(a_r), kept)
+        rows = self.equations.torque_regressor(self._tree(p), column(v), column(v_r), column(a_r), kept)
         return stacked_rows(rows, samples)
 
     def inverse_dynamics(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
         """Torque (..., r) that gives the accelerations a."""
         (p, v, a), samples = self._joints(p=p, v=v, a=a)
         speed = column(v)
-        torque = self.equations.inverse_dynamics(column(p), speed, speed, column(a), self._parameters)
+        torque = self.equations.inverse_dynamics(self._tree(p), speed, speed, column(a), self._parameters)
         return stacked(torque.of, samples)
 
     def forward_dynamics(self, p: ArrayLike, v: ArrayLike, torque: ArrayLike) -> Array:
         """Accelerations (..., r) under a torque."""
         (p, v, torque), samples = self._joints(p=p, v=v, torque=torque)
-        a = self.equations.forward_dynamics(column(p), column(v), column(torque), self._parameters)
+        a = self.equations.forward_dynamics(self._tree(p), column(v), column(torque), self._parameters)
         return stacked(a.of, samples)
 
     def mass_matrix(self, p: ArrayLike) -> Array:
         """M(p) (..., r, r)."""
         (p,), samples = self._joints(p=p)
-        return stacked_rows(self.equations.mass_matrix(column(p), self._parameters), samples)
+        return stacked_rows(self.equations.mass_matrix(self._tree(p), self._parameters), samples)
 
     def to_pinocchio(self) -> pinocchio.Model:
         """The same mechanism as a Pinocchio model, built depth first."""
@@ -140,6 +174,9 @@ class Mechanism:
     @property
     def _parameters(self) -> Column:
         return Column(self.inertial_parameters.tolist())
+
+    def _tree(self, p: Array) -> Column:
+        return column(self.configuration(p))
 
     def _joints(self, **given: ArrayLike) -> tuple[list[Array], tuple[int, ...]]:
         """Checked arrays (..., r) and the sample axes they share."""

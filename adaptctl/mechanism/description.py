@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from adaptctl.errors import InputError
 from adaptctl.mechanism.inertia import is_physically_consistent, parameter_names
+from adaptctl.mechanism.loops import Loops
 from adaptctl.mechanism.pose import Array, Pose, frozen_array
 
 GROUND = -1
@@ -102,6 +103,8 @@ class Description:
     links: tuple[Link, ...]
     gravity: Array = field(default_factory=lambda: np.array(STANDARD_GRAVITY))
     source: str = ""
+    loops: Loops | None = None
+    """None for a tree, whose joints are all primary."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "links", tuple(self.links))
@@ -111,6 +114,19 @@ class Description:
         _require_unique([link.name for link in self.links], f"{self.name}: link")
         _require_unique([link.joint.name for link in self.links], f"{self.name}: joint")
         _require_depth_first(self.name, self.parents)
+        if self.loops is not None:
+            self.loops.require_known([link.name for link in self.links], self.joint_names)
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the tree's joints, one a link."""
+        return tuple(link.joint.name for link in self.links)
+
+    @property
+    def primary(self) -> tuple[int, ...]:
+        """The primary joints among the tree's, in the order of the primary coordinates p."""
+        names = self.joint_names if self.loops is None else self.loops.primary
+        return tuple(self.joint_names.index(name) for name in names)
 
     @property
     def parents(self) -> tuple[int, ...]:
@@ -143,12 +159,23 @@ class Description:
     @property
     def sha256(self) -> str:
         """A hash of everything that moves: equal mechanisms, equal hashes. Where it came from does not count."""
-        content = {
-            "name": self.name,
-            "gravity": self.gravity.tolist(),
-            "links": [_plain(k) for k in self.links],
-        }
+        content: dict[str, object] = {"name": self.name, "gravity": self.gravity.tolist()}
+        content["links"] = [_plain(link) for link in self.links]
+        if self.loops is not None:
+            content["loops"] = self.loops.plain()
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+    @property
+    def geometry_sha256(self) -> str:
+        """A hash of what decides which parameters matter: gravity, the tree, its joints and frames, link names.
+
+        Inertial values, limits and the mechanism's name do not count. Numbers count to 1e-12, so that another
+        machine's sine gives the same hash.
+        """
+        content: list[object] = [_rounded(self.gravity), [_geometry(link) for link in self.links]]
+        if self.loops is not None:
+            content.append(self.loops.plain())
+        return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
     def __eq__(self, other: object) -> bool:
         return self.sha256 == other.sha256 if isinstance(other, Description) else NotImplemented
@@ -196,3 +223,13 @@ def _plain(link: Link) -> list[object]:
     bounds = [limits.lower, limits.upper, limits.velocity, limits.effort]
     moving = [[float(x) + 0.0 for x in np.ravel(array)] for array in (*arrays, link.inertia)]
     return [link.name, link.parent, joint.name, joint.kind.value, [repr(float(b)) for b in bounds], moving]
+
+
+def _geometry(link: Link) -> list[object]:
+    poses = (link.near.rotation, link.near.translation, link.far.rotation, link.far.translation)
+    frames = [_rounded(array) for array in (link.joint.axis, *poses)]
+    return [link.name, link.parent, link.joint.kind.turns, frames]
+
+
+def _rounded(array: Array) -> list[float]:
+    return [round(x, 12) + 0.0 for x in np.ravel(array).tolist()]

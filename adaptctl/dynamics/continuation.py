@@ -1,0 +1,95 @@
+"""Following a mechanism with loops from one closed configuration to another, on one branch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from adaptctl.dynamics.arrays import column, stacked, stacked_rows
+from adaptctl.dynamics.loop_equations import LoopEquations
+from adaptctl.errors import SingularityError
+from adaptctl.mechanism.pose import Array
+
+LARGEST_STEP = 0.05
+"""rad or m of any primary joint between two closed configurations"""
+
+NEAREST = 0.05
+"""Share of its reference value below which the dependent block's smallest singular value is too small."""
+
+
+@dataclass(frozen=True, eq=False)
+class Continuation:
+    """The branch of closed configurations that holds the reference (n,)."""
+
+    equations: LoopEquations
+    reference: Array
+
+    @property
+    def primary(self) -> list[int]:
+        """The primary joints among the tree's."""
+        return list(self.equations.closing.primary)
+
+    def follow(self, p: Array, start: Array | None = None) -> Array:
+        """Closed configurations (..., n) at primary positions p (..., r), reached along straight lines from
+        `start` (..., n), the reference if not given, in steps of at most 0.05.
+
+        Raises `SingularityError` where the way comes too near to a configuration in which the loops lock.
+        """
+        q = np.broadcast_to(self.reference if start is None else start, (*p.shape[:-1], len(self.reference)))
+        begin = q[..., self.primary]
+        steps = max(1, int(np.ceil(np.abs(p - begin).max(initial=0.0) / LARGEST_STEP)))
+        for k in range(1, steps + 1):
+            q = self._closed(begin + (p - begin) * (k / steps), q)
+            self.require_regular(q)
+        return q
+
+    def reachable(self, p: Array) -> Array:
+        """Which of the primary positions (m, r) can be reached so (m,), without raising."""
+        q = np.broadcast_to(self.reference, (len(p), len(self.reference)))
+        fine = np.ones(len(p), dtype=bool)
+        steps = max(1, int(np.ceil(np.abs(p - self._start).max(initial=0.0) / LARGEST_STEP)))
+        for k in range(1, steps + 1):
+            q = np.where(fine[:, None], self._closed(self._start + (p - self._start) * (k / steps), q), self.reference)
+            fine &= self.regularity(q) >= NEAREST
+        return fine
+
+    def regularity(self, q: Array) -> Array:
+        """How far from locking (...): the dependent block's smallest singular value over the reference's, 0 on
+        the other side of a singularity.
+
+        Near a fold it goes as the square root of the distance to it, so 0.05 is near.
+        """
+        smallest, sign = self._block(q)
+        reference, side = self._reference_block
+        return np.where(sign == side, smallest / reference, 0.0)
+
+    def require_regular(self, q: Array) -> None:
+        """Refuse configurations (..., n) near or beyond a singularity, with the worst of them."""
+        regularity = np.ravel(self.regularity(q))
+        worst = int(regularity.argmin())
+        if not regularity[worst] >= NEAREST:
+            p = np.reshape(q, (-1, q.shape[-1]))[worst, self.primary]
+            raise SingularityError(
+                f"the loops are near a singularity at p = {np.round(p, 4).tolist()}: their smallest singular value is "
+                f"{regularity[worst]:.2g} of that at the reference, at least {NEAREST} is needed"
+            )
+
+    def _closed(self, p: Array, guess: Array) -> Array:
+        return stacked(self.equations.closed(column(p), column(guess)).of, p.shape[:-1])
+
+    def _block(self, q: Array) -> tuple[Array, Array]:
+        block = stacked_rows(self.equations.dependent_block(column(q)), q.shape[:-1])
+        if not np.isfinite(block).all():
+            block = np.where(np.isfinite(block), block, 0.0)
+        smallest = np.asarray(np.linalg.svd(block, compute_uv=False)[..., -1], dtype=np.float64)
+        return smallest, np.sign(np.linalg.det(block))
+
+    @cached_property
+    def _reference_block(self) -> tuple[Array, Array]:
+        return self._block(self.reference)
+
+    @property
+    def _start(self) -> Array:
+        return self.reference[self.primary]

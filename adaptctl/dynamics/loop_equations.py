@@ -1,0 +1,182 @@
+"""The equations of a mechanism with loops, in its primary joints."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from adaptctl.dynamics.constraint import Closing
+from adaptctl.dynamics.equations import TreeEquations
+from adaptctl.dynamics.least_squares import Factored
+from adaptctl.dynamics.mass_matrix import solve_symmetric
+from adaptctl.dynamics.newton_euler import AdaptiveTick
+from adaptctl.dynamics.segment import Placement, Segment, placements
+from adaptctl.scalars import Column, Scalar
+
+NEWTON_STEPS = 3
+"""From a configuration at most 0.05 rad away."""
+
+
+class Posture:
+    """A closed configuration of the tree, with J = dU/dp factored once."""
+
+    def __init__(self, closing: Closing, places: Sequence[Placement]) -> None:
+        self.closing, self.places = closing, places
+        columns = closing.jacobian(places)
+        self.factor = Factored([columns[d] for d in closing.dependent])
+        self.slopes = [self.factor.solve(-columns[i]) for i in closing.primary]
+
+    def tree(self, v: Column) -> Column:
+        """J v: the tree's velocities (n,) from the primary ones (r,)."""
+        follow = v[0] * self.slopes[0]
+        for rate, slope in zip(v.of[1:], self.slopes[1:], strict=True):
+            follow = follow + rate * slope
+        return self.joined(v, follow)
+
+    def primary(self, torque: Sequence[Any]) -> Column:
+        """J' tau: the primary joints' torques (r,) from the tree's (n,)."""
+        follow = Column(torque[d] for d in self.closing.dependent)
+        pairs = zip(self.closing.primary, self.slopes, strict=True)
+        return Column(torque[i] + slope @ follow for i, slope in pairs)
+
+    def bias(self, u: Column, w: Column) -> Column:
+        """J_dot(u) w (n,), from two tree velocities J v and J v_r; symmetric in them."""
+        follow = -self.factor.solve(self.closing.bias(self.places, u, w))
+        return self.joined(Column.zeros(len(self.closing.primary)), follow)
+
+    def joined(self, first: Column, follow: Column) -> Column:
+        """A tree column from its primary and dependent entries."""
+        entries = dict(zip(self.closing.primary, first, strict=True))
+        entries |= dict(zip(self.closing.dependent, follow, strict=True))
+        return Column(entries[i] for i in range(len(self.places)))
+
+
+@dataclass(frozen=True)
+class LoopEquations:
+    """Every equation of a mechanism with loops, at tree configurations q (n,) that close them, in primary
+    velocities and torques (r,). The tree keeps all N links, so the parameters are the tree's (10N,)."""
+
+    tree: TreeEquations
+    closing: Closing
+
+    @property
+    def dof(self) -> int:
+        """Number of primary joints r."""
+        return len(self.closing.primary)
+
+    @property
+    def parameters(self) -> int:
+        """Number of parameters P."""
+        return self.tree.parameters
+
+    @property
+    def links(self) -> tuple[Segment, ...]:
+        """The tree's links."""
+        return self.tree.links
+
+    @property
+    def joints(self) -> int:
+        """Number of tree joints n."""
+        return len(self.tree.links)
+
+    def closed(self, p: Column, guess: Column) -> Column:
+        """q = U(p): Newton steps from a nearby configuration (n,), so that the branch is kept.
+
+        The steps' number is fixed, so nothing branches on a value: from 0.05 rad away the first leaves 1e-3,
+        the second 1e-6, the third round-off.
+        """
+        entries = dict(zip(self.closing.primary, p, strict=True))
+        q = Column(entries.get(i, guess[i]) for i in range(self.joints))
+        for _ in range(NEWTON_STEPS):
+            q = self.projected(q)
+        return q
+
+    def projected(self, q: Column) -> Column:
+        """One Newton step of the dependent joints."""
+        places = placements(self.tree.links, q)
+        columns = self.closing.jacobian(places)
+        factor = Factored([columns[d] for d in self.closing.dependent])
+        step = factor.solve(self.closing.residual(places, q))
+        moved = dict(zip(self.closing.dependent, step, strict=True))
+        return Column(x - moved[i] if i in moved else x for i, x in enumerate(q))
+
+    def posture(self, q: Column) -> Posture:
+        """J at a closed configuration."""
+        return Posture(self.closing, placements(self.tree.links, q))
+
+    def dependent_block(self, q: Column) -> list[Column]:
+        """The columns of the residual's Jacobian under the dependent joints: singular where the loop locks."""
+        columns = self.closing.jacobian(placements(self.tree.links, q))
+        return [columns[d] for d in self.closing.dependent]
+
+    def rates(self, q: Column, v: Column) -> Column:
+        """J v (n,): how the configuration moves."""
+        return self.posture(q).tree(v)
+
+    def energy_regressor(self, q: Column, v: Column) -> Column:
+        """E (P,): total energy is E' D, in J."""
+        return self.tree.energy_regressor(q, self.posture(q).tree(v))
+
+    def potential_regressor(self, q: Column) -> Column:
+        """The potential part of E (P,)."""
+        return self.tree.potential_regressor(q)
+
+    def torque_regressor(self, q: Column, v: Column, v_r: Column, a_r: Column, columns: Sequence[int]) -> list[Column]:
+        """Rows of Y = J' Y_tree, the asked columns only."""
+        posture = self.posture(q)
+        rows = self.tree.torque_regressor(q, *self._moving(posture, v, v_r, a_r), columns)
+        by_column = [posture.primary([row[k] for row in rows]) for k in range(len(columns))]
+        return [Column(column[i] for column in by_column) for i in range(self.dof)]
+
+    def inverse_dynamics(self, q: Column, v: Column, v_r: Column, a_r: Column, parameters: Column) -> Column:
+        """Torque M a_r + C(p, v) v_r + g (r,)."""
+        posture = self.posture(q)
+        return posture.primary(self.tree.inverse_dynamics(q, *self._moving(posture, v, v_r, a_r), parameters).of)
+
+    def adaptive_tick(
+        self,
+        q: Column,
+        v: Column,
+        v_r: Column,
+        a_r: Column,
+        s: Column,
+        parameters: Column,
+        columns: Sequence[int],
+    ) -> AdaptiveTick:
+        """Y_r D and Y_r' s without forming Y_r; `columns` sorted."""
+        posture = self.posture(q)
+        moving = self._moving(posture, v, v_r, a_r)
+        tick = self.tree.adaptive_tick(q, *moving, posture.tree(s), parameters, columns)
+        return AdaptiveTick(posture.primary(tick.torque.of), tick.gradient)
+
+    def adaptation_gradient(
+        self, q: Column, v: Column, v_r: Column, a_r: Column, s: Column, columns: Sequence[int]
+    ) -> Column:
+        """Y_r' s alone; `columns` sorted."""
+        posture = self.posture(q)
+        return self.tree.adaptation_gradient(q, *self._moving(posture, v, v_r, a_r), posture.tree(s), columns)
+
+    def forward_dynamics(self, q: Column, v: Column, torque: Column, parameters: Column) -> Column:
+        """Primary accelerations (r,) under primary torques."""
+        posture = self.posture(q)
+        moving = self._moving(posture, v, v, Column.zeros(self.dof))
+        bias = posture.primary(self.tree.inverse_dynamics(q, *moving, parameters).of)
+        return solve_symmetric(self._mass_matrix(posture, q, parameters), torque - bias)
+
+    def mass_matrix(self, q: Column, parameters: Column) -> list[list[Scalar]]:
+        """Rows of M(p) = J' M_tree J."""
+        return self._mass_matrix(self.posture(q), q, parameters)
+
+    def _mass_matrix(self, posture: Posture, q: Column, parameters: Column) -> list[list[Scalar]]:
+        rows = [Column(row) for row in self.tree.mass_matrix(q, parameters)]
+        units = [Column(float(i == j) for j in range(self.dof)) for i in range(self.dof)]
+        ways = [posture.tree(unit) for unit in units]
+        loads = [Column(row @ way for row in rows) for way in ways]
+        return [[ways[max(i, j)] @ loads[min(i, j)] for j in range(self.dof)] for i in range(self.dof)]
+
+    def _moving(self, posture: Posture, v: Column, v_r: Column, a_r: Column) -> tuple[Column, Column, Column]:
+        """Tree velocities and accelerations of a primary motion."""
+        u = posture.tree(v)
+        w = u if v is v_r else posture.tree(v_r)
+        return u, w, posture.tree(a_r) + posture.bias(u, w)
