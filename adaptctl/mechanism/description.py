@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.errors import InputError
 from adaptctl.mechanism.inertia import is_physically_consistent, parameter_names
@@ -132,6 +132,15 @@ class Description:
     def parents(self) -> tuple[int, ...]:
         """The parent's index of every link, -1 for the ground."""
         return tuple(link.parent for link in self.links)
+
+    def within_conditions(self, p: ArrayLike) -> NDArray[np.bool_]:
+        """Which of the primary positions p (..., r) keep the loops' conditions (...)."""
+        p = np.asarray(p, dtype=np.float64)
+        inside = np.ones(p.shape[:-1], dtype=np.bool_)
+        for condition in self.loops.conditions if self.loops is not None else ():
+            weights = [condition.weights.get(self.joint_names[i], 0.0) for i in self.primary]
+            inside &= (p @ np.array(weights) > condition.lower) & (p @ np.array(weights) < condition.upper)
+        return inside
 
     @property
     def parameter_names(self) -> tuple[str, ...]:

@@ -66,21 +66,43 @@ class Coupling:
 
 
 @dataclass(frozen=True, eq=False)
+class Condition:
+    """Where a mechanism may work: lower < sum of weight times primary coordinate < upper (rad or m).
+
+    Sampling and environments keep to it; the semi-direct-drive arm's 0.5236 < p2 - p3 < 2.618 is one.
+    """
+
+    name: str
+    weights: Mapping[str, float]
+    lower: float = -np.inf
+    upper: float = np.inf
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "weights", MappingProxyType(dict(self.weights)))
+        if not self.weights or not all(np.isfinite(w) for w in self.weights.values()):
+            raise InputError(f"condition {self.name!r}: expected finite weights of at least one joint")
+        if not self.lower < self.upper:
+            raise InputError(f"condition {self.name!r}: expected lower < upper, got {self.lower} and {self.upper}")
+
+
+@dataclass(frozen=True, eq=False)
 class Loops:
     """What makes a tree a mechanism with loops.
 
     `primary` names the joints that are driven and whose coordinates describe the motion; the others follow.
     `reference` gives the configuration (rad or m by joint name, zero where not given) from which the motion is
-    followed, so that the assembly branch is its; its dependent joints need only be near enough to close.
+    followed, so that the assembly branch is its; its dependent joints need only be near enough to close. `conditions` say where
+    the mechanism may work.
     """
 
     primary: tuple[str, ...]
     closures: tuple[Closure, ...] = ()
     couplings: tuple[Coupling, ...] = ()
     reference: Mapping[str, float] = field(default_factory=dict)
+    conditions: tuple[Condition, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in ("primary", "closures", "couplings"):
+        for name in ("primary", "closures", "couplings", "conditions"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
         object.__setattr__(self, "reference", MappingProxyType(dict(self.reference)))
         if not self.primary:
@@ -90,6 +112,10 @@ class Loops:
         _require_unique("closure or coupling", names)
         _require_unique("follower", [c.follower for c in self.couplings])
         self._require_plain_couplings()
+        for condition in self.conditions:
+            for joint in condition.weights:
+                if joint not in self.primary:
+                    raise InputError(f"condition {condition.name!r}: joint {joint!r} is not primary")
 
     def _require_plain_couplings(self) -> None:
         followers = {c.follower for c in self.couplings}
@@ -119,7 +145,14 @@ class Loops:
             for c in self.closures
         ]
         couplings = [[c.name, c.follower, c.leader, repr(c.ratio), repr(c.offset)] for c in self.couplings]
-        return [list(self.primary), closures, couplings, sorted((k, repr(float(x))) for k, x in self.reference.items())]
+        conditions = [[sorted(c.weights.items()), repr(c.lower), repr(c.upper)] for c in self.conditions]
+        return [
+            list(self.primary),
+            closures,
+            couplings,
+            conditions,
+            sorted((k, repr(float(x))) for k, x in self.reference.items()),
+        ]
 
 
 def _plain(pose: Pose) -> list[list[float]]:
