@@ -91,8 +91,8 @@ class Loops:
 
     `primary` names the joints that are driven and whose coordinates describe the motion; the others follow.
     `reference` gives the configuration (rad or m by joint name, zero where not given) from which the motion is
-    followed, so that the assembly branch is its; its dependent joints need only be near enough to close. `conditions` say where
-    the mechanism may work.
+    followed, so that the assembly branch is its; its dependent joints need only be near enough to close.
+    `conditions` say where the mechanism may work.
     """
 
     primary: tuple[str, ...]
