@@ -1,42 +1,51 @@
-# Everything a newcomer needs: `make demo` and `make test`. Both install what they use into .venv first.
+# `make` lists the targets. Those that run something first install what they need into .venv, from requirements.lock.
 PYTHON ?= python3
 OUT ?= results/puma560-adaptive
 BIN := .venv/bin
 STAMP := .venv/installed
+PIP := $(BIN)/python -m pip --disable-pip-version-check
+DOCS := docs/_build/html
 
-.PHONY: demo test lint types docs format lock clean
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.PHONY: help demo test lint types docs format lock clean
 
-demo: $(STAMP)
+help: ## list the targets
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-7s %s\n", $$1, $$2}' Makefile
+
+demo: $(STAMP) ## an adaptive PUMA 560, from energies to a recording, in results/puma560-adaptive (or OUT=...)
 	$(BIN)/adaptctl experiment run puma560-adaptive --out $(OUT) --overwrite
 
-test: $(STAMP)
+test: $(STAMP) ## the tests, and every example of README.md and docs/
 	$(BIN)/python -m pytest -n 2
 
-lint: $(STAMP)
+lint: $(STAMP) ## style of the code
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 
-types: $(STAMP)
+types: $(STAMP) ## types of the code
 	$(BIN)/mypy
 
-docs: $(STAMP)
-	$(BIN)/sphinx-build -W --keep-going -q -b html docs docs/_build/html
+docs: $(STAMP) ## the documentation, in docs/_build/html/index.html
+	$(BIN)/sphinx-build -W --keep-going -q -b html docs $(DOCS)
 
-format: $(STAMP)
+format: $(STAMP) ## bring the code into style
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-$(STAMP): requirements.lock pyproject.toml
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "adaptctl needs Python 3.11 or newer: make PYTHON=python3.12 ...")'
-	test -x $(BIN)/python || $(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes --no-deps --only-binary :all: -r requirements.lock
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
-	touch $@
-
-lock:
-	test -x .venv-lock/bin/uv || ($(PYTHON) -m venv .venv-lock && .venv-lock/bin/pip install --quiet uv)
+lock: ## resolve the dependencies anew into requirements.lock
+	test -x .venv-lock/bin/uv || ($(PYTHON) -m venv --clear .venv-lock && .venv-lock/bin/pip install --quiet uv)
 	.venv-lock/bin/uv pip compile pyproject.toml --group dev --universal --python-version 3.11 --generate-hashes \
 		--no-emit-index-url --no-emit-find-links --no-header --quiet -o requirements.lock
 
-clean:
-	rm -rf .venv .venv-lock build dist *.egg-info docs/_build results
+clean: ## remove what was installed and built; results/ stays
+	rm -rf .venv .venv-lock build dist *.egg-info docs/_build
+
+# Asked first: with a Python that is too old, pip would only say that it finds no matching distribution.
+$(STAMP): requirements.lock pyproject.toml
+	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(v < (3, 11) and \
+		"adaptctl needs Python 3.11 or newer; $(PYTHON) is %d.%d. Name another: make PYTHON=python3.12 ..." % v)'
+	@$(PIP) --version > /dev/null 2>&1 || $(PYTHON) -m venv --clear .venv
+	$(PIP) install --quiet --require-hashes --no-deps --only-binary :all: -r requirements.lock
+	$(PIP) install --quiet --no-deps --no-build-isolation -e .
+	@touch $@
