@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,7 @@ class Payload:
     inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
 
     def __post_init__(self) -> None:
-        if not (np.ndim(self.mass) == 0 and np.isfinite(self.mass) and self.mass >= 0.0):
+        if not (isinstance(self.mass, Real) and 0.0 <= self.mass < np.inf):
             raise InputError(f"payload: expected a mass of at least 0 kg, got {self.mass!r}")
         object.__setattr__(self, "center", frozen_array(self.center, (3,), "payload: center"))
         tensor = frozen_array(self.inertia, (3, 3), "payload: inertia")

@@ -174,6 +174,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         self.steps = _steps(duration, self.control_period)
         self.look_ahead = _times_ahead(look_ahead)
         self.error_bound = _per_joint(error_bound, self.mechanism.dof, "error_bound")
+        if not np.all(self.error_bound > 0.0):
+            raise InputError(f"error_bound: expected positive numbers, got {self.error_bound.tolist()}")
         self.reward_weights = reward_weights or RewardWeights()
         self._initial_error = _per_joint(initial_error, self.mechanism.dof, "initial_error")
         self._trajectory = reference

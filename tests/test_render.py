@@ -1,0 +1,158 @@
+"""Pictures: rays against geometry, and the arm where kinematics says it is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from random_trees import random_tree
+
+from adaptctl.dynamics import Mechanism, load
+from adaptctl.dynamics.kinematics import link_poses
+from adaptctl.envs import Puma560TrackingEnv
+from adaptctl.envs.raycast import Camera, Solid, intersect
+from adaptctl.envs.render import Renderer
+from adaptctl.mechanism.pose import Array
+from adaptctl.recording.palette import GOAL
+from adaptctl.recording.skeleton import skeleton, tip_path
+
+CENTER = np.array([0.0, -0.6, 0.8, 0.0, 0.5, 0.0])
+RAISED = np.array([0.0, -1.6, 1.6, 0.0, 0.0, 0.0])
+
+
+@pytest.fixture(scope="module")
+def puma() -> Mechanism:
+    return load("puma560_measured")
+
+
+@pytest.fixture(scope="module")
+def renderer(puma: Mechanism) -> Renderer:
+    return Renderer(puma)
+
+
+def depth_in(solid: Solid, points: Array) -> Array:
+    """How far points (..., 3) are inside a solid, negative outside (the signed distance up to a factor)."""
+    axis = solid.end - solid.start
+    length = np.linalg.norm(axis)
+    along = (points - solid.start) @ axis / length
+    if not solid.flat:
+        nearest = solid.start + np.clip(along, 0.0, length)[..., None] * axis / length
+        return solid.radius - np.linalg.norm(points - nearest, axis=-1)
+    off_axis = np.linalg.norm(points - solid.start - along[..., None] * axis / length, axis=-1)
+    return np.minimum(solid.radius - off_axis, np.minimum(along, length - along))
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.booleans())
+def test_rays_meet_solids_first_at_their_surface(seed: int, flat: bool) -> None:
+    rng = np.random.default_rng(seed)
+    start, end = rng.uniform(-1, 1, (2, 3))
+    solid = Solid(start, end, float(rng.uniform(0.1, 0.5)), np.ones(3), flat)
+    eye = np.array([4.0, 0.0, 0.0]) + rng.uniform(-1, 1, 3)
+    aimed = rng.uniform(-1.2, 1.2, (50, 3)) - eye
+    rays = aimed / np.linalg.norm(aimed, axis=1, keepdims=True)
+    hits = intersect(solid, eye, rays)
+    met = np.isfinite(hits.distance)
+    path = eye + np.linspace(0.0, 8.0, 4001)[:, None, None] * rays
+    inside = depth_in(solid, path).max(axis=0)
+    assert np.all(met[inside > 1e-9])
+    assert not np.any(met[inside < -3e-3])
+    points = eye + hits.distance[met, None] * rays[met]
+    np.testing.assert_allclose(depth_in(solid, points), 0.0, atol=1e-9)
+    short = eye + (np.linspace(0.0, 1.0 - 1e-6, 300)[:, None] * hits.distance[met])[..., None] * rays[met]
+    assert np.all(depth_in(solid, short) < 1e-9)
+    np.testing.assert_allclose(np.linalg.norm(hits.normal[met], axis=1), 1.0, atol=1e-9)
+    assert np.all(np.vecdot(hits.normal[met], rays[met]) <= 1e-9)
+    outside = depth_in(solid, points + 1e-6 * hits.normal[met])
+    np.testing.assert_allclose(outside, -1e-6, atol=2e-8)
+
+
+def test_a_ball_is_a_capsule_of_no_length() -> None:
+    ball = Solid(np.zeros(3), np.zeros(3), 0.5, np.ones(3))
+    hits = intersect(ball, np.array([2.0, 0.0, 0.0]), np.array([[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))
+    np.testing.assert_allclose(hits.distance, [1.5, np.inf])
+    np.testing.assert_allclose(hits.normal[0], [1.0, 0.0, 0.0])
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_a_window_covers_all_pixels_that_see_the_solid(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    camera = Camera(np.array([3.0, -2.0, 1.5]), np.zeros(3), 0.9, 40, 30)
+    start, end = rng.uniform(-1.5, 1.5, (2, 3))
+    solid = Solid(start, end, float(rng.uniform(0.01, 0.4)), np.ones(3), flat=bool(rng.integers(2)))
+    seen = np.isfinite(intersect(solid, camera.eye, camera.rays()).distance)
+    covered = np.zeros_like(seen)
+    covered[camera.window(np.stack([start, end]), 1.5 * solid.radius)] = True
+    assert not np.any(seen & ~covered)
+
+
+def pixel(renderer: Renderer, point: Array) -> tuple[int, int]:
+    """Row and column at which a picture shows a point (3,) of the world, by projection."""
+    camera = renderer.camera
+    x, y, z = camera.axes @ (point - camera.eye)
+    shown = 0.5 * np.array([camera.height, camera.width]) + camera.focal * np.array([y, x]) / z
+    row, column = (shown * [480 / camera.height, 640 / camera.width]).astype(int)
+    return int(row), int(column)
+
+
+def test_the_tip_is_drawn_where_kinematics_has_it(renderer: Renderer, puma: Mechanism) -> None:
+    parts = skeleton(puma)
+    for p in (CENTER, RAISED, np.array([0.5, -0.3, 0.5, 0.3, 0.3, 0.0])):
+        row, column = pixel(renderer, tip_path(parts, *link_poses(puma, p)))
+        tip = renderer.image(p, p, 0.0)[row, column]
+        assert tip.astype(int).max() < 90, "the tool's ball is dark, everything around it is not"
+
+
+def test_the_ghost_is_where_the_arm_should_be(renderer: Renderer, puma: Mechanism) -> None:
+    alone, both = renderer.image(CENTER, CENTER, 0.0), renderer.image(CENTER, RAISED, 0.0)
+    changed = np.argwhere((alone != both).any(axis=-1))
+    tip = pixel(renderer, tip_path(skeleton(puma), *link_poses(puma, RAISED)))
+    assert np.abs(changed - tip).max(axis=1).min() <= 2
+    tinted = both[tip].astype(float) - alone[tip]
+    assert tinted @ (np.array(GOAL) - alone[tip]) > 0.0
+    assert 1000 < len(changed) < 0.2 * alone.shape[0] * alone.shape[1]
+
+
+def test_an_arm_that_tracks_hides_its_ghost(renderer: Renderer) -> None:
+    """No speckles: the ghost's share of pixels falls with the error, to almost nothing at a milliradian."""
+    exact = renderer.image(CENTER, CENTER, 0.0).astype(int)
+    near = renderer.image(CENTER, CENTER + 1e-3, 0.0).astype(int)
+    assert np.mean(np.abs(exact - near).max(axis=-1) > 8) < 1e-4
+
+
+def test_the_time_is_written(renderer: Renderer) -> None:
+    early, late = renderer.image(CENTER, CENTER, 1.25), renderer.image(CENTER, CENTER, 17.5)
+    rows, columns = np.nonzero((early != late).any(axis=-1))
+    assert rows.max() < 50
+    assert columns.min() > 500
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_any_mechanism_can_be_drawn(seed: int) -> None:
+    mechanism = random_tree(seed, 4)
+    picture = Renderer(mechanism, 160, 120).image(np.zeros(4), np.full(4, 0.3), 0.0)
+    assert picture.shape == (120, 160, 3)
+    assert picture.std() > 5.0
+
+
+def test_the_environment_renders_its_state() -> None:
+    env = Puma560TrackingEnv(render_mode="rgb_array")
+    env.reset(seed=0)
+    picture = env.render()
+    assert picture is not None
+    assert (picture.shape, picture.dtype) == ((480, 640, 3), np.uint8)
+    np.testing.assert_array_equal(picture, env.render())
+    for _ in range(100):
+        env.step(np.array([90.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    moved = env.render()
+    assert np.mean((picture != moved).any(axis=-1)) > 0.005
+    assert env.metadata["render_fps"] == 1000.0
+
+
+def test_without_a_mode_nothing_is_rendered() -> None:
+    env = Puma560TrackingEnv()
+    env.reset()
+    with pytest.warns(UserWarning, match="render_mode='rgb_array'"):
+        assert env.render() is None
