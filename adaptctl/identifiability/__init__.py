@@ -1,0 +1,27 @@
+"""Offline: which inertial parameters a motion depends on, and which smallest set is enough."""
+
+from adaptctl.identifiability.certificate import Certificate, Leftover
+from adaptctl.identifiability.essential_space import EssentialSpace, essential_space
+from adaptctl.identifiability.fundamental_basis import FundamentalBasis, fundamental_basis
+from adaptctl.identifiability.priority import Priority
+from adaptctl.identifiability.reduced_model import ReducedModel
+from adaptctl.identifiability.reduction import Reduction, reduce
+from adaptctl.identifiability.right_angles import NearRightAngle
+from adaptctl.identifiability.sampling import States, random_states, states_within_limits
+
+__all__ = [
+    "Certificate",
+    "EssentialSpace",
+    "FundamentalBasis",
+    "Leftover",
+    "NearRightAngle",
+    "Priority",
+    "ReducedModel",
+    "Reduction",
+    "States",
+    "essential_space",
+    "fundamental_basis",
+    "random_states",
+    "reduce",
+    "states_within_limits",
+]

@@ -1,0 +1,150 @@
+"""The essential parameter space: what a mechanism's motion depends on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
+from adaptctl.identifiability.certificate import Certificate, leftovers
+from adaptctl.identifiability.null_space import null_residual, unscaled_bases
+from adaptctl.identifiability.numerical_rank import NumericalRank, singular_values
+from adaptctl.identifiability.right_angles import near_right_angles
+from adaptctl.identifiability.sampled_regressors import energies, energy_differences, torque_rows
+from adaptctl.identifiability.sampling import States, characteristic_length, random_states
+from adaptctl.identifiability.scaling import column_scales
+from adaptctl.mechanism.pose import Array, frozen_array
+
+
+@dataclass(frozen=True, eq=False)
+class EssentialSpace:
+    """The parameters (P) that change energies and torques, and the complement that changes none.
+
+    `singular_values` (P,) and `basis` V1 (P, k) belong to the energy differences H of `states`, unscaled, as
+    the paper has them (Sheu and Walker 1991, section 3). `null_basis` V2 (P, P-k) is orthonormal and does not
+    depend on the states. The rank is certified on energy differences at random states with scaled columns:
+    `scales` (P,) are the factors, `scaled_singular_values` (P,) and `scaled_vectors` (P, P), a vector a column,
+    factor that matrix. Choices between parameters of different units are made on these.
+    """
+
+    mechanism_name: str
+    sha256: str
+    geometry_sha256: str
+    parameter_names: tuple[str, ...]
+    rank: int
+    singular_values: Array
+    basis: Array
+    null_basis: Array
+    scales: Array
+    scaled_singular_values: Array
+    scaled_vectors: Array
+    certificate: Certificate
+    states: str
+    """where the states behind `singular_values` and `basis` come from"""
+
+    def __post_init__(self) -> None:
+        P, k = len(self.parameter_names), self.rank
+        shapes = {
+            "singular_values": (P,),
+            "basis": (P, k),
+            "null_basis": (P, P - k),
+            "scales": (P,),
+            "scaled_singular_values": (P,),
+            "scaled_vectors": (P, P),
+        }
+        for name, shape in shapes.items():
+            object.__setattr__(self, name, frozen_array(getattr(self, name), shape, name))
+
+    @property
+    def scaled_null_basis(self) -> Array:
+        """Orthonormal null vectors (P, P-k) among the scaled parameters D / scales."""
+        return self.scaled_vectors[:, self.rank :]
+
+    def project(self, parameters: ArrayLike) -> Array:
+        """Essential parameters D_E = V1 V1' D (..., P) of inertial parameters D (..., P)."""
+        D = np.asarray(parameters, dtype=np.float64)
+        if D.ndim == 0 or D.shape[-1] != len(self.parameter_names):
+            raise InputError(f"parameters: expected shape (..., {len(self.parameter_names)}), got {D.shape}")
+        return (D @ self.basis) @ self.basis.T
+
+
+def essential_space(
+    mechanism: Mechanism, *, samples: int | None = None, seed: int = 0, states: States | None = None
+) -> EssentialSpace:
+    """The essential parameter space of a mechanism, from energies at random states.
+
+    `samples` is the number of states, at least (and by default about) twice as many as parameters. With
+    `states`, the singular values and V1 are those of the given states' energies, so that model reduction holds
+    for them; the rank and V2, which are the mechanism's own, still come from random ones.
+    Raises `RankError`, with the spectrum, when the rank cannot be certified.
+    """
+    count = _sample_count(samples, len(mechanism.parameter_names))
+    generator = np.random.default_rng(seed)
+    doubled = random_states(mechanism, 2 * count, generator)
+    half = States(doubled.p[:count], doubled.v[:count], f"{count} random states over the full circle, seed {seed}")
+    scales = _energy_scales(mechanism, half)
+    spectrum, right = _factored(energy_differences(mechanism, half) * scales)
+    found = NumericalRank.of(spectrum)
+    null_basis, complement = unscaled_bases(right[found.rank :].T, scales)
+    rows = torque_rows(mechanism, generator)
+    certificate = Certificate(
+        rank_energy=found.rank,
+        rank_torque=_torque_rank(mechanism, rows),
+        rank_doubled=_energy_rank(mechanism, doubled),
+        gap=found.gap,
+        relative_smallest=found.smallest,
+        samples=count,
+        seed=seed,
+        leftovers=leftovers(spectrum, right, found.rank, mechanism.parameter_names),
+        near_right_angles=near_right_angles(mechanism.description),
+        null_residual=null_residual(rows, null_basis, scales),
+    )
+    certificate.require_accepted(mechanism.name, spectrum)
+    H = energy_differences(mechanism, states or half)
+    return EssentialSpace(
+        mechanism_name=mechanism.name,
+        sha256=mechanism.description.sha256,
+        geometry_sha256=mechanism.description.geometry_sha256,
+        parameter_names=mechanism.parameter_names,
+        rank=found.rank,
+        singular_values=singular_values(H),
+        basis=complement @ _factored(H @ complement)[1].T,
+        null_basis=null_basis,
+        scales=scales,
+        scaled_singular_values=spectrum,
+        scaled_vectors=right.T,
+        certificate=certificate,
+        states=(states or half).origin,
+    )
+
+
+def _sample_count(asked: int | None, parameters: int) -> int:
+    if asked is None:
+        return 2 * parameters + 1
+    if asked < 2 * parameters:
+        raise InputError(f"samples: expected at least twice the {parameters} parameters, got {asked}")
+    return asked
+
+
+def _factored(matrix: Array) -> tuple[Array, Array]:
+    """Singular values and all right singular vectors, as rows."""
+    wide = matrix.shape[0] < matrix.shape[1]
+    _, values, right = np.linalg.svd(matrix, full_matrices=wide)
+    return values, right
+
+
+def _energy_scales(mechanism: Mechanism, states: States) -> Array:
+    return column_scales(energies(mechanism, states), mechanism.parameter_names, characteristic_length(mechanism))
+
+
+def _energy_rank(mechanism: Mechanism, states: States) -> int:
+    H = energy_differences(mechanism, states) * _energy_scales(mechanism, states)
+    return NumericalRank.of(singular_values(H)).rank
+
+
+def _torque_rank(mechanism: Mechanism, rows: Array) -> int:
+    scales = column_scales(rows, mechanism.parameter_names, characteristic_length(mechanism))
+    return NumericalRank.of(singular_values(rows * scales)).rank

@@ -1,0 +1,172 @@
+"""Which parameters a user would rather be without."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import FileError, InputError, NotFoundError
+from adaptctl.files import read_toml
+
+SCHEMA = "adaptctl/priority/1"
+
+KINDS = ("m", "mc_x", "mc_y", "mc_z", "I_xy", "I_xz", "I_yz", "I_xx", "I_yy", "I_zz")
+"""The order of Table 4 of Sheu and Walker (1991): the first kind is removed first, of all links."""
+
+PAPER_KINDS = {"I_x": "I_xx", "I_y": "I_yy", "I_z": "I_zz"}
+"""The paper's names, which its kind of grid may use."""
+
+
+@dataclass(frozen=True)
+class Priority:
+    """An order over parameters by name, ``link3.I_xx``: the first is removed first.
+
+    Parameters that are not named come after those of `order`, in the default order. Those of `keep` are
+    removed last, the first of them last of all. Either way a parameter stays when removing it would lose
+    something that the motion depends on.
+    """
+
+    order: tuple[str, ...] = ()
+    keep: tuple[str, ...] = ()
+
+    @classmethod
+    def default(cls, mechanism: Mechanism) -> Priority:
+        """Table 4's rule for any mechanism: kind by kind as in `KINDS`, each from the first link to the last."""
+        return cls(_default_order(mechanism.parameter_names))
+
+    @classmethod
+    def read(cls, path: str | Path, mechanism: Mechanism) -> Priority:
+        """The priority that a TOML file states for a mechanism, in one of three ways.
+
+        By parameter, as far as one cares::
+
+            order = ["link1.I_zz", "link2.I_zz"]
+            keep = ["link6.m"]
+
+        By kind and link, kinds first (``first = "links"`` for link by link); what is left out follows in the
+        default order::
+
+            kinds = ["I_xx", "I_yy"]
+            links = ["link2", "link1"]
+
+        As a grid of numbers like Tables 4 and 11 of Sheu and Walker (1991), a row for each kind (``I_x`` may
+        stand for ``I_xx``) with a number for each link, in the mechanism's order or that of `links`::
+
+            [grid]
+            m = [1, 2, 3]
+            mc_x = [4, 5, 6]
+
+        Every file begins with ``schema = "adaptctl/priority/1"``. Raises `FileError`.
+        """
+        table = read_toml(path, _Table)
+        try:
+            priority = _from_table(table, mechanism.parameter_names)
+            priority.indices(mechanism.parameter_names)
+        except InputError as error:
+            raise FileError(f"{path}: {error}") from error
+        return priority
+
+    def indices(self, parameter_names: Sequence[str]) -> tuple[int, ...]:
+        """All parameters (P,) as indices, the one to be removed first coming first.
+
+        Raises `InputError` for names that are unknown or given twice.
+        """
+        named = (*self.order, *self.keep)
+        _require_known(named, parameter_names, "parameter")
+        _require_once(named, "parameter")
+        rest = [name for name in _default_order(parameter_names) if name not in set(named)]
+        place = {name: i for i, name in enumerate(parameter_names)}
+        return tuple(place[name] for name in (*self.order, *rest, *reversed(self.keep)))
+
+
+class _Table(msgspec.Struct, forbid_unknown_fields=True):
+    schema: Literal["adaptctl/priority/1"]
+    order: list[str] | None = None
+    keep: list[str] = []
+    kinds: list[str] | None = None
+    links: list[str] | None = None
+    first: Literal["kinds", "links"] = "kinds"
+    grid: dict[str, list[float]] | None = None
+
+
+def _from_table(table: _Table, parameter_names: Sequence[str]) -> Priority:
+    keep = tuple(table.keep)
+    by_kind = table.grid is None and (table.kinds is not None or table.links is not None)
+    if (table.order is not None) + (table.grid is not None) + by_kind > 1 or (table.grid and table.kinds):
+        raise InputError("give one of: order; kinds and links; grid (with links, if they are in another order)")
+    if table.grid is not None:
+        return Priority(_grid_order(table.grid, _links(table, parameter_names), keep), keep)
+    if by_kind:
+        return Priority(_product_order(table, parameter_names, keep), keep)
+    if table.order is None and not keep:
+        raise InputError("nothing is said: give order, keep, kinds, links or grid")
+    return Priority(tuple(table.order or ()), keep)
+
+
+def _links(table: _Table, parameter_names: Sequence[str]) -> list[str]:
+    """The links that are asked for, all where none are."""
+    known = list(dict.fromkeys(name.rpartition(".")[0] for name in parameter_names))
+    links = known if table.links is None else table.links
+    _require_known(links, known, "link")
+    _require_once(links, "link")
+    return links
+
+
+def _product_order(table: _Table, parameter_names: Sequence[str], keep: Sequence[str]) -> tuple[str, ...]:
+    links = _links(table, parameter_names)
+    kinds = _kinds(KINDS if table.kinds is None else table.kinds)
+    if table.first == "kinds":
+        names = [f"{link}.{kind}" for kind in kinds for link in links]
+    else:
+        names = [f"{link}.{kind}" for link in links for kind in kinds]
+    return tuple(name for name in names if name not in keep)
+
+
+def _grid_order(grid: Mapping[str, Sequence[float]], links: Sequence[str], keep: Sequence[str]) -> tuple[str, ...]:
+    numbers: dict[float, str] = {}
+    for kind, (given, row) in zip(_kinds(grid), grid.items(), strict=True):
+        if len(row) != len(links):
+            raise InputError(f"grid: row {given} has {len(row)} numbers, expected {len(links)}: one for each link")
+        for link, number in zip(links, row, strict=True):
+            name = f"{link}.{kind}"
+            if number in numbers:
+                raise InputError(f"grid: the number {number:g} stands at {numbers[number]} and at {name}")
+            numbers[number] = name
+    return tuple(numbers[number] for number in sorted(numbers) if numbers[number] not in keep)
+
+
+def _kinds(given: Iterable[str]) -> list[str]:
+    kinds = [PAPER_KINDS.get(kind, kind) for kind in given]
+    _require_known(kinds, KINDS, "kind of parameter")
+    _require_once(kinds, "kind of parameter")
+    return kinds
+
+
+def _default_order(parameter_names: Sequence[str]) -> tuple[str, ...]:
+    """Kind by kind; a stable sort keeps the links in their order."""
+    return tuple(sorted(parameter_names, key=lambda name: KINDS.index(name.rpartition(".")[2])))
+
+
+def _require_known(given: Sequence[str], known: Sequence[str], what: str) -> None:
+    for name in given:
+        if name not in known:
+            close = get_close_matches(name, known, n=1)
+            guess = f"did you mean {close[0]!r}?" if close else f"there are {_listed(known)}"
+            raise NotFoundError(f"unknown {what} {name!r}; {guess}")
+
+
+def _require_once(given: Sequence[str], what: str) -> None:
+    for name in given:
+        if given.count(name) > 1:
+            raise InputError(f"{what} {name!r} is given more than once")
+
+
+def _listed(names: Sequence[str], most: int = 20) -> str:
+    shown = ", ".join(names[:most])
+    return f"{shown}, ... ({len(names)} in all)" if len(names) > most else shown

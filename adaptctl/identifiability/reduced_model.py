@@ -1,0 +1,92 @@
+"""A mechanism's dynamics on its fundamental parameters alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
+from adaptctl.identifiability.fundamental_basis import FundamentalBasis
+from adaptctl.mechanism.pose import Array, frozen_array
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedModel:
+    """The equations of motion on the parameters that a basis keeps; on all P where there is no basis.
+
+    tau = Y[:, columns] beta: the columns of the parameters that were removed are never computed. The basis may
+    come from any mechanism of the same geometry. Raises `InputError` for a basis of another one.
+    """
+
+    mechanism: Mechanism
+    basis: FundamentalBasis | None
+
+    def __post_init__(self) -> None:
+        if self.basis is None:
+            return
+        geometry = self.mechanism.description.geometry_sha256
+        if self.basis.geometry_sha256 != geometry:
+            raise InputError(
+                f"the basis was found for {self.basis.mechanism_name!r}, whose geometry, gravity or link names are "
+                f"not those of {self.mechanism.name!r}: find the basis of {self.mechanism.name!r}"
+            )
+
+    @classmethod
+    def full(cls, mechanism: Mechanism) -> ReducedModel:
+        """All P parameters, for comparison: the regrouping is the identity."""
+        return cls(mechanism, None)
+
+    @cached_property
+    def columns(self) -> tuple[int, ...]:
+        """The kept columns (k,), rising."""
+        return tuple(range(len(self.mechanism.parameter_names))) if self.basis is None else self.basis.columns
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the kept parameters (k,)."""
+        return tuple(self.mechanism.parameter_names[j] for j in self.columns)
+
+    @cached_property
+    def regrouping(self) -> Array:
+        """K (k, P): beta = K D."""
+        if self.basis is not None:
+            return self.basis.regrouping
+        P = len(self.columns)
+        return frozen_array(np.eye(P), (P, P), "regrouping")
+
+    @cached_property
+    def fundamental_parameters(self) -> Array:
+        """The true beta = K D (k,)."""
+        return frozen_array(
+            self.regrouping @ self.mechanism.inertial_parameters, (len(self.columns),), "fundamental parameters"
+        )
+
+    def torque_regressor(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
+        """Y[:, columns] (..., r, k)."""
+        return self.mechanism.torque_regressor(p, v, a, self.columns)
+
+    def slotine_li_regressor(self, p: ArrayLike, v: ArrayLike, v_r: ArrayLike, a_r: ArrayLike) -> Array:
+        """Y_r[:, columns] (..., r, k)."""
+        return self.mechanism.slotine_li_regressor(p, v, v_r, a_r, self.columns)
+
+    def inverse_dynamics(self, p: ArrayLike, v: ArrayLike, a: ArrayLike, beta: ArrayLike | None = None) -> Array:
+        """Torque (..., r) that gives the accelerations a, with parameters beta (..., k), the true ones by default."""
+        values = self.fundamental_parameters if beta is None else self._checked(beta)
+        return np.einsum("...ij,...j->...i", self.torque_regressor(p, v, a), values)
+
+    def embed(self, beta: ArrayLike) -> Array:
+        """D_I = F1 beta (..., P): beta at the kept columns, zeros elsewhere, with the same torques."""
+        values = self._checked(beta)
+        out = np.zeros((*values.shape[:-1], len(self.mechanism.parameter_names)))
+        out[..., list(self.columns)] = values
+        return out
+
+    def _checked(self, beta: ArrayLike) -> Array:
+        values = np.asarray(beta, dtype=np.float64)
+        if values.ndim == 0 or values.shape[-1] != len(self.columns):
+            raise InputError(f"fundamental parameters: expected shape (..., {len(self.columns)}), got {values.shape}")
+        return values

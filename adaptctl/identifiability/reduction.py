@@ -1,0 +1,95 @@
+"""Model reduction: the combinations of parameters that carry the energy of given motions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
+from adaptctl.identifiability.essential_space import EssentialSpace
+from adaptctl.mechanism.pose import Array, frozen_array
+
+
+@dataclass(frozen=True, eq=False)
+class Reduction:
+    """An arm's parameters with only their weightiest components kept (Sheu and Walker 1991, section 3.2).
+
+    It holds for `states`, the motions behind the essential space's singular values, and for the parameters it
+    was made with: others move the weights.
+    """
+
+    states: str
+    components: Array
+    """(k, P): the alpha_j v_j by falling weight; the first s sum to the reduced parameters"""
+    weights: Array
+    """(k,): beta_j = sigma_j v_j' D by falling size, in J times the root of the number of samples"""
+    order: tuple[int, ...]
+    """which column of V1 stands at each place"""
+    percent_errors: Array
+    """(k + 1,): the energy error in percent (equation 23) when 0, 1, ... k components are kept"""
+    kept: int
+    """s, the number of components kept"""
+
+    @property
+    def percent_error(self) -> float:
+        """The energy error in percent of what is kept."""
+        return float(self.percent_errors[self.kept])
+
+    def parameters(self, components: int | None = None) -> Array:
+        """Reduced parameters (P,), the paper's D_E with a hat, from `components` of them (default: `kept`)."""
+        count = self.kept if components is None else _checked_count(components, len(self.weights))
+        return self.components[:count].sum(axis=0)
+
+
+def reduce(
+    space: EssentialSpace,
+    parameters: Mechanism | ArrayLike,
+    *,
+    energy_error: float | None = None,
+    components: int | None = None,
+) -> Reduction:
+    """Keep the fewest components whose energy error is at most `energy_error` percent, or a number of them.
+
+    `parameters` are inertial parameters (P,) or a mechanism that has them. The error is the root of the summed
+    squares over the samples of the space's `states`, relative to the energies themselves (equation 22).
+    """
+    if (energy_error is None) == (components is None):
+        raise InputError("give one of energy_error, in percent, and components, a number")
+    values = parameters.inertial_parameters if isinstance(parameters, Mechanism) else parameters
+    D = frozen_array(values, (len(space.parameter_names),), "parameters")
+    alpha = space.basis.T @ D
+    beta = space.singular_values[: space.rank] * alpha
+    order = np.argsort(-np.abs(beta), kind="stable")
+    errors = _percent_errors(beta[order])
+    count = _enough(errors, energy_error) if energy_error is not None else components
+    return Reduction(
+        states=space.states,
+        components=alpha[order, None] * space.basis[:, order].T,
+        weights=beta[order],
+        order=tuple(order.tolist()),
+        percent_errors=errors,
+        kept=_checked_count(count, space.rank),
+    )
+
+
+def _percent_errors(weights: Array) -> Array:
+    """Equation 23 for every s, summed from the smallest so that the last ones keep their digits."""
+    tails = np.append(np.cumsum(weights[::-1] ** 2)[::-1], 0.0)
+    if tails[0] == 0.0:
+        raise InputError("these parameters have no energy in any of the states, so there is nothing to reduce")
+    return np.asarray(100.0 * np.sqrt(tails / tails[0]))
+
+
+def _enough(errors: Array, energy_error: float) -> int:
+    if not (np.isfinite(energy_error) and energy_error >= 0.0):
+        raise InputError(f"energy_error: expected a percentage of at least 0, got {energy_error}")
+    return int(np.argmax(errors <= energy_error))
+
+
+def _checked_count(count: int | None, most: int) -> int:
+    if count is None or not 0 <= count <= most:
+        raise InputError(f"components: expected 0..{most}, got {count}")
+    return count

@@ -1,0 +1,38 @@
+"""Sampled energies and torques of a mechanism, as matrices on its inertial parameters."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from adaptctl.dynamics import Mechanism
+from adaptctl.identifiability.sampling import (
+    States,
+    characteristic_length,
+    random_accelerations,
+    random_states,
+)
+from adaptctl.mechanism.pose import Array
+
+
+def energies(mechanism: Mechanism, states: States) -> Array:
+    """Kinetic plus potential energies (samples, P) per unit of each parameter, in J."""
+    return mechanism.energy_regressor(states.p, states.v)
+
+
+def energy_differences(mechanism: Mechanism, states: States) -> Array:
+    """H (samples - 1, P): energies at successive states, subtracted (Sheu and Walker 1991, equations 8 and 13).
+
+    Subtracting matters: the energies themselves carry the constant potential, which changes no torque, and
+    have one rank too many.
+    """
+    return np.diff(energies(mechanism, states), axis=0)
+
+
+def torque_rows(mechanism: Mechanism, generator: np.random.Generator) -> Array:
+    """Torque regressors (at least 2 P, P) at random states, one above the other, in N m: forces times L."""
+    samples = max(2, -(-2 * len(mechanism.parameter_names) // mechanism.dof))
+    states = random_states(mechanism, samples, generator)
+    Y = mechanism.torque_regressor(states.p, states.v, random_accelerations(mechanism, samples, generator))
+    length = characteristic_length(mechanism)
+    arms = [1.0 if joint.kind.turns else length for joint in mechanism.primary_joints]
+    return (Y * np.array(arms)[:, None]).reshape(-1, Y.shape[-1])

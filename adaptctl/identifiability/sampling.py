@@ -1,0 +1,98 @@
+"""Random states of a mechanism, to tell generic properties from accidents of one configuration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
+from adaptctl.mechanism import GROUND
+from adaptctl.mechanism.description import STANDARD_GRAVITY
+from adaptctl.mechanism.pose import Array
+
+
+@dataclass(frozen=True, eq=False)
+class States:
+    """Positions p and velocities v (samples, r) of the primary joints, and where they come from, in words."""
+
+    p: Array
+    v: Array
+    origin: str
+
+    def __post_init__(self) -> None:
+        if np.ndim(self.p) != 2 or np.shape(self.p) != np.shape(self.v) or len(self.p) < 2:
+            raise InputError(
+                "states: expected p and v of one shape (samples, r), at least two samples, "
+                f"got {np.shape(self.p)} and {np.shape(self.v)}"
+            )
+
+    def __len__(self) -> int:
+        return len(self.p)
+
+
+def characteristic_length(mechanism: Mechanism) -> float:
+    """L (m): the largest offset from a joint to the next at zero; the farthest link frame from its joint where
+    all joints meet in a point, and 1 m where even these do."""
+    links = mechanism.links
+    between = [links[k.parent].far @ k.near for k in links if k.parent != GROUND]
+    for poses in (between, [k.far for k in links]):
+        longest = max((float(np.linalg.norm(pose.translation)) for pose in poses), default=0.0)
+        if longest > 1e-9:
+            return longest
+    return 1.0
+
+
+def random_states(mechanism: Mechanism, samples: int, generator: np.random.Generator) -> States:
+    """Positions all around the circle (prismatic joints: within +-L), speeds about sqrt(g/L), limits ignored.
+
+    The energy is analytic in the state, so that its rank is the same almost everywhere: samples within narrow
+    limits would only make the same rank harder to see.
+    """
+    length, turns = characteristic_length(mechanism), _turns(mechanism)
+    p = generator.uniform(-1.0, 1.0, (samples, mechanism.dof)) * np.where(turns, np.pi, length)
+    v = generator.normal(size=p.shape) * _rate(mechanism) * np.where(turns, 1.0, length)
+    return States(p, v, f"{samples} random states over the full circle")
+
+
+def random_accelerations(mechanism: Mechanism, samples: int, generator: np.random.Generator) -> Array:
+    """Accelerations (samples, r) about g/L, to go with `random_states`."""
+    per_joint = np.where(_turns(mechanism), 1.0, characteristic_length(mechanism))
+    return generator.normal(size=(samples, mechanism.dof)) * _rate(mechanism) ** 2 * per_joint
+
+
+def states_within_limits(mechanism: Mechanism, samples: int, seed: int = 0) -> States:
+    """Positions and velocities uniform within the joints' limits, as Sheu and Walker (1991) sampled theirs.
+
+    Where a joint has no limit, the range of `random_states` takes its place.
+    """
+    generator = np.random.default_rng(seed)
+    length, turns = characteristic_length(mechanism), _turns(mechanism)
+    limits = [joint.limits for joint in mechanism.primary_joints]
+    reach = np.where(turns, np.pi, length)
+    lower, upper = np.array([b.lower for b in limits]), np.array([b.upper for b in limits])
+    lower, upper = _range(lower, upper, 2.0 * reach)
+    speed = np.array([b.velocity for b in limits])
+    speed = np.where(np.isfinite(speed), speed, _rate(mechanism) * np.where(turns, 1.0, length))
+    p = generator.uniform(lower, upper, (samples, mechanism.dof))
+    v = generator.uniform(-speed, speed, p.shape)
+    return States(p, v, f"{samples} random states within the joints' limits, seed {seed}")
+
+
+def _range(lower: Array, upper: Array, width: Array) -> tuple[Array, Array]:
+    """Bounds with the infinite ones replaced: `width` from the finite one, or centred on zero."""
+    low, high = np.isfinite(lower), np.isfinite(upper)
+    below = np.where(high, upper - width, -0.5 * width)
+    above = np.where(low, lower + width, 0.5 * width)
+    return np.where(low, lower, below), np.where(high, upper, above)
+
+
+def _turns(mechanism: Mechanism) -> Array:
+    return np.array([joint.kind.turns for joint in mechanism.primary_joints])
+
+
+def _rate(mechanism: Mechanism) -> float:
+    """sqrt(g/L) (1/s): the speed at which kinetic and potential energy weigh alike."""
+    gravity = float(np.linalg.norm(mechanism.description.gravity)) or float(np.linalg.norm(STANDARD_GRAVITY))
+    return float(np.sqrt(gravity / characteristic_length(mechanism)))
