@@ -98,7 +98,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     ## Episode end
 
-    Terminated when a joint's |e| passes `error_bound` (1 rad or m; infinity for never). Truncated at `duration`.
+    Terminated when a joint's |e| passes `error_bound` (1 rad or m; infinity for never), when a mechanism with loops
+    nears a singularity, or when it leaves the conditions it states. Truncated at `duration`.
 
     ## Information
 
@@ -235,11 +236,11 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     def _judged(self, episode: _Episode, applied: Array) -> tuple[float, bool]:
         """The reward of the state reached, and whether an error passed its bound there."""
-        (_, p, v), row, r = episode.state, episode.preview.row(episode.step), self.plant.dof
-        error = p - row[:r]
-        terminated = bool((np.abs(error) > self.error_bound).any())
+        state, row, r = episode.state, episode.preview.row(episode.step), self.plant.dof
+        error = state.p - row[:r]
+        terminated = bool((np.abs(error) > self.error_bound).any()) or not self.plant.may_work(state)
         relative = applied / self._limits
-        return self.reward_weights.reward(error, v - row[r : 2 * r], relative, terminated), terminated
+        return self.reward_weights.reward(error, state.v - row[r : 2 * r], relative, terminated), terminated
 
     def _observation(self, episode: _Episode) -> Array:
         return np.concatenate((episode.state.p, episode.state.v, episode.preview.row(episode.step)))

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from adaptctl.control.controller import LARGEST_COMPILED
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.arrays import column
 from adaptctl.errors import InputError, NonFiniteError
@@ -124,12 +125,13 @@ def test_a_payload_needs_no_new_plant(plant: Plant, puma: Mechanism) -> None:
 
 
 def test_long_mechanisms_run_in_python() -> None:
-    plant = Plant(pendulums(17), 1e-3)
-    state = plant.init(np.full(17, 0.1), np.zeros(17))
-    after = plant.step(state, np.zeros(17))
-    expected = in_python(plant, state, np.zeros(17), plant.mechanism.inertial_parameters)
+    links = LARGEST_COMPILED + 1
+    plant = Plant(pendulums(links), 1e-3, integrator=SemiImplicitEuler())
+    state = plant.init(np.full(links, 0.1), np.zeros(links))
+    after = plant.step(state, np.zeros(links))
+    expected = in_python(plant, state, np.zeros(links), plant.mechanism.inertial_parameters)
     np.testing.assert_array_equal(np.concatenate((after.p, after.v)), expected)
-    assert plant.energy(after) == pytest.approx(plant.energy(state), rel=1e-9)
+    assert plant.energy(after) == pytest.approx(plant.energy(state), rel=1e-4)
 
 
 @pytest.mark.parametrize(
