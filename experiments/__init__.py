@@ -1,0 +1,51 @@
+"""Experiments, one file each: settings whose fields become flags, and what is done with them."""
+
+from __future__ import annotations
+
+from difflib import get_close_matches
+from importlib import import_module
+from typing import TYPE_CHECKING, NamedTuple
+
+from adaptctl.errors import NotFoundError
+
+if TYPE_CHECKING:
+    from adaptctl.experiments.experiment import Experiment
+
+__all__ = ["EXPERIMENTS", "Entry", "find"]
+
+
+class Entry(NamedTuple):
+    """An experiment in the list: what is needed to choose it, without importing it."""
+
+    name: str
+    summary: str
+    module: str
+    kind: str
+
+
+EXPERIMENTS = (
+    Entry(
+        "puma560-adaptive",
+        "The PUMA 560 learns to track from knowing nothing, on 36 parameters found from energies",
+        "adaptctl.experiments.puma560_adaptive",
+        "Puma560Adaptive",
+    ),
+    Entry(
+        "adaptive",
+        "The same for any arm: a built-in robot or a file of yours",
+        "adaptctl.experiments.adaptive",
+        "Adaptive",
+    ),
+)
+
+
+def find(name: str) -> type[Experiment]:
+    """The experiment of that name. Raises NotFoundError with the names that exist."""
+    names = [entry.name for entry in EXPERIMENTS]
+    if name not in names:
+        close = get_close_matches(name, names, n=1, cutoff=0.4)
+        guess = f" (did you mean {close[0]!r}?)" if close else ""
+        raise NotFoundError(f"unknown experiment {name!r}{guess}; experiments: {', '.join(names)}")
+    entry = EXPERIMENTS[names.index(name)]
+    kind: type[Experiment] = getattr(import_module(entry.module), entry.kind)
+    return kind

@@ -1,0 +1,154 @@
+"""`adaptctl experiment`: list experiments, run one, keep what it made."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import Field
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from adaptctl.experiments import EXPERIMENTS, Entry, find
+
+if TYPE_CHECKING:
+    from types import FrameType
+
+    from adaptctl.experiments.experiment import Experiment
+    from adaptctl.recording import Comparison
+
+DONE, INTERRUPTED = 0, 130
+NOT_SETTINGS = ("name", "out", "overwrite", "run")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """`list`, and `run` with a flag for every setting of the experiment that is named."""
+    actions = parser.add_subparsers(title="actions", metavar="ACTION", required=True)
+    listing = actions.add_parser("list", help="name the experiments", description="The experiments there are.")
+    listing.set_defaults(run=list_experiments)
+    running = actions.add_parser("run", help="run an experiment", description="Run an experiment.")
+    names = running.add_subparsers(title="experiments", metavar="EXPERIMENT", required=True)
+    for entry in EXPERIMENTS:
+        names.add_parser(entry.name, help=entry.summary, fill=partial(_add_settings, entry))
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the experiment that was named, with its settings, and write its folder."""
+    from adaptctl.recording import prepare_folder
+
+    kind = find(arguments.name)
+    chosen = {name: value for name, value in vars(arguments).items() if name not in NOT_SETTINGS}
+    experiment = kind(**chosen)
+    folder = prepare_folder(arguments.out or Path("results") / arguments.name, arguments.overwrite)
+    with _terminated_like_interrupted():
+        comparison = _computed(experiment, folder)
+    _tell(comparison, folder)
+    return DONE if comparison.complete else INTERRUPTED
+
+
+def list_experiments(arguments: argparse.Namespace) -> int:
+    """Name the experiments, one a line."""
+    width = max(len(entry.name) for entry in EXPERIMENTS)
+    for entry in EXPERIMENTS:
+        print(f"{entry.name:<{width}}  {entry.summary}")
+    return DONE
+
+
+def _add_settings(entry: Entry, parser: argparse.ArgumentParser) -> None:
+    """The experiment's fields as flags; only now is it imported."""
+    from adaptctl.experiments.experiment import settings
+
+    kind = find(entry.name)
+    parser.description = f"{entry.summary}."
+    parser.set_defaults(name=entry.name, run=run)
+    output = parser.add_argument_group("output")
+    output.add_argument("--out", metavar="DIR", help=f"folder to write (default: results/{entry.name})")
+    output.add_argument("--overwrite", action="store_true", help="write into a folder that is not empty")
+    chosen = parser.add_argument_group("settings")
+    for field in settings(kind):
+        chosen.add_argument(f"--{field.name.replace('_', '-')}", **_flag(field))
+
+
+def _flag(field: Field[Any]) -> dict[str, Any]:
+    """What argparse needs to know of a setting."""
+    from adaptctl.experiments.experiment import text
+
+    default: Any = field.default
+    many = isinstance(default, tuple)
+    kind = type(default[0] if many else default)
+    metavar = {int: "N", float: "X", str: "NAME"}[kind]
+    symbol = f"{field.metadata['symbol']}: " if field.metadata["symbol"] else ""
+    described = f"{symbol}{field.metadata['meaning']} (default: {text(default)})".replace("%", "%%")
+    flag = {"dest": field.name, "default": default, "metavar": metavar, "help": described, "type": kind}
+    return flag | ({"nargs": "+", "action": _Tuple} if many else {})
+
+
+class _Tuple(argparse.Action):
+    """Several numbers after a flag, as a tuple."""
+
+    def __call__(
+        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, option: str | None = None
+    ) -> None:
+        setattr(namespace, self.dest, tuple(values))
+
+
+def _computed(experiment: Experiment, folder: Path) -> Comparison:
+    """Compute and write, showing how far it is on stderr."""
+    from adaptctl.recording import write_artifacts
+
+    with _progress() as told:
+        comparison = experiment.compare(told)
+        if not comparison.complete:
+            print("adaptctl: interrupted; writing what was computed", file=sys.stderr)
+        write_artifacts(folder, comparison, lambda what, share: told("Recording, figures and report", share))
+    return comparison
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[str, float], None]]:
+    """A bar a stage on stderr, where a person can see it."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"))
+    with Progress(*columns, TimeElapsedColumn(), console=Console(stderr=True)) as shown:
+        tasks: dict[str, TaskID] = {}
+
+        def told(what: str, share: float) -> None:
+            if what not in tasks:
+                tasks[what] = shown.add_task(what, total=1.0)
+            shown.update(tasks[what], completed=share)
+
+        yield told
+
+
+def _tell(comparison: Comparison, folder: Path) -> None:
+    """The outcome, and where to look, on stdout."""
+    from adaptctl.recording.wording import facts, verdict
+
+    print(verdict(comparison))
+    answers = list(facts(comparison))
+    width = max(len(question) for question, _ in answers)
+    print("\n".join(f"  {question:<{width}}  {answer}" for question, answer in answers))
+    print(f"\nLook at it:  rerun {folder / 'recording.rrd'}\nRead it:     {folder / 'report.html'}")
+
+
+@contextmanager
+def _terminated_like_interrupted() -> Iterator[None]:
+    """Let a polite request to end (SIGTERM, as batch systems send) keep what was computed, as Ctrl-C does."""
+
+    def interrupt(number: int, frame: FrameType | None) -> NoReturn:
+        raise KeyboardInterrupt
+
+    try:
+        before = signal.signal(signal.SIGTERM, interrupt)
+    except ValueError:  # not in the main thread, where signals do not arrive
+        yield
+        return
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

@@ -1,0 +1,90 @@
+"""What every experiment is: checked settings, and a function from them to a comparison."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+from dataclasses import Field, dataclass, field, fields
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from adaptctl.errors import InputError, NonFiniteError
+
+if TYPE_CHECKING:
+    from adaptctl.recording import Comparison
+
+Progress = Callable[[str, float], object]
+"""Called with what is being done, and the share of it that is done."""
+
+LONGEST = 300_000
+"""control periods a run may have: all of them are kept in memory"""
+
+
+def setting(default: Any, meaning: str, *, symbol: str = "", low: float = -math.inf, high: float = math.inf) -> Any:
+    """A field of an experiment: its default, what it means, and the bounds, inclusive, of every number in it."""
+    metadata = {"meaning": meaning, "symbol": symbol, "low": low, "high": high}
+    return field(default=default, metadata=metadata)
+
+
+@dataclass(frozen=True)
+class Experiment(ABC):
+    """Settings of an experiment. Wrong ones are refused at construction, with an `InputError`."""
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+
+    seed: int = setting(0, "seed of everything random", low=0, high=2**31 - 1)
+    duration: float = setting(20.0, "length of every run, s", low=0.01, high=300.0)
+    control_period: float = setting(1e-3, "time a torque is held, s", symbol="T_c", low=1e-4, high=0.02)
+
+    def __post_init__(self) -> None:
+        for entry in fields(self):
+            _require(entry, getattr(self, entry.name))
+        if self.duration / self.control_period > LONGEST:
+            raise InputError(
+                f"duration: {self.duration:g} s at a control period of {self.control_period:g} s is more than "
+                f"{LONGEST} steps; shorten it or lengthen the control period"
+            )
+
+    @abstractmethod
+    def compare(self, progress: Progress) -> Comparison:
+        """Do it. An interruption (Ctrl-C) ends it early: what was computed comes back, marked incomplete."""
+
+
+def settings(experiment: Experiment | type[Experiment]) -> Iterator[Field[Any]]:
+    """The fields that can be chosen, the experiment's own before the ones all have."""
+    common = {entry.name for entry in fields(Experiment)}
+    own = [entry for entry in fields(experiment) if entry.name not in common]
+    yield from (*own, *fields(Experiment))
+
+
+def text(value: object) -> str:
+    """A setting's value as it would be typed."""
+    if isinstance(value, tuple):
+        return " ".join(text(entry) for entry in value)
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _require(entry: Field[Any], value: object) -> None:
+    """Every number of a setting is of the default's kind, finite and within its bounds."""
+    kind = type(entry.default)
+    numbers = value if isinstance(value, tuple) else (value,)
+    if isinstance(value, tuple) is not (kind is tuple) or not numbers:
+        raise InputError(f"{entry.name}: expected {_expected(entry)}, got {value!r}")
+    for number in numbers:
+        if isinstance(number, str) and kind is str:
+            continue
+        if isinstance(number, bool) or not isinstance(number, int | float) or (kind is int and number != int(number)):
+            raise InputError(f"{entry.name}: expected {_expected(entry)}, got {number!r}")
+        if not math.isfinite(number):
+            raise NonFiniteError(f"{entry.name}: expected {_expected(entry)}, got {number}")
+        if not entry.metadata["low"] <= number <= entry.metadata["high"]:
+            raise InputError(f"{entry.name}: expected {_expected(entry)}, got {number:g}")
+
+
+def _expected(entry: Field[Any]) -> str:
+    what = {int: "a whole number", float: "a number", str: "a name or a file", tuple: "numbers"}[type(entry.default)]
+    low, high = entry.metadata["low"], entry.metadata["high"]
+    if math.isfinite(low) and math.isfinite(high):
+        return f"{what} from {low:g} to {high:g}"
+    return f"{what} of at least {low:g}" if math.isfinite(low) else what

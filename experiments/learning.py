@@ -1,0 +1,180 @@
+"""What experiments in adaptive tracking have in common: the contenders, and what is made of their runs."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from adaptctl.control import ComputedTorque, Gains, PriorRanges, SlotineLi, adaptation_gain, mapped_gain
+from adaptctl.dynamics import Mechanism, load
+from adaptctl.experiments.contest import Contender, Outcome, contest
+from adaptctl.experiments.experiment import Experiment, Progress, setting, settings, text
+from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
+from adaptctl.mechanism.pose import Array
+from adaptctl.recording import Comparison, Finding, Run, Setting
+
+if TYPE_CHECKING:
+    import gymnasium
+
+ADAPTIVE, ADAPTATION_OFF = "adaptive", "adaptation-off"
+MAPPED, FULL = "adaptive-mapped", "adaptive-full"
+OFFLINE = "Independent parameters from energies"
+
+
+@dataclass(frozen=True)
+class Learning(Experiment):
+    """Slotine-Li from zero on the independent parameters, against what others make of the same arm.
+
+    The same with adaptation off; computed torque with true, wrong and no parameters; and Slotine-Li on the
+    independent and on all parameters with the gain mapped from these to those (Gamma_beta = K Gamma_D K'),
+    which is one controller to round-off, so that what differs is cost alone.
+    """
+
+    robot: str = setting("puma560", "a built-in robot or a file (.urdf, .toml)")
+    bandwidth: float = setting(8.0, "how fast errors decay, 1/s", symbol="Λ", low=0.1, high=100.0)
+    rate: float = setting(
+        0.6,
+        "adaptation rate: the gain is it times the square of each parameter's prior range",
+        symbol="Γ",
+        low=1e-6,
+        high=1e3,
+    )
+    initial_error: float = setting(0.1, "initial error of every joint, rad or m", low=-1.0, high=1.0)
+    parameter_error: float = setting(
+        0.3, "the wrong model has each link's parameters off by this share, up or down by seed", low=0.0, high=1.0
+    )
+
+    @property
+    @abstractmethod
+    def purpose(self) -> str:
+        """What is asked, in a paragraph."""
+
+    @abstractmethod
+    def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
+        """The environment that everybody drives."""
+
+    @abstractmethod
+    def gains(self, mechanism: Mechanism) -> Gains:
+        """Gains of the tracking loop."""
+
+    @abstractmethod
+    def ranges(self, mechanism: Mechanism) -> PriorRanges:
+        """How large the parameters may be."""
+
+    @abstractmethod
+    def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
+        """The reference, stated where the settings alone do not tell."""
+
+    def compare(self, progress: Progress) -> Comparison:
+        """The offline stage, the contest, the findings."""
+        progress(OFFLINE, 0.0)
+        mechanism = load(self.robot)
+        env = self.environment(mechanism)
+        space = essential_space(mechanism, seed=self.seed)
+        basis = fundamental_basis(space)
+        progress(OFFLINE, 1.0)
+        outcome = contest(env, mechanism, self.contenders(mechanism, basis), self.seed, progress)
+        return Comparison(
+            experiment=self.name,
+            title=self.title.format(robot=mechanism.name),
+            purpose=self.purpose,
+            mechanism=mechanism,
+            space=space,
+            basis=basis,
+            runs=outcome.runs,
+            torque_limits=env.action_space.high,  # type: ignore[attr-defined]  # a Box, as every torque's space
+            settings=tuple(self._settings(mechanism, env)),
+            seed=self.seed,
+            duration=self.duration,
+            findings=tuple(findings(outcome)),
+            complete=outcome.complete,
+            without_adaptation=ADAPTATION_OFF,
+        )
+
+    def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
+        """Who drives, in order; the first is the subject."""
+        model, full, k = ReducedModel(mechanism, basis), ReducedModel.full(mechanism), len(basis.columns)
+        gains, ranges = self.gains(mechanism), self.ranges(mechanism)
+        everything = len(mechanism.parameter_names)
+        gain, full_gain = adaptation_gain(model, ranges, self.rate), adaptation_gain(full, ranges, self.rate)
+        true = np.asarray(mechanism.inertial_parameters)
+        wrong = f"{100 * self.parameter_error:.0f} % off"
+
+        def slotine_li(on: ReducedModel, adaptation: Array | None) -> SlotineLi:
+            return SlotineLi(on, gains.bandwidth, gains.damping, adaptation, period=self.control_period)
+
+        def computed_torque(parameters: Array) -> ComputedTorque:
+            return ComputedTorque(mechanism, gains.bandwidth, parameters=parameters)
+
+        return [
+            Contender(ADAPTIVE, f"Slotine-Li, {k} parameters", "nothing", slotine_li(model, gain)),
+            Contender(ADAPTATION_OFF, "Slotine-Li, adaptation off", "nothing", slotine_li(model, None)),
+            Contender("computed-torque", "Computed torque, true model", "everything", computed_torque(true)),
+            Contender(
+                "computed-torque-wrong",
+                f"Computed torque, model {wrong}",
+                f"links {wrong}",
+                computed_torque(self._wrong(true)),
+            ),
+            Contender("computed-torque-none", "Computed torque, no model", "nothing", computed_torque(0.0 * true)),
+            Contender(FULL, f"Slotine-Li, all {everything} parameters", "nothing", slotine_li(full, full_gain)),
+            Contender(
+                MAPPED,
+                f"Slotine-Li, {k} parameters, Γ mapped",
+                "nothing",
+                slotine_li(model, mapped_gain(model, full_gain)),
+            ),
+        ]
+
+    def _wrong(self, parameters: Array) -> Array:
+        """Every link's ten scaled up or down, which keeps a rigid body a rigid body."""
+        signs = np.random.default_rng(self.seed).choice([-1.0, 1.0], len(parameters) // 10)
+        return parameters * np.repeat(1.0 + self.parameter_error * signs, 10)
+
+    def _settings(self, mechanism: Mechanism, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
+        gains, ranges = self.gains(mechanism), self.ranges(mechanism)
+        yield Setting("Λ", numbers(gains.bandwidth), "bandwidth of the tracking loop, 1/s, a joint each")
+        yield Setting("K", numbers(gains.damping), "damping, N·m·s (N·s/m), a joint each")
+        meaning = "adaptation gain of masses, first moments and inertias: rate × (prior range)²"
+        of = ((ranges.mass, "kg"), (ranges.first_moment, "kg·m"), (ranges.inertia, "kg·m²"))
+        yield Setting("Γ", "; ".join(f"{self.rate:g}·({value:.3g} {unit})²" for value, unit in of), meaning)
+        yield Setting("first estimate", "0", "of every parameter")
+        yield from self.reference_settings(env)
+        for entry in settings(self):
+            name = entry.name.replace("_", "-")
+            yield Setting(f"--{name}", text(getattr(self, entry.name)), entry.metadata["meaning"])
+
+
+def numbers(values: Array) -> str:
+    """Numbers in a row."""
+    return ", ".join(f"{value:.4g}" for value in values)
+
+
+def findings(outcome: Outcome) -> Iterator[Finding]:
+    """Whether reduced and full adaptation are one controller, and what each costs."""
+    runs = {run.name: run for run in outcome.runs}
+    if MAPPED not in runs or FULL not in runs:
+        return
+    reduced, full = runs[MAPPED], runs[FULL]
+    k, everything = reduced.rollout.estimate.shape[1], full.rollout.estimate.shape[1]
+    common = min(len(reduced.rollout.time), len(full.rollout.time))
+    difference = np.abs(reduced.rollout.torque[:common] - full.rollout.torque[:common]).max(initial=0.0)
+    yield Finding(
+        "torque_difference_reduced_full",
+        float(difference),
+        "N m",
+        f"largest difference between the torques of {k} and of {everything} adapted parameters, Γ mapped",
+    )
+    yield from _tick_times(reduced, full)
+
+
+def _tick_times(reduced: Run, full: Run) -> Iterator[Finding]:
+    for name, run in (("reduced", reduced), ("full", full)):
+        if run.tick_time is not None:
+            count = run.rollout.estimate.shape[1]
+            meaning = f"one control tick with {count} adapted parameters, called from Python"
+            yield Finding(f"tick_time_{name}", run.tick_time, "s", meaning)
