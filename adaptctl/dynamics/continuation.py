@@ -7,10 +7,12 @@ from functools import cached_property
 
 import numpy as np
 
+from adaptctl.compilation import Kernel, compile_function
 from adaptctl.dynamics.arrays import column, stacked, stacked_rows
 from adaptctl.dynamics.loop_equations import LoopEquations
 from adaptctl.errors import SingularityError
 from adaptctl.mechanism.pose import Array
+from adaptctl.scalars import Column
 
 LARGEST_STEP = 0.05
 """rad or m of any primary joint between two closed configurations"""
@@ -80,11 +82,21 @@ class Continuation:
         return stacked(self.equations.closed(column(p), column(guess)).of, p.shape[:-1])
 
     def _block(self, q: Array) -> tuple[Array, Array]:
-        block = stacked_rows(self.equations.dependent_block(column(q)), q.shape[:-1])
+        if q.ndim == 1:  # once a control period
+            block = self._native_block(q).reshape(-1, len(self.equations.closing.dependent))
+        else:
+            block = stacked_rows(self.equations.dependent_block(column(q)), q.shape[:-1])
         if not np.isfinite(block).all():
             block = np.where(np.isfinite(block), block, 0.0)
         smallest = np.asarray(np.linalg.svd(block, compute_uv=False)[..., -1], dtype=np.float64)
         return smallest, np.sign(np.linalg.det(block))
+
+    @cached_property
+    def _native_block(self) -> Kernel:
+        def block(q: Column) -> Column:
+            return Column(entry for column in self.equations.dependent_block(q) for entry in column)
+
+        return compile_function(block, {"q": len(self.reference)})
 
     @cached_property
     def _reference_block(self) -> tuple[Array, Array]:

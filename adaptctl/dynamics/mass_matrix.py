@@ -105,9 +105,7 @@ def _unit_load(place: Placement, outboard: Body) -> Wrench:
     if not place.segment.turns:
         return Wrench(outboard.mass * z, cross(outboard.moment, z))
     acc = cross(z, place.shift)
-    return Wrench(
-        outboard.mass * acc + cross(z, outboard.moment), outboard.inertia @ z + cross(outboard.moment, acc)
-    )
+    return Wrench(outboard.mass * acc + cross(z, outboard.moment), outboard.inertia @ z + cross(outboard.moment, acc))
 
 
 def forward_dynamics(

@@ -49,6 +49,5 @@ def power(motion: Motion, twist: Twist, keep: Sequence[int]) -> list[Scalar]:
     levered = motion.lever.T @ twist.v + cross(motion.acc, twist.w) if any(1 <= k <= 3 for k in keep) else None
     first = tuple(levered) if levered is not None else ()
     return [
-        dot(motion.acc, twist.v) if k == 0 else first[k - 1] if k <= 3 else dot(moments[k - 4], twist.w)
-        for k in keep
+        dot(motion.acc, twist.v) if k == 0 else first[k - 1] if k <= 3 else dot(moments[k - 4], twist.w) for k in keep
     ]

@@ -9,14 +9,27 @@ from typing import Protocol, TypeAlias
 from adaptctl.scalars import Column
 
 Acceleration: TypeAlias = Callable[[Column, Column], Column]
-"""Positions and velocities (r,) to accelerations (r,)."""
+"""Configurations (n,) and velocities (r,) to accelerations (r,)."""
+
+Rates: TypeAlias = Callable[[Column, Column], Column]
+"""Configurations (n,) and velocities (r,) to how the configuration moves (n,)."""
+
+
+def own(q: Column, v: Column) -> Column:
+    """The rates of a tree, whose configuration is its positions: the velocities."""
+    return v
 
 
 class Integrator(Protocol):
-    """A one-step method for second-order equations."""
+    """A one-step method for second-order equations.
 
-    def step(self, acceleration: Acceleration, p: Column, v: Column, dt: float) -> tuple[Column, Column]:
-        """Positions and velocities `dt` seconds later."""
+    `rates` is for mechanisms with loops, whose configuration has joints besides the primary ones.
+    """
+
+    def step(
+        self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
+    ) -> tuple[Column, Column]:
+        """Configuration and velocities `dt` seconds later."""
         ...
 
 
@@ -24,18 +37,20 @@ class Integrator(Protocol):
 class RungeKutta4:
     """The classical method of order 4 (Kutta 1901): four accelerations a step."""
 
-    def step(self, acceleration: Acceleration, p: Column, v: Column, dt: float) -> tuple[Column, Column]:
-        """Positions and velocities `dt` seconds later, with an error of order dt^5."""
+    def step(
+        self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
+    ) -> tuple[Column, Column]:
+        """Configuration and velocities `dt` seconds later, with an error of order dt^5."""
         half = 0.5 * dt
-        a1 = acceleration(p, v)
-        v2 = v + half * a1
-        a2 = acceleration(p + half * v, v2)
-        v3 = v + half * a2
-        a3 = acceleration(p + half * v2, v3)
-        v4 = v + dt * a3
-        a4 = acceleration(p + dt * v3, v4)
+        u1, a1 = rates(q, v), acceleration(q, v)
+        q2, v2 = q + half * u1, v + half * a1
+        u2, a2 = rates(q2, v2), acceleration(q2, v2)
+        q3, v3 = q + half * u2, v + half * a2
+        u3, a3 = rates(q3, v3), acceleration(q3, v3)
+        q4, v4 = q + dt * u3, v + dt * a3
+        u4, a4 = rates(q4, v4), acceleration(q4, v4)
         sixth, third = dt / 6.0, dt / 3.0
-        return p + sixth * (v + v4) + third * (v2 + v3), v + sixth * (a1 + a4) + third * (a2 + a3)
+        return q + sixth * (u1 + u4) + third * (u2 + u3), v + sixth * (a1 + a4) + third * (a2 + a3)
 
 
 @dataclass(frozen=True)
@@ -46,7 +61,9 @@ class SemiImplicitEuler:
     of an arm it does so only approximately (Hairer, Lubich and Wanner 2006, section I.1).
     """
 
-    def step(self, acceleration: Acceleration, p: Column, v: Column, dt: float) -> tuple[Column, Column]:
-        """Positions and velocities `dt` seconds later, with an error of order dt^2."""
-        after = v + dt * acceleration(p, v)
-        return p + dt * after, after
+    def step(
+        self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
+    ) -> tuple[Column, Column]:
+        """Configuration and velocities `dt` seconds later, with an error of order dt^2."""
+        after = v + dt * acceleration(q, v)
+        return q + dt * rates(q, after), after

@@ -15,6 +15,7 @@ from adaptctl.compilation import compile_function, outlined
 from adaptctl.control.controller import LARGEST_COMPILED
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.arrays import checked
+from adaptctl.dynamics.continuation import NEAREST
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column, clip
@@ -22,11 +23,13 @@ from adaptctl.simulation.integrator import Integrator, RungeKutta4
 
 
 class PlantState(NamedTuple):
-    """The arm at one time (s): positions (r,) and velocities (r,)."""
+    """The arm at one time (s): positions (r,) and velocities (r,) of its primary joints, and all its tree's
+    joints q (n,), which are p where there are no loops."""
 
     time: float
     p: Array
     v: Array
+    q: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,8 +63,12 @@ class Plant:
         return self.mechanism.dof
 
     def init(self, p: ArrayLike, v: ArrayLike) -> PlantState:
-        """The state at time zero, from positions and velocities (r,)."""
-        return PlantState(0.0, self._vector(p, "p"), self._vector(v, "v"))
+        """The state at time zero, from positions and velocities (r,).
+
+        Raises `SingularityError` where loops cannot be followed to p.
+        """
+        positions = self._vector(p, "p")
+        return PlantState(0.0, positions, self._vector(v, "v"), self.mechanism.configuration(positions))
 
     def limited(self, torque: ArrayLike) -> Array:
         """The torque (r,) clipped to the limits: what the arm feels. Raises as `step` does."""
@@ -74,47 +81,63 @@ class Plant:
         `NonFiniteError` on NaN or infinity in any argument, or when the motion itself runs away.
         """
         true = self.mechanism.inertial_parameters if parameters is None else parameters
-        p, v = self._advance(state.p, state.v, self._finite(torque), true)
-        if not math.isfinite(p.dot(p) + v.dot(v)):
+        q, v = self._advance(state.q, state.v, self._finite(torque), true)
+        if not math.isfinite(q.dot(q) + v.dot(v)):
             self._blame(state, true)
-        return PlantState(state.time + self.control_period, p, v)
+        p = q if self._primary is None else q[self._primary]
+        return PlantState(state.time + self.control_period, p, v, q)
 
     def energy(self, state: PlantState, parameters: ArrayLike | None = None) -> float:
         """Kinetic plus potential energy, in J."""
         true = self.mechanism.inertial_parameters if parameters is None else parameters
-        (energy,) = self._energy(state.p, state.v, true)
+        (energy,) = self._energy(state.q, state.v, true)
         return float(energy[0])
 
     def compile(self) -> None:
         """Compile now what would else be compiled when first used."""
         _ = self._advance, self._energy
 
+    def may_work(self, state: PlantState) -> bool:
+        """Whether loops are away from singularities and within their conditions; always so for a tree."""
+        if self.mechanism.continuation is None:
+            return True
+        inside = bool(self.mechanism.description.within_conditions(state.p))
+        return inside and bool(self.mechanism.continuation.regularity(state.q) >= NEAREST)
+
     @cached_property
     def _advance(self) -> Callable[..., tuple[Array, Array]]:
-        return self._native(self._equation(), "plant", p=self.dof, v=self.dof, torque=self.dof)
+        joints = self.mechanism.equations.joints
+        return self._native(self._equation(), "plant", q=joints, v=self.dof, torque=self.dof)
 
     @cached_property
     def _energy(self) -> Callable[..., tuple[Array]]:
-        def energy(p: Column, v: Column, parameters: Column) -> tuple[Column]:
-            return (Column((self.mechanism.equations.energy_regressor(p, v) @ parameters,)),)
+        def energy(q: Column, v: Column, parameters: Column) -> tuple[Column]:
+            return (Column((self.mechanism.equations.energy_regressor(q, v) @ parameters,)),)
 
-        return self._native(energy, "energy", p=self.dof, v=self.dof)
+        return self._native(energy, "energy", q=self.mechanism.equations.joints, v=self.dof)
 
     def _equation(self) -> Callable[[Column, Column, Column, Column], tuple[Column, Column]]:
-        """A control period over scalars of any kind. All stages share one body of the forward dynamics."""
-        dt, bounds = self.control_period / self.substeps, self._limits
-        dynamics = outlined(self.mechanism.equations.forward_dynamics)
+        """A control period over scalars of any kind. All stages share one body of the forward dynamics.
 
-        def substep(p: Column, v: Column, torque: Column, parameters: Column) -> tuple[Column, Column]:
-            return self.integrator.step(lambda p, v: dynamics(p, v, torque, parameters), p, v, dt)
+        With loops the dependent joints are integrated too, and one Newton step projects them back.
+        """
+        dt, bounds, equations = self.control_period / self.substeps, self._limits, self.mechanism.equations
+        dynamics = outlined(equations.forward_dynamics)
+
+        def substep(q: Column, v: Column, torque: Column, parameters: Column) -> tuple[Column, Column]:
+            def acceleration(q: Column, v: Column) -> Column:
+                return dynamics(q, v, torque, parameters)
+
+            q, v = self.integrator.step(acceleration, q, v, dt, equations.rates)
+            return equations.projected(q), v
 
         repeated = outlined(substep) if self.substeps > 1 else substep
 
-        def advance(p: Column, v: Column, torque: Column, parameters: Column) -> tuple[Column, Column]:
+        def advance(q: Column, v: Column, torque: Column, parameters: Column) -> tuple[Column, Column]:
             held = Column(clip(x, -bound, bound) for x, bound in zip(torque, bounds, strict=True))
             for _ in range(self.substeps):
-                p, v = repeated(p, v, held, parameters)
-            return p, v
+                q, v = repeated(q, v, held, parameters)
+            return q, v
 
         return advance
 
@@ -122,6 +145,11 @@ class Plant:
         if len(self.mechanism.links) > LARGEST_COMPILED:
             return _on_floats(equation)
         return compile_function(equation, sizes | {"parameters": self.mechanism.equations.parameters}, name=name)
+
+    @cached_property
+    def _primary(self) -> list[int] | None:
+        """The primary joints among the tree's; None for a tree, where they are all."""
+        return None if self.mechanism.description.loops is None else list(self.mechanism.description.primary)
 
     @cached_property
     def _limits(self) -> list[float]:

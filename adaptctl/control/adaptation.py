@@ -1,0 +1,59 @@
+"""How fast each parameter may learn: adaptation gains from what is known beforehand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.errors import InputError
+from adaptctl.identifiability import ReducedModel
+from adaptctl.mechanism.pose import Array, frozen_array
+
+
+@dataclass(frozen=True)
+class PriorRanges:
+    """How far each kind of parameter may plausibly be from its first guess.
+
+    A kilogram and a kilogram square metre are not alike: one gain for both would learn one of them far too
+    slowly or far too fast.
+    """
+
+    mass: float = 5.0
+    """kg"""
+    first_moment: float = 2.0
+    """kg m"""
+    inertia: float = 0.6
+    """kg m^2"""
+
+    def __post_init__(self) -> None:
+        for kind in ("mass", "first_moment", "inertia"):
+            if not (np.isfinite(getattr(self, kind)) and getattr(self, kind) > 0.0):
+                raise InputError(f"prior range of {kind}: expected a positive number, got {getattr(self, kind)}")
+
+    def of(self, names: tuple[str, ...]) -> Array:
+        """The range of every named parameter (k,)."""
+        return np.array([self._range(name.rsplit(".", 1)[-1]) for name in names])
+
+    def _range(self, kind: str) -> float:
+        if kind == "m":
+            return self.mass
+        return self.first_moment if kind.startswith("mc_") else self.inertia
+
+
+def adaptation_gain(model: ReducedModel, ranges: PriorRanges | None = None, rate: float = 0.6) -> Array:
+    """The diagonal (k,) of Gamma: rate times the square of each kept parameter's prior range.
+
+    1/Gamma then weighs every parameter's error by its range in the Lyapunov function.
+    """
+    return rate * (ranges or PriorRanges()).of(model.names) ** 2
+
+
+def mapped_gain(model: ReducedModel, gain: ArrayLike) -> Array:
+    """Gamma_beta = K_r Gamma_D K_r' (k, k) of a gain (P,) on all P parameters.
+
+    With it, adapting the k fundamental parameters is the same controller as adapting all P, to round-off.
+    """
+    full = frozen_array(gain, (model.regrouping.shape[1],), "gain on all parameters")
+    return (model.regrouping * full) @ model.regrouping.T

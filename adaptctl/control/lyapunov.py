@@ -1,0 +1,63 @@
+"""Slotine and Li's Lyapunov function along a run: the proof, watched."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from adaptctl.control.slotine_li import SlotineLi
+from adaptctl.dynamics import Mechanism
+from adaptctl.mechanism.pose import Array
+
+
+class Run(Protocol):
+    """What is needed of a closed-loop run of T periods."""
+
+    @property
+    def p(self) -> Array:
+        """Positions (T, r)."""
+        ...
+
+    @property
+    def v(self) -> Array:
+        """Velocities (T, r)."""
+        ...
+
+    @property
+    def reference_p(self) -> Array:
+        """Their reference (T, r)."""
+        ...
+
+    @property
+    def reference_v(self) -> Array:
+        """Their reference (T, r)."""
+        ...
+
+    @property
+    def estimate(self) -> Array:
+        """Parameter estimates (T, k)."""
+        ...
+
+
+def sliding_variable(controller: SlotineLi, run: Run) -> Array:
+    """s = e' + Lambda e (T, r)."""
+    return run.v - run.reference_v + controller.bandwidth * (run.p - run.reference_p)
+
+
+def lyapunov(controller: SlotineLi, run: Run, mechanism: Mechanism) -> Array:
+    """V (T,) = s'Ms/2 + error' Gamma^-1 error/2, with the true mechanism's mass matrix and parameters.
+
+    With adaptation off only the first term is left. Where the parameters are no physical set, M need not be
+    positive definite, and V is then no distance; it is reported as it is.
+    """
+    s = sliding_variable(controller, run)
+    kinetic = 0.5 * np.einsum("ti,tij,tj->t", s, mechanism.mass_matrix(run.p), s)
+    if controller.adaptation is None:
+        return kinetic
+    error = run.estimate - controller.model.regrouping @ mechanism.inertial_parameters
+    if controller.adaptation.ndim == 1:
+        weighed = error / controller.adaptation
+    else:
+        weighed = np.asarray(np.linalg.solve(controller.adaptation, error.T).T, dtype=np.float64)
+    return kinetic + 0.5 * (error * weighed).sum(axis=-1)

@@ -1,0 +1,90 @@
+"""References: exact derivatives, smooth starts, rest at the ends."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from adaptctl.control import MinimumJerk, Reference, Sinusoids
+from adaptctl.errors import InputError
+
+sinusoids = st.builds(
+    Sinusoids,
+    center=st.just((0.1, -0.2)),
+    amplitude=st.tuples(st.floats(0.1, 1.0), st.floats(0.1, 1.0)),
+    frequency=st.tuples(st.floats(0.05, 2.0), st.floats(0.05, 2.0)),
+    phase=st.tuples(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0)),
+    start_time=st.sampled_from([0.0, 0.5, 2.0]),
+)
+jerks = st.builds(
+    MinimumJerk,
+    waypoints=st.lists(st.tuples(st.floats(-2, 2), st.floats(-2, 2)), min_size=3, max_size=3),
+    times=st.just((0.5, 2.0, 3.5)),
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.one_of(sinusoids, jerks), st.floats(0.0, 5.0))
+def test_velocity_and_acceleration_are_derivatives(reference: Reference, t: float) -> None:
+    h = 1e-4
+    before, now, after = reference(t - h), reference(t), reference(t + h)
+    np.testing.assert_allclose((after.p - before.p) / (2 * h), now.v, atol=2e-3)
+    np.testing.assert_allclose((after.v - before.v) / (2 * h), now.a, atol=5e-1)
+    inside = min(abs(t - joint) for joint in (0.0, 0.5, 2.0, 3.5)) > 2 * h
+    if inside:
+        np.testing.assert_allclose((after.v - before.v) / (2 * h), now.a, atol=1e-4 * (1 + np.abs(now.a).max()))
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.one_of(sinusoids, jerks))
+def test_many_times_at_once_are_each_time(reference: Reference) -> None:
+    times = np.linspace(-0.5, 5.0, 12).reshape(3, 4)
+    together = reference(times)
+    assert together.p.shape == (3, 4, 2)
+    for index in np.ndindex(3, 4):
+        for many, one in zip(together, reference(times[index]), strict=True):
+            np.testing.assert_allclose(many[index], one, rtol=1e-13, atol=1e-13)
+
+
+@settings(max_examples=20, deadline=None)
+@given(sinusoids.filter(lambda s: s.start_time > 0))
+def test_a_faded_start_is_at_rest_in_the_centre(reference: Sinusoids) -> None:
+    start = reference(0.0)
+    np.testing.assert_array_equal(start.p, reference.center)
+    assert not np.any(start.v)
+    assert not np.any(start.a)
+
+
+def test_sums_of_sinusoids_are_sums() -> None:
+    one = Sinusoids((0.0,), (0.3,), (0.5,), start_time=0.0)
+    two = Sinusoids((0.0,), (0.2,), (1.5,), (0.7,), start_time=0.0)
+    both = Sinusoids((0.0,), ((0.3,), (0.2,)), ((0.5,), (1.5,)), ((0.0,), (0.7,)), start_time=0.0)
+    for sum_, a, b in zip(both(1.3), one(1.3), two(1.3), strict=True):
+        np.testing.assert_allclose(sum_, a + b, atol=1e-14)
+
+
+def test_minimum_jerk_rests_at_its_waypoints() -> None:
+    waypoints = ((0.0, 1.0), (1.0, 0.5), (0.2, -1.0))
+    reference = MinimumJerk(waypoints, (0.0, 1.0, 2.5))
+    for p, t in zip(waypoints, (0.0, 1.0, 2.5), strict=True):
+        now = reference(t)
+        np.testing.assert_allclose(now.p, p, atol=1e-14)
+        np.testing.assert_allclose([now.v, now.a], 0.0, atol=1e-12)
+    np.testing.assert_allclose(reference(9.0).p, waypoints[-1], atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: Sinusoids((0.0, 0.0), (1.0,), (1.0, 1.0)), r"amplitude: expected shape \(1, 2\), got \(1, 1\)"),
+        (lambda: Sinusoids((0.0,), (np.nan,), (1.0,)), "amplitude: expected finite"),
+        (lambda: Sinusoids((0.0,), (1.0,), (1.0,), start_time=-1.0), "start_time"),
+        (lambda: MinimumJerk(((0.0,),), (0.0,)), "at least two waypoints"),
+        (lambda: MinimumJerk(((0.0,), (1.0,)), (1.0, 1.0)), "increasing times"),
+    ],
+)
+def test_bad_references_are_refused(make: object, says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        make()  # type: ignore[operator]
