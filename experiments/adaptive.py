@@ -35,8 +35,8 @@ class Adaptive(Learning):
         """What is asked."""
         return (
             f"An arm follows sinusoids drawn by seed {self.seed} within its limits, and nobody tells the controller "
-            "its inertial parameters. First those that its motion depends on are found, from energies alone. Then Slotine "
-            "and Li's adaptive controller starts with estimates of zero and adapts only those."
+            "its inertial parameters. First those that its motion depends on are found, from energies alone. Then "
+            "Slotine and Li's adaptive controller starts with estimates of zero and adapts only those."
         )
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:

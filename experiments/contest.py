@@ -14,13 +14,13 @@ from adaptctl.control import Controller, ReferencePoint, SlotineLi, lyapunov
 from adaptctl.dynamics import Mechanism
 from adaptctl.experiments.experiment import Progress
 from adaptctl.mechanism.pose import Array
-from adaptctl.recording import Run
+from adaptctl.recording import Run, TickCost
 from adaptctl.simulation import Rollout, rollout
 
 if TYPE_CHECKING:
     import gymnasium
 
-TIMED_TICKS = 400
+TIMED_TICKS, REPETITIONS = 1000, 10
 """control ticks that are timed to find out how long one takes"""
 
 
@@ -84,7 +84,7 @@ def _run(
         knows=contender.knows,
         rollout=result,
         lyapunov=_lyapunov(controller, result, mechanism),
-        tick_time=tick_time(controller, result) if result.complete else None,
+        cost=tick_cost(controller, result) if result.complete else None,
     )
     progress(1.0)
     return run
@@ -97,15 +97,27 @@ def _lyapunov(controller: Controller[Any], run: Rollout, mechanism: Mechanism) -
     return None
 
 
-def tick_time(controller: Controller[Any], run: Rollout) -> float:
-    """The median time (s) of one control tick, over states of a run."""
+def tick_cost(controller: Controller[Any], run: Rollout) -> TickCost:
+    """What one control tick costs, over states of a run."""
     picked = np.linspace(0, len(run.time) - 1, TIMED_TICKS).astype(int)
-    state = controller.init(run.p[0], run.v[0])
-    times = np.empty(TIMED_TICKS)
-    for i, k in enumerate(picked):
-        reference = ReferencePoint(run.reference_p[k], run.reference_v[k], run.reference_a[k])
-        p, v = run.p[k], run.v[k]
-        started = time.perf_counter()
-        _, state = controller.step(state, p, v, reference)
-        times[i] = time.perf_counter() - started
-    return float(np.median(times))
+    states = [run.p[picked], run.v[picked], run.reference_p[picked], run.reference_v[picked], run.reference_a[picked]]
+    called, kernel = _called(controller, states), controller.kernel
+    if kernel is None:
+        return TickCost(called)
+    memory = controller.init(run.p[0], run.v[0])
+    arguments = [*states, *(np.tile(part, (TIMED_TICKS, 1)) for part in memory)]
+    native = min(_duration(kernel.map, *arguments) for _ in range(REPETITIONS))
+    return TickCost(called, native / TIMED_TICKS, kernel.operations.flops)
+
+
+def _called(controller: Controller[Any], states: list[Array]) -> float:
+    """The median time (s) of a tick called from Python."""
+    state = controller.init(states[0][0], states[1][0])
+    ticks = [(p, v, ReferencePoint(*reference)) for p, v, *reference in zip(*states, strict=True)]
+    return float(np.median([_duration(controller.step, state, *tick) for tick in ticks]))
+
+
+def _duration(function: Callable[..., object], *arguments: object) -> float:
+    started = time.perf_counter()
+    function(*arguments)
+    return time.perf_counter() - started

@@ -15,7 +15,7 @@ from adaptctl.experiments.contest import Contender, Outcome, contest
 from adaptctl.experiments.experiment import Experiment, Progress, setting, settings, text
 from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
 from adaptctl.mechanism.pose import Array
-from adaptctl.recording import Comparison, Finding, Run, Setting
+from adaptctl.recording import Comparison, Finding, Setting
 
 if TYPE_CHECKING:
     import gymnasium
@@ -155,7 +155,7 @@ def numbers(values: Array) -> str:
 
 
 def findings(outcome: Outcome) -> Iterator[Finding]:
-    """Whether reduced and full adaptation are one controller, and what each costs."""
+    """Whether reduced and full adaptation are one controller."""
     runs = {run.name: run for run in outcome.runs}
     if MAPPED not in runs or FULL not in runs:
         return
@@ -169,12 +169,3 @@ def findings(outcome: Outcome) -> Iterator[Finding]:
         "N m",
         f"largest difference between the torques of {k} and of {everything} adapted parameters, Γ mapped",
     )
-    yield from _tick_times(reduced, full)
-
-
-def _tick_times(reduced: Run, full: Run) -> Iterator[Finding]:
-    for name, run in (("reduced", reduced), ("full", full)):
-        if run.tick_time is not None:
-            count = run.rollout.estimate.shape[1]
-            meaning = f"one control tick with {count} adapted parameters, called from Python"
-            yield Finding(f"tick_time_{name}", run.tick_time, "s", meaning)

@@ -59,8 +59,9 @@ class Puma560Adaptive(Learning):
             "The PUMA 560 follows sinusoids in all six joints, and nobody tells the controller a single mass, centre "
             "of mass or inertia. First the parameters that its motion depends on are found, from energies alone. "
             "Then Slotine and Li's adaptive controller starts with estimates of zero and adapts only those. "
-            "Every controller drives the same environment from the same seed, with the same gains, 0.1 rad off."
-        ).replace("0.1 rad", f"{self.initial_error:g} rad")
+            "Every controller drives the same environment from the same seed, and starts "
+            f"{self.initial_error:g} rad off in every joint."
+        )
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
         """The PUMA's tracking environment on this experiment's reference."""

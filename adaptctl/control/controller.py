@@ -10,7 +10,7 @@ from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.compilation import compile_function
+from adaptctl.compilation import Kernel, compile_function
 from adaptctl.dynamics.arrays import checked
 from adaptctl.errors import NonFiniteError
 from adaptctl.mechanism.pose import Array
@@ -75,6 +75,11 @@ class Controller(ABC, Generic[Memory]):
         if not np.isfinite(torque).all():
             self._blame(p, v, reference)
         return torque, type(state)(*memory)
+
+    @property
+    def kernel(self) -> Kernel | None:
+        """The law as native code, which can count its operations; None above LARGEST_COMPILED joints."""
+        return self._tick if isinstance(self._tick, Kernel) else None
 
     @cached_property
     def _tick(self) -> Callable[..., Sequence[Array]]:

@@ -1,6 +1,6 @@
 """A finished comparison made visible: recording, figures, report, table and summary."""
 
 from adaptctl.recording.artifacts import prepare_folder, write_artifacts
-from adaptctl.recording.comparison import Comparison, Finding, Run, Setting
+from adaptctl.recording.comparison import Comparison, Finding, Run, Setting, TickCost
 
-__all__ = ["Comparison", "Finding", "Run", "Setting", "prepare_folder", "write_artifacts"]
+__all__ = ["Comparison", "Finding", "Run", "Setting", "TickCost", "prepare_folder", "write_artifacts"]

@@ -27,8 +27,8 @@ class Layout:
     floor: float
     """height of the floor, m"""
     error_unit: str
-    error_range: float
-    """the largest error shown, in that unit"""
+    error_range: tuple[float, float]
+    """the errors shown, in that unit"""
     links: tuple[str, ...]
     """entities of the links that have estimates"""
     joints: tuple[str, ...]
@@ -43,8 +43,8 @@ class Layout:
 
 
 def blueprint(layout: Layout) -> rrb.Blueprint:
-    """Tabs: everything at a glance, tracking, torque, parameters, and the offline stage."""
-    tabs = [_overview(layout), _tracking(layout), _torques(layout)]
+    """Tabs: everything at a glance, the controllers, tracking, torque, parameters, and the offline stage."""
+    tabs = [_overview(layout), _controllers(layout), _tracking(layout), _torques(layout)]
     if layout.links:
         tabs.append(_parameters(layout))
     tabs.append(_offline())
@@ -62,9 +62,17 @@ def _overview(layout: Layout) -> rrb.Container:
     left = rrb.Vertical(_arm(layout), _text("summary", "Summary"), row_shares=[11, 9])
     curves = [_error(layout, 0), _error(layout, 1)] if len(layout.runs) > 1 else [_error(layout, 0)]
     curves.append(_lyapunov() if layout.has_lyapunov else _energy())
-    curves += [_torque_share(), _curves("/estimate/largest", "Largest parameters: estimates, true values pale")]
+    curves += [_torque_share(), _curves("/estimate/most_learnt", "Estimates that moved most · true values pale")]
     right = rrb.Grid(*curves, _spectrum(), grid_columns=2)
     return rrb.Horizontal(left, right, column_shares=[5, 7], name="Overview")
+
+
+def _controllers(layout: Layout) -> rrb.Container:
+    errors = [_error(layout, i) for i in range(len(layout.runs))]
+    together = _curves("/error_decades", f"All controllers: RMS error, powers of ten of a {layout.error_unit}")
+    return rrb.Vertical(
+        together, rrb.Grid(*errors, grid_columns=min(len(errors), 4)), row_shares=[1, 1], name="Controllers"
+    )
 
 
 def _tracking(layout: Layout) -> rrb.Container:
@@ -72,14 +80,7 @@ def _tracking(layout: Layout) -> rrb.Container:
         _curves(f"/position/{name}", f"{name}: actual and desired position [{unit}]")
         for name, unit in zip(layout.joints, layout.position_units, strict=True)
     ]
-    errors = [_error(layout, i) for i in range(len(layout.runs))]
-    columns = 3 if len(joints) > 2 else 1
-    return rrb.Vertical(
-        rrb.Grid(*joints, grid_columns=columns),
-        rrb.Grid(*errors, grid_columns=min(len(errors), 3)),
-        row_shares=[1, 1],
-        name="Tracking",
-    )
+    return rrb.Grid(*joints, grid_columns=3 if len(joints) > 2 else 1, name="Tracking")
 
 
 def _torques(layout: Layout) -> rrb.Container:
@@ -128,7 +129,7 @@ def _error(layout: Layout, index: int) -> rrb.View:
     return _curves(
         f"/error/{layout.runs[index]}",
         f"Tracking error [{layout.error_unit}] · {layout.labels[index]}",
-        (-layout.error_range, layout.error_range),
+        layout.error_range,
     )
 
 

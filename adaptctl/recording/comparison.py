@@ -21,6 +21,18 @@ BEGINNING = 1.0
 """s at the start of a run over which its first error is taken."""
 
 
+@dataclass(frozen=True)
+class TickCost:
+    """What one control tick costs."""
+
+    called: float
+    """s, called from Python"""
+    native: float | None = None
+    """s, within a native loop over many states"""
+    flops: int | None = None
+    """additions, subtractions, multiplications, divisions, negations"""
+
+
 @dataclass(frozen=True, eq=False)
 class Run:
     """One controller in closed loop, and what to call it."""
@@ -34,8 +46,8 @@ class Run:
     rollout: Rollout
     lyapunov: Array | None = None
     """(T,) where the law has such a function"""
-    tick_time: float | None = None
-    """s one control tick takes, where it was measured"""
+    cost: TickCost | None = None
+    """where it was measured"""
 
     @property
     def duration(self) -> float:
@@ -56,6 +68,14 @@ class Run:
     def final_rms_error(self) -> float | None:
         """`rms_error` over the last two seconds that were run."""
         return self.rms_error(start=self.duration - SETTLED)
+
+    def moving_rms_error(self, window: float) -> Array:
+        """`rms_error` (T,) over the last `window` seconds before each sample."""
+        squares = np.mean(self.rollout.error**2, axis=1)
+        sums = np.cumsum(np.concatenate([[0.0], squares]))
+        stop = np.arange(1, len(squares) + 1)
+        start = np.maximum(stop - max(1, round(window / self.rollout.control_period)), 0)
+        return np.sqrt(np.maximum(sums[stop] - sums[start], 0.0) / (stop - start))
 
     @property
     def clipped_steps(self) -> int:

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from adaptctl.files import replacing
 from adaptctl.mechanism.pose import Array
-from adaptctl.recording.comparison import Comparison, Run
+from adaptctl.recording.comparison import Comparison
 from adaptctl.recording.palette import INK, MUTED, PAPER, joint_color, run_color
 from adaptctl.recording.series import thinned
 from adaptctl.recording.spectrum import shares, threshold
@@ -96,8 +96,8 @@ def drawings(comparison: Comparison) -> Iterator[Drawing]:
     if comparison.subject.lyapunov is not None:
         yield Drawing(
             "lyapunov",
-            "The Lyapunov function along the adaptive run, and how much it falls a control period. Where theory "
-            "says it never rises, it must not.",
+            "The Lyapunov function along the adaptive run, and how much it falls in every control period. In "
+            "theory it never rises.",
             lyapunov,
         )
     yield Drawing("torque", "Torque of the adaptive run. Shaded: beyond the limits.", torque)
@@ -120,11 +120,10 @@ def tracking_error(comparison: Comparison) -> Figure:
     figure = Figure(figsize=(WIDTH, 4.2), dpi=DOTS, layout="constrained")
     axes = figure.subplots()
     for i, run in reversed(list(enumerate(comparison.runs))):
-        time, values = _average_error(run)
-        foremost = i == 0
+        every, foremost = thinned(len(run.rollout.time), SAMPLES), i == 0
         axes.semilogy(
-            time,
-            1e3 * values,
+            run.rollout.time[every],
+            1e3 * run.moving_rms_error(AVERAGE)[every],
             color=run_color(i).hex,
             linewidth=2.6 if foremost else 1.5,
             label=run.label,
@@ -262,15 +261,3 @@ def _estimate(axes: Axes, time: Array, values: Array, truth: float) -> None:
     low, high = min(values.min(), truth, 0.0), max(values.max(), truth, 0.0)
     margin = 0.12 * (high - low) or 1.0
     axes.set_ylim(low - margin, high + margin)
-
-
-def _average_error(run: Run) -> tuple[Array, Array]:
-    """Moving root mean square of all joints' errors, at most SAMPLES of it."""
-    squares = np.mean(run.rollout.error**2, axis=1)
-    window = max(1, min(round(AVERAGE / run.rollout.control_period), len(squares)))
-    sums = np.cumsum(np.concatenate([[0.0], squares]))
-    stop = np.arange(1, len(squares) + 1)
-    start = np.maximum(stop - window, 0)
-    every = thinned(len(squares), SAMPLES)
-    average = np.maximum((sums[stop] - sums[start]) / (stop - start), 0.0)
-    return run.rollout.time[every], np.sqrt(average[every])

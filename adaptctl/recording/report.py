@@ -67,7 +67,7 @@ def _embedded(path: Path) -> str:
 
 def _run_row(index: int, run: Run, comparison: Comparison) -> dict[str, Any]:
     unit = comparison.error_unit
-    tick = "–" if run.tick_time is None else f"{1e6 * run.tick_time:.1f} µs"
+    cost = run.cost
     return {
         "color": run_color(index).hex,
         "label": run.label,
@@ -75,7 +75,9 @@ def _run_row(index: int, run: Run, comparison: Comparison) -> dict[str, Any]:
         "first": error(run.first_rms_error, unit),
         "final": error(run.final_rms_error, unit),
         "clipped": run.clipped_steps,
-        "tick": tick,
+        "called": f"{1e6 * cost.called:.1f} µs" if cost else "–",
+        "native": f"{1e9 * cost.native:.0f} ns" if cost and cost.native else "–",
+        "flops": f"{cost.flops:,}" if cost and cost.flops is not None else "–",
         "outcome": outcome(run),
     }
 

@@ -25,8 +25,12 @@ from adaptctl.recording.spectrum import decades
 
 CURVE_SAMPLES, POSE_SAMPLES = 4000, 2000
 """At most as many samples are shown; the table beside the recording has them all."""
-LARGEST = 6
+MOST = 6
 """Parameters shown at a glance."""
+AVERAGE = 0.25
+"""s over which errors are averaged where they are shown in powers of ten"""
+SMALLEST_ERROR = 1e-9
+"""rad or m: smaller ones are shown as this, for a logarithm knows no zero"""
 LIMIT = Color(235, 87, 87)
 DARK = Color(13, 13, 13)
 
@@ -107,6 +111,10 @@ def _log_tracking(recording: rr.RecordingStream, comparison: Comparison) -> None
         kept = thinned(len(run.rollout.time), CURVE_SAMPLES)
         errors = 1e3 * run.rollout.error[kept]
         log_series(recording, f"error/{run.name}", run.rollout.time[kept], errors, Style(names, colors))
+    for i, run in enumerate(comparison.runs):
+        kept, style = thinned(len(run.rollout.time), CURVE_SAMPLES), Style((run.label,), (run_color(i),), width=2.0)
+        decades_of_error = np.log10(1e3 * np.maximum(run.moving_rms_error(AVERAGE), SMALLEST_ERROR))
+        log_series(recording, f"error_decades/{run.name}", run.rollout.time[kept], decades_of_error[kept, None], style)
     for j, name in enumerate(names):
         both = np.stack([rollout.reference_p[every, j], rollout.p[every, j]], axis=-1)
         style = Style(("desired", "actual"), (GOAL, joint_color(j)))
@@ -139,16 +147,17 @@ def _log_lyapunov(recording: rr.RecordingStream, comparison: Comparison) -> None
 
 
 def _log_estimates(recording: rr.RecordingStream, comparison: Comparison) -> None:
-    names, truth = comparison.basis.names, comparison.true_parameters
-    largest = np.argsort(-np.abs(truth), kind="stable")[:LARGEST]
-    _log_group(recording, "largest", comparison, np.sort(largest), [names[i] for i in np.sort(largest)])
+    names = comparison.basis.names
+    estimate = comparison.subject.rollout.estimate
+    most = sorted(np.argsort(-np.ptp(estimate, axis=0), kind="stable")[:MOST].tolist())
+    _log_group(recording, "most_learnt", comparison, most, [names[i] for i in most])
     for link in _links(comparison):
         own = [i for i, name in enumerate(names) if name.rpartition(".")[0] == link]
-        _log_group(recording, entity(link), comparison, np.array(own), [names[i].rpartition(".")[2] for i in own])
+        _log_group(recording, entity(link), comparison, own, [names[i].rpartition(".")[2] for i in own])
 
 
 def _log_group(
-    recording: rr.RecordingStream, path: str, comparison: Comparison, indices: Array, names: list[str]
+    recording: rr.RecordingStream, path: str, comparison: Comparison, indices: list[int], names: list[str]
 ) -> None:
     rollout = comparison.subject.rollout
     every = thinned(len(rollout.time), CURVE_SAMPLES)
@@ -192,14 +201,15 @@ def _layout(comparison: Comparison) -> Layout:
     floor = _floor(comparison, parts)
     eye, target = _camera(comparison, parts)
     shown = _shown(comparison)
-    largest = max(float(np.abs(run.rollout.error).max()) for run in shown[:2])
+    errors = np.concatenate([run.rollout.error for run in shown[:2]])
+    margin = 0.06 * float(np.ptp(errors)) + 1e-9
     has_estimates = comparison.subject.rollout.estimate.shape[1] > 0
     return Layout(
         eye=eye,
         target=target,
         floor=floor,
         error_unit=comparison.error_unit,
-        error_range=1.1e3 * largest,
+        error_range=(1e3 * (float(errors.min()) - margin), 1e3 * (float(errors.max()) + margin)),
         links=tuple(entity(link) for link in _links(comparison)) if has_estimates else (),
         joints=tuple(entity(name) for name in comparison.joint_names),
         position_units=comparison.position_units,
@@ -226,4 +236,4 @@ def _camera(comparison: Comparison, parts: Skeleton) -> tuple[Array, Array]:
     azimuth = float(np.arctan2(outward[1], outward[0])) - 1.1
     away = np.array([np.cos(azimuth), np.sin(azimuth), 0.4])
     target = center - np.array([0.0, 0.0, 0.15 * parts.reach])
-    return target + 1.55 * parts.reach * away, target
+    return target + 1.4 * parts.reach * away, target

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -31,8 +32,8 @@ def summary(comparison: Comparison) -> dict[str, Any]:
         "robot": comparison.mechanism.name,
         "robot_sha256": comparison.mechanism.description.sha256,
         "seed": comparison.seed,
-        "duration": subject.duration,
-        "duration_asked": comparison.duration,
+        "duration": comparison.duration,
+        "duration_run": subject.duration,
         "control_period": subject.rollout.control_period,
         "rms_error": subject.rms_error(),
         "first_rms_error": subject.first_rms_error,
@@ -75,6 +76,6 @@ def _run(run: Run) -> dict[str, Any]:
         "final_rms_error": run.final_rms_error,
         "clipped_steps": run.clipped_steps,
         "lyapunov_max_increase": run.lyapunov_max_increase,
-        "tick_time": run.tick_time,
+        "tick": asdict(run.cost) if run.cost else None,
         "wall_time": run.rollout.wall_time,
     }

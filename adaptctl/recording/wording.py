@@ -50,7 +50,7 @@ def outcome(run: Run) -> str:
     if not run.rollout.complete:
         return f"interrupted at {run.duration:.2f} s"
     if run.rollout.terminated:
-        return f"gave up at {run.duration:.2f} s: an error passed its bound"
+        return f"stopped at {run.duration:.2f} s: error beyond bounds"
     return "ran to the end"
 
 
@@ -66,7 +66,7 @@ def facts(comparison: Comparison) -> Iterator[tuple[str, str]]:
         yield "Lyapunov function", "never rises" if rise == 0.0 else f"rises by at most {number(rise)} J a step"
     peak = float(comparison.peak_torque_shares.max())
     yield "Peak torque", f"{100 * peak:.0f} % of the limit"
-    yield "Steps clipped", f"{subject.clipped_steps} of {len(subject.rollout.time)}"
+    yield "Steps clipped", f"{subject.clipped_steps:,} of {len(subject.rollout.time):,}"
     yield "Parameters", f"{comparison.space.rank} independent among {len(comparison.mechanism.parameter_names)}"
     yield "Simulated", f"{number(realtime_factor(subject))} times faster than real time"
 
