@@ -4,6 +4,8 @@ from typing import TYPE_CHECKING, Any
 
 from adaptctl.mechanism.denavit_hartenberg import read_denavit_hartenberg
 from adaptctl.mechanism.description import GROUND, Description, Joint, JointKind, Limits, Link, depth_first
+from adaptctl.mechanism.loops import Closure, ClosureKind, Condition, Coupling, Loops
+from adaptctl.mechanism.mechanism_file import read_mechanism_file
 from adaptctl.mechanism.pose import Pose
 from adaptctl.mechanism.sources import builtin_names, read
 from adaptctl.mechanism.urdf import read_urdf
@@ -13,17 +15,23 @@ if TYPE_CHECKING:
 
 __all__ = [
     "GROUND",
+    "Closure",
+    "ClosureKind",
+    "Condition",
+    "Coupling",
     "Description",
     "Joint",
     "JointKind",
     "Limits",
     "Link",
+    "Loops",
     "Pose",
     "builtin_names",
     "depth_first",
     "from_pinocchio",
     "read",
     "read_denavit_hartenberg",
+    "read_mechanism_file",
     "read_urdf",
     "to_pinocchio",
 ]

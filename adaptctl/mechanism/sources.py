@@ -7,19 +7,37 @@ from collections.abc import Callable
 from difflib import get_close_matches
 from importlib.resources import as_file, files
 from pathlib import Path
+from typing import Literal
 
+import msgspec
 import numpy as np
 
 from adaptctl.errors import FileError, NotFoundError, PhysicalConsistencyWarning
+from adaptctl.files import read_toml
+from adaptctl.mechanism.denavit_hartenberg import SCHEMA as DENAVIT_HARTENBERG
 from adaptctl.mechanism.denavit_hartenberg import read_denavit_hartenberg
 from adaptctl.mechanism.description import Description
 from adaptctl.mechanism.inertia import pseudo_inertia
+from adaptctl.mechanism.mechanism_file import read_mechanism_file
 from adaptctl.mechanism.pose import Array
 from adaptctl.mechanism.urdf import read_urdf
 
 Reader = Callable[[str | Path], Description]
 
-_READERS: dict[str, Reader] = {".toml": read_denavit_hartenberg, ".urdf": read_urdf}
+
+class _Head(msgspec.Struct):
+    """What every TOML file of a mechanism begins with."""
+
+    schema: Literal["adaptctl/denavit-hartenberg/1", "adaptctl/mechanism/1"]
+
+
+def read_toml_mechanism(path: str | Path) -> Description:
+    """The mechanism of a TOML file, read by the schema that it names. Raises FileError."""
+    schema = read_toml(path, _Head).schema
+    return read_denavit_hartenberg(path) if schema == DENAVIT_HARTENBERG else read_mechanism_file(path)
+
+
+_READERS: dict[str, Reader] = {".toml": read_toml_mechanism, ".urdf": read_urdf}
 _ROBOTS = files("adaptctl.mechanism") / "robots"
 
 _ASSIGNED = {
@@ -43,7 +61,7 @@ def read(source: str | Path) -> Description:
     """
     if isinstance(source, str) and source in builtin_names():
         with as_file(_ROBOTS / f"{source}.toml") as path:
-            description = read_denavit_hartenberg(path)
+            description = read_toml_mechanism(path)
         remark = _ASSIGNED.get(source, "")
     else:
         description, remark = _reader(source)(source), ""
