@@ -26,9 +26,13 @@ class PriorRanges:
     """kg m"""
     inertia: float = 0.6
     """kg m^2"""
+    viscous: float = 5.0
+    """N m s/rad"""
+    coulomb: float = 10.0
+    """N m"""
 
     def __post_init__(self) -> None:
-        for kind in ("mass", "first_moment", "inertia"):
+        for kind in ("mass", "first_moment", "inertia", "viscous", "coulomb"):
             if not (np.isfinite(getattr(self, kind)) and getattr(self, kind) > 0.0):
                 raise InputError(f"prior range of {kind}: expected a positive number, got {getattr(self, kind)}")
 
@@ -37,6 +41,8 @@ class PriorRanges:
         return np.array([self._range(name.rsplit(".", 1)[-1]) for name in names])
 
     def _range(self, kind: str) -> float:
+        if kind in ("viscous", "coulomb"):
+            return self.viscous if kind == "viscous" else self.coulomb
         if kind == "m":
             return self.mass
         return self.first_moment if kind.startswith("mc_") else self.inertia

@@ -49,13 +49,19 @@ class Continuation:
 
     def reachable(self, p: Array) -> Array:
         """Which of the primary positions (m, r) can be reached so (m,), without raising."""
+        return self.progress(p) >= 1.0
+
+    def progress(self, p: Array, least: float = NEAREST) -> Array:
+        """How much (m,) of the straight way from the reference to primary positions p (m, r) can be gone before
+        the regularity falls below `least`: 1 for all of it."""
         q = np.broadcast_to(self.reference, (len(p), len(self.reference)))
-        fine = np.ones(len(p), dtype=bool)
+        fine, gone = np.ones(len(p), dtype=bool), np.zeros(len(p))
         steps = max(1, int(np.ceil(np.abs(p - self._start).max(initial=0.0) / LARGEST_STEP)))
         for k in range(1, steps + 1):
             q = np.where(fine[:, None], self._closed(self._start + (p - self._start) * (k / steps), q), self.reference)
-            fine &= self.regularity(q) >= NEAREST
-        return fine
+            fine &= self.regularity(q) >= least
+            gone = np.where(fine, k / steps, gone)
+        return gone
 
     def regularity(self, q: Array) -> Array:
         """How far from locking (...): the dependent block's smallest singular value over the reference's, 0 on

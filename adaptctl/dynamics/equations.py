@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from adaptctl.dynamics import energy, mass_matrix, newton_euler
+from adaptctl.dynamics import energy, newton_euler
+from adaptctl.dynamics.drive import DriveTerm
+from adaptctl.dynamics.mass_matrix import mass_matrix, solve_symmetric
 from adaptctl.dynamics.newton_euler import AdaptiveTick
 from adaptctl.dynamics.segment import Segment, placements, segments
 from adaptctl.mechanism import Description
@@ -14,15 +16,17 @@ from adaptctl.scalars import Column, Scalar, Vec
 
 @dataclass(frozen=True)
 class TreeEquations:
-    """Every equation of a tree. Joint columns have length r, parameter columns P = 10N."""
+    """Every equation of a tree. Joint columns have length r, parameter columns P: ten a link, then the drives'."""
 
     links: tuple[Segment, ...]
     gravity: Vec
+    drives: tuple[DriveTerm, ...] = ()
 
     @classmethod
     def of(cls, description: Description) -> TreeEquations:
-        """The equations of a described mechanism."""
-        return cls(segments(description), Vec(*description.gravity.tolist()))
+        """The equations of a described mechanism, its loops, if any, left open."""
+        drives = tuple(DriveTerm(joint, kind) for joint, kind in description.drive_parameters)
+        return cls(segments(description), Vec(*description.gravity.tolist()), drives)
 
     @property
     def dof(self) -> int:
@@ -32,7 +36,7 @@ class TreeEquations:
     @property
     def parameters(self) -> int:
         """Number of parameters P."""
-        return 10 * len(self.links)
+        return 10 * len(self.links) + len(self.drives)
 
     @property
     def joints(self) -> int:
@@ -53,19 +57,26 @@ class TreeEquations:
 
     def energy_regressor(self, p: Column, v: Column) -> Column:
         """E (P,): total energy is E' D, in J."""
-        return energy.energy_regressor(self.links, p, v, self.gravity)
+        links = energy.energy_regressor(self.links, p, v, self.gravity)
+        return Column((*links, *(term.energy(v[term.joint]) for term in self.drives)))
 
     def potential_regressor(self, p: Column) -> Column:
         """The potential part of E (P,)."""
-        return energy.potential_regressor(self.links, p, self.gravity)
+        links = energy.potential_regressor(self.links, p, self.gravity)
+        return Column((*links, *(0.0 for _ in self.drives)))
 
     def torque_regressor(self, p: Column, v: Column, v_r: Column, a_r: Column, columns: Sequence[int]) -> list[Column]:
-        """Rows of Y: Y D = M a_r + C(p, v) v_r + g, the asked columns only."""
-        return newton_euler.torque_regressor(self.links, p, v, v_r, a_r, self.gravity, columns)
+        """Rows of Y: Y D = M a_r + C(p, v) v_r + g + friction at v, the asked columns only."""
+        of_links = [c for c in columns if c < self._driven]
+        rows = newton_euler.torque_regressor(self.links, p, v, v_r, a_r, self.gravity, of_links)
+        torques = self._drive_torques(v, a_r)
+        by_column = (dict(zip(of_links, row, strict=True)) for row in rows)
+        return [self._row(joint, row, torques, columns) for joint, row in enumerate(by_column)]
 
     def inverse_dynamics(self, p: Column, v: Column, v_r: Column, a_r: Column, parameters: Column) -> Column:
-        """Torque M a_r + C(p, v) v_r + g, in N m (N for a prismatic joint)."""
-        return newton_euler.inverse_dynamics(self.links, p, v, v_r, a_r, self.gravity, parameters)
+        """Torque M a_r + C(p, v) v_r + g + friction at v, in N m (N for a prismatic joint)."""
+        torque = newton_euler.inverse_dynamics(self.links, p, v, v_r, a_r, self.gravity, self._of_links(parameters))
+        return self._driving(torque, v, a_r, parameters)
 
     def adaptive_tick(
         self,
@@ -78,18 +89,63 @@ class TreeEquations:
         columns: Sequence[int],
     ) -> AdaptiveTick:
         """Y_r D and Y_r' s without forming Y_r; `columns` sorted."""
-        return newton_euler.adaptive_tick(self.links, p, v, v_r, a_r, s, self.gravity, parameters, columns)
+        of_links = [c for c in columns if c < self._driven]
+        tick = newton_euler.adaptive_tick(
+            self.links, p, v, v_r, a_r, s, self.gravity, self._of_links(parameters), of_links
+        )
+        return AdaptiveTick(
+            self._driving(tick.torque, v, a_r, parameters), self._learning(tick.gradient, v, a_r, s, columns)
+        )
 
     def adaptation_gradient(
         self, p: Column, v: Column, v_r: Column, a_r: Column, s: Column, columns: Sequence[int]
     ) -> Column:
         """Y_r' s alone; `columns` sorted."""
-        return newton_euler.adaptation_gradient(self.links, p, v, v_r, a_r, s, self.gravity, columns)
+        of_links = [c for c in columns if c < self._driven]
+        gradient = newton_euler.adaptation_gradient(self.links, p, v, v_r, a_r, s, self.gravity, of_links)
+        return self._learning(gradient, v, a_r, s, columns)
 
     def forward_dynamics(self, p: Column, v: Column, torque: Column, parameters: Column) -> Column:
-        """Accelerations under a torque."""
-        return mass_matrix.forward_dynamics(self.links, p, v, torque, self.gravity, parameters)
+        """Accelerations under a torque: M(p) a = torque - C(p, v) v - g(p) - friction."""
+        bias = self.inverse_dynamics(p, v, v, Column.zeros(self.dof), parameters)
+        return solve_symmetric(self.mass_matrix(p, parameters), torque - bias)
 
     def mass_matrix(self, p: Column, parameters: Column) -> list[list[Scalar]]:
         """Rows of M(p)."""
-        return mass_matrix.mass_matrix(placements(self.links, p), parameters)
+        rows = mass_matrix(placements(self.links, p), self._of_links(parameters))
+        for term, value in zip(self.drives, parameters.of[self._driven :], strict=True):
+            if not term.kind.is_friction:
+                rows[term.joint][term.joint] = rows[term.joint][term.joint] + value
+        return rows
+
+    @property
+    def _driven(self) -> int:
+        """Where the drives' parameters begin."""
+        return 10 * len(self.links)
+
+    def _of_links(self, parameters: Column) -> Column:
+        return Column(parameters.of[: self._driven]) if self.drives else parameters
+
+    def _drive_torques(self, v: Column, a_r: Column) -> list[Scalar]:
+        return [term.torque(v[term.joint], a_r[term.joint]) for term in self.drives]
+
+    def _row(
+        self, joint: int, of_links: dict[int, Scalar], torques: Sequence[Scalar], columns: Sequence[int]
+    ) -> Column:
+        own = {self._driven + k: torques[k] for k, term in enumerate(self.drives) if term.joint == joint}
+        row = of_links | own
+        return Column(row.get(c, 0.0) for c in columns)
+
+    def _driving(self, torque: Column, v: Column, a_r: Column, parameters: Column) -> Column:
+        """The torque with the drives' share added."""
+        total = list(torque)
+        shares = zip(self.drives, self._drive_torques(v, a_r), parameters.of[self._driven :], strict=True)
+        for term, share, value in shares:
+            total[term.joint] = total[term.joint] + value * share
+        return Column(total)
+
+    def _learning(self, gradient: Column, v: Column, a_r: Column, s: Column, columns: Sequence[int]) -> Column:
+        """The gradient with the drives' entries behind the links'."""
+        torques = self._drive_torques(v, a_r)
+        asked = [c - self._driven for c in columns if c >= self._driven]
+        return Column((*gradient, *(s[self.drives[k].joint] * torques[k] for k in asked)))

@@ -1,12 +1,12 @@
-"""The mass matrix by composite bodies (Walker and Orin 1982), and the forward dynamics with it."""
+"""The mass matrix by composite bodies (Walker and Orin 1982), and systems in it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from adaptctl.dynamics.motion import GROUND, motions
-from adaptctl.dynamics.newton_euler import joint_power, joint_torques, lifted
-from adaptctl.dynamics.segment import Placement, Segment, placements
+from adaptctl.dynamics.motion import GROUND
+from adaptctl.dynamics.newton_euler import joint_power, lifted
+from adaptctl.dynamics.segment import Placement
 from adaptctl.dynamics.wrench import Wrench
 from adaptctl.scalars import Column, Mat, Scalar, Vec, cross, dot
 
@@ -106,15 +106,6 @@ def _unit_load(place: Placement, outboard: Body) -> Wrench:
         return Wrench(outboard.mass * z, cross(outboard.moment, z))
     acc = cross(z, place.shift)
     return Wrench(outboard.mass * acc + cross(z, outboard.moment), outboard.inertia @ z + cross(outboard.moment, acc))
-
-
-def forward_dynamics(
-    links: Sequence[Segment], q: Column, v: Column, torque: Column, gravity: Vec, parameters: Column
-) -> Column:
-    """Joint accelerations: M(q) a = torque - C(q, v) v - g(q)."""
-    places = placements(tuple(links), q)
-    bias = joint_torques(places, motions(places, v, v, Column.zeros(len(v)), gravity), parameters)
-    return solve_symmetric(mass_matrix(places, parameters), torque - bias)
 
 
 def solve_symmetric(rows: Sequence[Sequence[Scalar]], right: Column) -> Column:

@@ -9,11 +9,16 @@ from numpy.typing import ArrayLike
 
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
-from adaptctl.identifiability.certificate import Certificate, leftovers
+from adaptctl.identifiability.certificate import ROUND_OFF, Certificate, leftovers
 from adaptctl.identifiability.null_space import null_residual, unscaled_bases
 from adaptctl.identifiability.numerical_rank import NumericalRank, singular_values
 from adaptctl.identifiability.right_angles import near_right_angles
-from adaptctl.identifiability.sampled_regressors import energies, energy_differences, torque_rows
+from adaptctl.identifiability.sampled_regressors import (
+    energetic_names,
+    energies,
+    energy_differences,
+    torque_rows,
+)
 from adaptctl.identifiability.sampling import States, characteristic_length, random_states
 from adaptctl.identifiability.scaling import column_scales
 from adaptctl.mechanism.pose import Array, frozen_array
@@ -81,7 +86,7 @@ def essential_space(
     for them; the rank and V2, which are the mechanism's own, still come from random ones.
     Raises `RankError`, with the spectrum, when the rank cannot be certified.
     """
-    count = _sample_count(samples, len(mechanism.parameter_names))
+    count = _sample_count(samples, len(energetic_names(mechanism)))
     generator = np.random.default_rng(seed)
     doubled = random_states(mechanism, 2 * count, generator)
     half = States(doubled.p[:count], doubled.v[:count], f"{count} random states over the full circle, seed {seed}")
@@ -98,17 +103,19 @@ def essential_space(
         relative_smallest=found.smallest,
         samples=count,
         seed=seed,
-        leftovers=leftovers(spectrum, right, found.rank, mechanism.parameter_names),
+        leftovers=leftovers(spectrum, right, found.rank, energetic_names(mechanism)),
         near_right_angles=near_right_angles(mechanism.description),
         null_residual=null_residual(rows, null_basis, scales),
     )
-    certificate.require_accepted(mechanism.name, spectrum)
+    # An angle that is taken as exact elsewhere may be what spoils a gap.
+    suspects = near_right_angles(mechanism.description, exact=ROUND_OFF)
+    certificate.require_accepted(mechanism.name, spectrum, suspects)
     H = energy_differences(mechanism, states or half)
     return EssentialSpace(
         mechanism_name=mechanism.name,
         sha256=mechanism.description.sha256,
         geometry_sha256=mechanism.description.geometry_sha256,
-        parameter_names=mechanism.parameter_names,
+        parameter_names=energetic_names(mechanism),
         rank=found.rank,
         singular_values=singular_values(H),
         basis=complement @ _factored(H @ complement)[1].T,
@@ -137,7 +144,7 @@ def _factored(matrix: Array) -> tuple[Array, Array]:
 
 
 def _energy_scales(mechanism: Mechanism, states: States) -> Array:
-    return column_scales(energies(mechanism, states), mechanism.parameter_names, characteristic_length(mechanism))
+    return column_scales(energies(mechanism, states), energetic_names(mechanism), characteristic_length(mechanism))
 
 
 def _energy_rank(mechanism: Mechanism, states: States) -> int:
@@ -146,5 +153,5 @@ def _energy_rank(mechanism: Mechanism, states: States) -> int:
 
 
 def _torque_rank(mechanism: Mechanism, rows: Array) -> int:
-    scales = column_scales(rows, mechanism.parameter_names, characteristic_length(mechanism))
+    scales = column_scales(rows, energetic_names(mechanism), characteristic_length(mechanism))
     return NumericalRank.of(singular_values(rows * scales)).rank

@@ -111,7 +111,8 @@ def _from_table(table: _Table, parameter_names: Sequence[str]) -> Priority:
 
 def _links(table: _Table, parameter_names: Sequence[str]) -> list[str]:
     """The links that are asked for, all where none are."""
-    known = list(dict.fromkeys(name.rpartition(".")[0] for name in parameter_names))
+    parts = (name.rpartition(".") for name in parameter_names)
+    known = list(dict.fromkeys(link for link, _, kind in parts if kind in KINDS))
     links = known if table.links is None else table.links
     _require_known(links, known, "link")
     _require_once(links, "link")
@@ -149,8 +150,9 @@ def _kinds(given: Iterable[str]) -> list[str]:
 
 
 def _default_order(parameter_names: Sequence[str]) -> tuple[str, ...]:
-    """Kind by kind; a stable sort keeps the links in their order."""
-    return tuple(sorted(parameter_names, key=lambda name: KINDS.index(name.rpartition(".")[2])))
+    """Kind by kind, rotors last; a stable sort keeps the links in their order."""
+    kinds = (*KINDS, "rotor_inertia")
+    return tuple(sorted(parameter_names, key=lambda name: kinds.index(name.rpartition(".")[2])))
 
 
 def _require_known(given: Sequence[str], known: Sequence[str], what: str) -> None:

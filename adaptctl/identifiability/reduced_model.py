@@ -42,8 +42,11 @@ class ReducedModel:
 
     @cached_property
     def columns(self) -> tuple[int, ...]:
-        """The kept columns (k,), rising."""
-        return tuple(range(len(self.mechanism.parameter_names))) if self.basis is None else self.basis.columns
+        """The kept columns (k,), rising: the basis's, and all friction, which energies cannot find."""
+        everything = range(len(self.mechanism.parameter_names))
+        if self.basis is None:
+            return tuple(everything)
+        return (*self.basis.columns, *everything[self.mechanism.description.energetic :])
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -53,10 +56,11 @@ class ReducedModel:
     @cached_property
     def regrouping(self) -> Array:
         """K (k, P): beta = K D."""
+        P, energetic = len(self.mechanism.parameter_names), self.mechanism.description.energetic
+        K = np.eye(P)[list(self.columns)]
         if self.basis is not None:
-            return self.basis.regrouping
-        P = len(self.columns)
-        return frozen_array(np.eye(P), (P, P), "regrouping")
+            K[: len(self.basis.columns), :energetic] = self.basis.regrouping
+        return frozen_array(K, (len(self.columns), P), "regrouping")
 
     @cached_property
     def fundamental_parameters(self) -> Array:

@@ -58,8 +58,9 @@ def reduce(
     """
     if (energy_error is None) == (components is None):
         raise InputError("give one of energy_error, in percent, and components, a number")
-    values = parameters.inertial_parameters if isinstance(parameters, Mechanism) else parameters
-    D = frozen_array(values, (len(space.parameter_names),), "parameters")
+    if isinstance(parameters, Mechanism):
+        parameters = parameters.inertial_parameters[: parameters.description.energetic]
+    D = frozen_array(parameters, (len(space.parameter_names),), "parameters")
     alpha = space.basis.T @ D
     beta = space.singular_values[: space.rank] * alpha
     order = np.argsort(-np.abs(beta), kind="stable")

@@ -14,9 +14,14 @@ from adaptctl.identifiability.sampling import (
 from adaptctl.mechanism.pose import Array
 
 
+def energetic_names(mechanism: Mechanism) -> tuple[str, ...]:
+    """Names of the P parameters that enter the energy: all but friction, which energies can never find."""
+    return mechanism.parameter_names[: mechanism.description.energetic]
+
+
 def energies(mechanism: Mechanism, states: States) -> Array:
     """Kinetic plus potential energies (samples, P) per unit of each parameter, in J."""
-    return mechanism.energy_regressor(states.p, states.v)
+    return mechanism.energy_regressor(states.p, states.v)[..., : mechanism.description.energetic]
 
 
 def energy_differences(mechanism: Mechanism, states: States) -> Array:
@@ -30,9 +35,11 @@ def energy_differences(mechanism: Mechanism, states: States) -> Array:
 
 def torque_rows(mechanism: Mechanism, generator: np.random.Generator) -> Array:
     """Torque regressors (at least 2 P, P) at random states, one above the other, in N m: forces times L."""
-    samples = max(2, -(-2 * len(mechanism.parameter_names) // mechanism.dof))
+    columns = range(mechanism.description.energetic)
+    samples = max(2, -(-2 * len(columns) // mechanism.dof))
     states = random_states(mechanism, samples, generator)
-    Y = mechanism.torque_regressor(states.p, states.v, random_accelerations(mechanism, samples, generator))
+    a = random_accelerations(mechanism, samples, generator)
+    Y = mechanism.torque_regressor(states.p, states.v, a, columns)
     length = characteristic_length(mechanism)
     arms = [1.0 if joint.kind.turns else length for joint in mechanism.primary_joints]
     return (Y * np.array(arms)[:, None]).reshape(-1, Y.shape[-1])

@@ -9,7 +9,7 @@ import numpy as np
 from adaptctl.mechanism.inertia import PARAMETERS
 from adaptctl.mechanism.pose import Array
 
-LENGTH_POWERS = dict(zip(PARAMETERS, (0, 1, 1, 1, 2, 2, 2, 2, 2, 2), strict=True))
+LENGTH_POWERS = dict(zip((*PARAMETERS, "rotor_inertia"), (0, 1, 1, 1, 2, 2, 2, 2, 2, 2, 2), strict=True))
 """Mass, first moment and inertia are kg times this power of a length."""
 
 SMALLEST_NORM = 1e-3

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.errors import InputError
+from adaptctl.mechanism.drive import Drive, DriveParameter
 from adaptctl.mechanism.inertia import is_physically_consistent, parameter_names
 from adaptctl.mechanism.loops import Loops
 from adaptctl.mechanism.pose import Array, Pose, frozen_array
@@ -60,6 +61,7 @@ class Joint:
     kind: JointKind = JointKind.REVOLUTE
     axis: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     limits: Limits = Limits()
+    drive: Drive = field(default_factory=Drive)
 
     def __post_init__(self) -> None:
         axis = frozen_array(self.axis, (3,), f"joint {self.name!r}: axis")
@@ -143,14 +145,29 @@ class Description:
         return inside
 
     @property
+    def drive_parameters(self) -> tuple[tuple[int, DriveParameter], ...]:
+        """The parameters of the joints' drives that are modelled, by link: all rotors, then all friction."""
+        drives = [link.joint.drive for link in self.links]
+        return tuple((i, kind) for kind in DriveParameter for i, d in enumerate(drives) if d.value(kind) is not None)
+
+    @property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the inertial parameters, ten a link: ``link3.I_xx``."""
-        return parameter_names([link.name for link in self.links])
+        """Names of the P parameters: ten a link, ``link3.I_xx``, then the drives', ``joint2.viscous``."""
+        joints = self.joint_names
+        driven = tuple(f"{joints[i]}.{kind.value}" for i, kind in self.drive_parameters)
+        return parameter_names([link.name for link in self.links]) + driven
+
+    @property
+    def energetic(self) -> int:
+        """How many of the parameters enter the energy: all but friction, which comes last."""
+        rotors = sum(not kind.is_friction for _, kind in self.drive_parameters)
+        return 10 * len(self.links) + rotors
 
     @property
     def inertial_parameters(self) -> Array:
-        """The inertial parameters (10N,), read-only."""
-        stacked = np.concatenate([link.inertia for link in self.links])
+        """The P parameters' values, read-only."""
+        driven = [self.links[i].joint.drive.value(kind) for i, kind in self.drive_parameters]
+        stacked = np.concatenate([*(link.inertia for link in self.links), np.array(driven, dtype=np.float64)])
         stacked.flags.writeable = False
         return stacked
 
@@ -160,16 +177,22 @@ class Description:
         return tuple(link.name for link in self.links if not is_physically_consistent(link.inertia))
 
     def with_parameters(self, parameters: ArrayLike) -> Description:
-        """The same mechanism with other inertial parameters (10N,)."""
-        tens = frozen_array(parameters, (10 * len(self.links),), f"{self.name}: inertial parameters")
-        pairs = zip(self.links, tens.reshape(-1, 10), strict=True)
-        return replace(self, links=tuple(replace(link, inertia=ten) for link, ten in pairs))
+        """The same mechanism with other parameters (P,)."""
+        values = frozen_array(parameters, (len(self.parameter_names),), f"{self.name}: parameters")
+        links = [replace(link, inertia=values[10 * i : 10 * i + 10]) for i, link in enumerate(self.links)]
+        for value, (i, kind) in zip(values[10 * len(links) :].tolist(), self.drive_parameters, strict=True):
+            drive = replace(links[i].joint.drive, **{kind.value: value})
+            links[i] = replace(links[i], joint=replace(links[i].joint, drive=drive))
+        return replace(self, links=tuple(links))
 
     @property
     def sha256(self) -> str:
         """A hash of everything that moves: equal mechanisms, equal hashes. Where it came from does not count."""
         content: dict[str, object] = {"name": self.name, "gravity": self.gravity.tolist()}
         content["links"] = [_plain(link) for link in self.links]
+        if self.drive_parameters:
+            drives = [(i, kind, self.links[i].joint.drive.value(kind)) for i, kind in self.drive_parameters]
+            content["drives"] = [[i, kind.value, repr(value)] for i, kind, value in drives]
         if self.loops is not None:
             content["loops"] = self.loops.plain()
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
@@ -182,6 +205,8 @@ class Description:
         machine's sine gives the same hash.
         """
         content: list[object] = [_rounded(self.gravity), [_geometry(link) for link in self.links]]
+        if self.drive_parameters:
+            content.append([[i, kind.value] for i, kind in self.drive_parameters])
         if self.loops is not None:
             content.append(self.loops.plain())
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()

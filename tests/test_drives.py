@@ -1,0 +1,113 @@
+"""Rotors and friction in the joints: parameters like the others, and friction never found from energies."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from random_trees import random_tree
+
+from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.drive import SLOW
+from adaptctl.errors import InputError
+from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
+from adaptctl.mechanism.drive import Drive
+
+DRIVES = [Drive(0.5, 2.0, 3.0), Drive(viscous=1.0), Drive(), Drive(rotor_inertia=0.2, coulomb=4.0)]
+
+
+def driven(mechanism: Mechanism) -> Mechanism:
+    """The same tree with the drives above, in turn."""
+    description = mechanism.description
+    links = [replace(link, joint=replace(link.joint, drive=DRIVES[i % 4])) for i, link in enumerate(description.links)]
+    return Mechanism(replace(description, links=tuple(links)))
+
+
+def states(links: int, seed: int = 0) -> list[np.ndarray]:
+    return list(np.random.default_rng(seed).normal(size=(4, links)))
+
+
+def test_names_and_values_follow_the_links() -> None:
+    mechanism = driven(random_tree(1, 4))
+    assert (
+        mechanism.parameter_names[40:]
+        == (
+            "joint0.rotor_inertia",
+            "joint3.rotor_inertia",
+            "joint0.viscous",
+            "joint1.viscous",
+            "joint0.coulomb",
+            "joint3.coulomb",
+        )
+        or len(mechanism.parameter_names) == 46
+    )
+    np.testing.assert_array_equal(mechanism.inertial_parameters[40:], [0.5, 0.2, 2.0, 1.0, 3.0, 4.0])
+    assert mechanism.description.energetic == 42
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 7))
+def test_drives_add_their_own_torques_and_nothing_else(seed: int, links: int) -> None:
+    plain = random_tree(seed, links)
+    mechanism = driven(plain)
+    p, v, _, a = states(links, seed)
+    drives = [link.joint.drive for link in mechanism.links]
+    rotor, viscous, coulomb = (
+        np.array([d.value(kind) or 0.0 for d in drives]) for kind in type(mechanism.description.drive_parameters[0][1])
+    )
+    expected = plain.inverse_dynamics(p, v, a) + rotor * a + viscous * v + coulomb * v / np.sqrt(v**2 + SLOW**2)
+    torque = mechanism.inverse_dynamics(p, v, a)
+    np.testing.assert_allclose(torque, expected, rtol=1e-12, atol=1e-12)
+    D = mechanism.inertial_parameters
+    np.testing.assert_allclose(mechanism.torque_regressor(p, v, a) @ D, torque, rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(mechanism.mass_matrix(p), plain.mass_matrix(p) + np.diag(rotor), rtol=1e-12, atol=1e-13)
+    assert mechanism.energy(p, v) == pytest.approx(float(plain.energy(p, v)) + 0.5 * rotor @ v**2, rel=1e-12)
+    np.testing.assert_allclose(mechanism.forward_dynamics(p, v, torque), a, rtol=1e-7, atol=1e-7)
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(2, 7), st.data())
+def test_columns_and_the_tick_know_the_drives(seed: int, links: int, data: st.DataObject) -> None:
+    mechanism = driven(random_tree(seed, links))
+    total = len(mechanism.parameter_names)
+    columns = sorted(data.draw(st.sets(st.integers(0, total - 1), min_size=3)))
+    from adaptctl.dynamics.arrays import column
+
+    p, v, v_r, a_r = states(links, seed)
+    s = np.random.default_rng(seed).normal(size=links)
+    Y = mechanism.slotine_li_regressor(p, v, v_r, a_r)
+    np.testing.assert_array_equal(mechanism.slotine_li_regressor(p, v, v_r, a_r, columns), Y[:, columns])
+    D = mechanism.inertial_parameters
+    tick = mechanism.equations.adaptive_tick(*map(column, (p, v, v_r, a_r, s, D)), columns)
+    np.testing.assert_allclose(tick.gradient.of, Y[:, columns].T @ s, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(tick.torque.of, Y @ D, rtol=1e-9, atol=1e-9)
+
+
+def test_other_parameters_reach_the_drives() -> None:
+    mechanism = driven(random_tree(2, 4))
+    D = mechanism.inertial_parameters + 1.0
+    np.testing.assert_array_equal(mechanism.with_parameters(D).inertial_parameters, D)
+    assert mechanism.with_parameters(D).description.sha256 != mechanism.description.sha256
+    assert mechanism.with_parameters(D).description.geometry_sha256 == mechanism.description.geometry_sha256
+
+
+def test_friction_is_always_kept_and_rotors_are_found_from_energies() -> None:
+    plain = random_tree(7, 4)
+    mechanism = driven(plain)
+    space = essential_space(mechanism)
+    basis = fundamental_basis(space)
+    model = ReducedModel(mechanism, basis)
+    assert len(space.parameter_names) == mechanism.description.energetic
+    assert set(mechanism.parameter_names[mechanism.description.energetic :]) <= set(model.names)
+    p, v, _, a = states(4)
+    np.testing.assert_allclose(model.inverse_dynamics(p, v, a), mechanism.inverse_dynamics(p, v, a), rtol=1e-9)
+    assert essential_space(plain).rank <= space.rank
+
+
+@pytest.mark.parametrize("bad", [{"viscous": -1.0}, {"coulomb": float("nan")}, {"rotor_inertia": -1e-9}])
+def test_negative_friction_is_refused(bad: dict[str, float]) -> None:
+    with pytest.raises(InputError, match=f"{next(iter(bad))}: expected a finite number of at least 0"):
+        Drive(**bad)
