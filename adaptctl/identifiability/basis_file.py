@@ -73,6 +73,8 @@ def _basis(content: _BasisFile) -> FundamentalBasis:
         for name in (kept, *row):
             if name not in place:
                 raise InputError(f"`$.regrouping.{kept}`: {name!r} is not among `$.parameters`")
+        if not row.keys().isdisjoint(content.regrouping):
+            raise InputError(f"`$.regrouping.{kept}`: kept parameters are not added to one another")
         K[i, [place[name] for name in row]] = list(row.values())
         K[i, place[kept]] = 1.0
     return FundamentalBasis(

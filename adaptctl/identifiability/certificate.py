@@ -77,20 +77,19 @@ class Certificate:
     def remarks(self) -> tuple[str, ...]:
         """What is no fault but worth a look."""
         leftovers = [f"beyond the gap, {leftover} is more than round-off" for leftover in self.leftovers]
-        angles = [f"{pair}: if a right angle is meant, write it exactly" for pair in self.near_right_angles]
-        return (*leftovers, *angles)
+        return (*leftovers, *map(str, self.near_right_angles))
 
     def __str__(self) -> str:
         return (
-            f"rank {self.rank} from {self.samples} energies, from torques and from {2 * self.samples} energies; "
+            f"rank {self.rank} by the energies of {self.samples} and of {2 * self.samples} states and by torques; "
             f"gap {self.gap:.1e}, sigma_k/sigma_1 {self.relative_smallest:.1e}"
         )
 
-    def require_accepted(self, mechanism: str, spectrum: Array) -> None:
-        """Raise RankError, with the spectrum, unless the rank can be accepted."""
+    def require_accepted(self, mechanism: str, spectrum: Array, suspects: Sequence[object] = ()) -> None:
+        """Raise RankError, with the spectrum and the suspects, unless the rank can be accepted."""
         if not self.faults:
             return
-        hints = "".join(f"; {remark}" for remark in self.remarks)
+        hints = "".join(f"; {suspect}" for suspect in suspects)
         raise RankError(
             f"{mechanism}: the rank cannot be certified: {'; '.join(self.faults)}{hints}. "
             f"Scaled singular values over the largest: {_listing(spectrum / spectrum[0], self.rank)}",
@@ -98,11 +97,11 @@ class Certificate:
         )
 
 
-def leftovers(spectrum: Array, right: Array, rank: int, names: Sequence[str]) -> tuple[Leftover, ...]:
-    """Singular values beyond the gap that are more than round-off, with what their right vectors (rows) hold."""
+def leftovers(spectrum: Array, vectors: Array, rank: int, names: Sequence[str]) -> tuple[Leftover, ...]:
+    """Singular values beyond the gap that are more than round-off, with what their vectors (columns) hold."""
     relative = spectrum / spectrum[0]
     beyond = [i for i in range(rank, len(spectrum)) if relative[i] > ROUND_OFF]
-    return tuple(Leftover(float(relative[i]), _dominant(right[i], names)) for i in beyond)
+    return tuple(Leftover(float(relative[i]), _dominant(vectors[:, i], names)) for i in beyond)
 
 
 def _dominant(vector: Array, names: Sequence[str], most: int = 4) -> tuple[str, ...]:

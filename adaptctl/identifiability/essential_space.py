@@ -11,16 +11,11 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identifiability.certificate import ROUND_OFF, Certificate, leftovers
 from adaptctl.identifiability.null_space import null_residual, unscaled_bases
-from adaptctl.identifiability.numerical_rank import NumericalRank, singular_values
+from adaptctl.identifiability.numerical_rank import singular_values
 from adaptctl.identifiability.right_angles import near_right_angles
-from adaptctl.identifiability.sampled_regressors import (
-    energetic_names,
-    energies,
-    energy_differences,
-    torque_rows,
-)
-from adaptctl.identifiability.sampling import States, characteristic_length, random_states
-from adaptctl.identifiability.scaling import column_scales
+from adaptctl.identifiability.sampled_regressors import energetic_names, energy_differences, torque_rows
+from adaptctl.identifiability.sampling import States, random_states
+from adaptctl.identifiability.scaled_regressor import ScaledRegressor
 from adaptctl.mechanism.pose import Array, frozen_array
 
 
@@ -89,43 +84,26 @@ def essential_space(
     count = _sample_count(samples, len(energetic_names(mechanism)))
     generator = np.random.default_rng(seed)
     doubled = random_states(mechanism, 2 * count, generator)
-    half = States(doubled.p[:count], doubled.v[:count], f"{count} random states over the full circle, seed {seed}")
-    scales = _energy_scales(mechanism, half)
-    spectrum, right = _factored(energy_differences(mechanism, half) * scales)
-    found = NumericalRank.of(spectrum)
-    null_basis, complement = unscaled_bases(right[found.rank :].T, scales)
+    generic = States(doubled.p[:count], doubled.v[:count], f"{count} random states over the full circle, seed {seed}")
+    scaled = ScaledRegressor.of_energies(mechanism, generic)
+    null_basis, complement = unscaled_bases(scaled.null_basis, scaled.scales)
     rows = torque_rows(mechanism, generator)
     certificate = Certificate(
-        rank_energy=found.rank,
-        rank_torque=_torque_rank(mechanism, rows),
-        rank_doubled=_energy_rank(mechanism, doubled),
-        gap=found.gap,
-        relative_smallest=found.smallest,
+        rank_energy=scaled.decision.rank,
+        rank_torque=ScaledRegressor.of_torques(mechanism, rows).decision.rank,
+        rank_doubled=ScaledRegressor.of_energies(mechanism, doubled).decision.rank,
+        gap=scaled.decision.gap,
+        relative_smallest=scaled.decision.smallest,
         samples=count,
         seed=seed,
-        leftovers=leftovers(spectrum, right, found.rank, energetic_names(mechanism)),
+        null_residual=null_residual(rows, null_basis, scaled.scales),
+        leftovers=leftovers(scaled.singular_values, scaled.vectors, scaled.decision.rank, energetic_names(mechanism)),
         near_right_angles=near_right_angles(mechanism.description),
-        null_residual=null_residual(rows, null_basis, scales),
     )
     # An angle that is taken as exact elsewhere may be what spoils a gap.
     suspects = near_right_angles(mechanism.description, exact=ROUND_OFF)
-    certificate.require_accepted(mechanism.name, spectrum, suspects)
-    H = energy_differences(mechanism, states or half)
-    return EssentialSpace(
-        mechanism_name=mechanism.name,
-        sha256=mechanism.description.sha256,
-        geometry_sha256=mechanism.description.geometry_sha256,
-        parameter_names=energetic_names(mechanism),
-        rank=found.rank,
-        singular_values=singular_values(H),
-        basis=complement @ _factored(H @ complement)[1].T,
-        null_basis=null_basis,
-        scales=scales,
-        scaled_singular_values=spectrum,
-        scaled_vectors=right.T,
-        certificate=certificate,
-        states=(states or half).origin,
-    )
+    certificate.require_accepted(mechanism.name, scaled.singular_values, suspects)
+    return _space(mechanism, states or generic, certificate, scaled, null_basis, complement)
 
 
 def _sample_count(asked: int | None, parameters: int) -> int:
@@ -136,22 +114,33 @@ def _sample_count(asked: int | None, parameters: int) -> int:
     return asked
 
 
-def _factored(matrix: Array) -> tuple[Array, Array]:
-    """Singular values and all right singular vectors, as rows."""
+def _space(
+    mechanism: Mechanism,
+    states: States,
+    certificate: Certificate,
+    scaled: ScaledRegressor,
+    null_basis: Array,
+    complement: Array,
+) -> EssentialSpace:
+    H = energy_differences(mechanism, states)
+    return EssentialSpace(
+        mechanism_name=mechanism.name,
+        sha256=mechanism.description.sha256,
+        geometry_sha256=mechanism.description.geometry_sha256,
+        parameter_names=energetic_names(mechanism),
+        rank=certificate.rank,
+        singular_values=singular_values(H),
+        basis=complement @ _right_vectors(H @ complement),
+        null_basis=null_basis,
+        scales=scaled.scales,
+        scaled_singular_values=scaled.singular_values,
+        scaled_vectors=scaled.vectors,
+        certificate=certificate,
+        states=states.origin,
+    )
+
+
+def _right_vectors(matrix: Array) -> Array:
+    """All right singular vectors, a vector a column, however few the rows."""
     wide = matrix.shape[0] < matrix.shape[1]
-    _, values, right = np.linalg.svd(matrix, full_matrices=wide)
-    return values, right
-
-
-def _energy_scales(mechanism: Mechanism, states: States) -> Array:
-    return column_scales(energies(mechanism, states), energetic_names(mechanism), characteristic_length(mechanism))
-
-
-def _energy_rank(mechanism: Mechanism, states: States) -> int:
-    H = energy_differences(mechanism, states) * _energy_scales(mechanism, states)
-    return NumericalRank.of(singular_values(H)).rank
-
-
-def _torque_rank(mechanism: Mechanism, rows: Array) -> int:
-    scales = column_scales(rows, energetic_names(mechanism), characteristic_length(mechanism))
-    return NumericalRank.of(singular_values(rows * scales)).rank
+    return np.linalg.svd(matrix, full_matrices=wide)[2].T

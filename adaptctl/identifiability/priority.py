@@ -20,7 +20,7 @@ KINDS = ("m", "mc_x", "mc_y", "mc_z", "I_xy", "I_xz", "I_yz", "I_xx", "I_yy", "I
 """The order of Table 4 of Sheu and Walker (1991): the first kind is removed first, of all links."""
 
 PAPER_KINDS = {"I_x": "I_xx", "I_y": "I_yy", "I_z": "I_zz"}
-"""The paper's names, which its kind of grid may use."""
+"""The paper's names, which files may use."""
 
 
 @dataclass(frozen=True)
@@ -55,14 +55,15 @@ class Priority:
             kinds = ["I_xx", "I_yy"]
             links = ["link2", "link1"]
 
-        As a grid of numbers like Tables 4 and 11 of Sheu and Walker (1991), a row for each kind (``I_x`` may
-        stand for ``I_xx``) with a number for each link, in the mechanism's order or that of `links`::
+        As a grid of numbers like Tables 4 and 11 of Sheu and Walker (1991), a row for each kind with a number
+        for each link, in the mechanism's order or that of `links`; the lowest number is removed first::
 
             [grid]
             m = [1, 2, 3]
             mc_x = [4, 5, 6]
 
-        Every file begins with ``schema = "adaptctl/priority/1"``. Raises `FileError`.
+        Every file begins with ``schema = "adaptctl/priority/1"``; the paper's ``I_x`` may stand for ``I_xx``.
+        Raises `FileError`.
         """
         table = read_toml(path, _Table)
         try:
@@ -96,7 +97,7 @@ class _Table(msgspec.Struct, forbid_unknown_fields=True):
 
 
 def _from_table(table: _Table, parameter_names: Sequence[str]) -> Priority:
-    keep = tuple(table.keep)
+    keep = tuple(_our_name(name) for name in table.keep)
     by_kind = table.grid is None and (table.kinds is not None or table.links is not None)
     if (table.order is not None) + (table.grid is not None) + by_kind > 1 or (table.grid and table.kinds):
         raise InputError("give one of: order; kinds and links; grid (with links, if they are in another order)")
@@ -106,7 +107,7 @@ def _from_table(table: _Table, parameter_names: Sequence[str]) -> Priority:
         return Priority(_product_order(table, parameter_names, keep), keep)
     if table.order is None and not keep:
         raise InputError("nothing is said: give order, keep, kinds, links or grid")
-    return Priority(tuple(table.order or ()), keep)
+    return Priority(tuple(_our_name(name) for name in table.order or ()), keep)
 
 
 def _links(table: _Table, parameter_names: Sequence[str]) -> list[str]:
@@ -140,6 +141,11 @@ def _grid_order(grid: Mapping[str, Sequence[float]], links: Sequence[str], keep:
                 raise InputError(f"grid: the number {number:g} stands at {numbers[number]} and at {name}")
             numbers[number] = name
     return tuple(numbers[number] for number in sorted(numbers) if numbers[number] not in keep)
+
+
+def _our_name(name: str) -> str:
+    link, dot, kind = name.rpartition(".")
+    return link + dot + PAPER_KINDS.get(kind, kind)
 
 
 def _kinds(given: Iterable[str]) -> list[str]:

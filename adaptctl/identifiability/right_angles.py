@@ -26,15 +26,18 @@ class NearRightAngle:
     miss: float
 
     def __str__(self) -> str:
-        return f"{self.parent} and {self.child} miss {self.degrees} degrees by {self.miss:.1e} rad"
+        return (
+            f"{self.parent} and {self.child} miss {self.degrees} degrees by {abs(self.miss):.1e} rad: "
+            "if a right angle is meant, write it exactly"
+        )
 
 
-def near_right_angles(description: Description) -> tuple[NearRightAngle, ...]:
-    """Successive joint axes within 1e-3 but not within 1e-9 rad of a multiple of 90 degrees."""
+def near_right_angles(description: Description, exact: float = EXACT) -> tuple[NearRightAngle, ...]:
+    """Successive joint axes within 1e-3 but not within `exact` (rad) of a multiple of 90 degrees."""
     links = description.links
     pairs = [(links[link.parent], link) for link in links if link.parent != GROUND]
     found = [_pair(parent, child) for parent, child in pairs]
-    return tuple(pair for pair in found if EXACT < abs(pair.miss) < NEAR)
+    return tuple(pair for pair in found if exact < abs(pair.miss) < NEAR)
 
 
 def _pair(parent: Link, child: Link) -> NearRightAngle:
