@@ -13,6 +13,8 @@ import pytest
 from adaptctl.errors import FileError, NotFoundError, PhysicalConsistencyWarning
 from adaptctl.mechanism import Description, builtin_names, read, read_denavit_hartenberg, to_pinocchio
 
+PUMAS = ("puma560", "puma560_arm3", "puma560_measured")
+
 # Table 1 of Sheu and Walker (1991): position range (rad) and velocity (rad/s) of each joint.
 TABLE_1 = [
     (-2.79, 2.79, 25.13),
@@ -64,18 +66,18 @@ def torques(description: Description, q: np.ndarray, v: np.ndarray, a: np.ndarra
 
 
 def test_names() -> None:
-    assert builtin_names() == ("puma560", "puma560_arm3", "puma560_measured")
+    assert builtin_names() == (*PUMAS, "semi_direct_drive", "semi_direct_drive_parallelogram")
 
 
 @pytest.mark.parametrize("name", builtin_names())
 def test_every_built_in_bears_its_name_and_says_where_it_is_from(name: str) -> None:
     robot = quietly(name)
     assert robot.name == name
-    assert "1986" in robot.source
+    assert ("1986" if name in PUMAS else "assigned") in robot.source
     np.testing.assert_array_equal(robot.gravity, [0, 0, -9.81])
 
 
-@pytest.mark.parametrize("name", builtin_names())
+@pytest.mark.parametrize("name", PUMAS)
 def test_geometry_and_limits_of_the_puma_560(name: str) -> None:
     """Sheu and Walker's arm; efforts are Armstrong, Khatib and Burdick's limits."""
     a, d = (0, 0.4318, -0.0203, 0, 0, 0), (0, 0.14909, 0, 0.4331, 0, 0.05625)
@@ -210,9 +212,8 @@ def test_files_are_read_by_their_suffix(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["puma56", "Puma560", "puma560measured"])
 def test_a_name_nearly_right_gets_a_suggestion(name: str) -> None:
-    wanted = (
-        rf"unknown robot '{name}' \(did you mean 'puma560\w*'\?\); built-in: puma560, puma560_arm3, puma560_measured"
-    )
+    known = ", ".join(builtin_names())
+    wanted = rf"unknown robot '{name}' \(did you mean 'puma560\w*'\?\); built-in: {known}"
     with pytest.raises(NotFoundError, match=wanted + r"; or a path to a file: \.toml, \.urdf"):
         read(name)
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from adaptctl.compilation import Kernel, compile_function
 from adaptctl.dynamics.arrays import column, stacked, stacked_rows
@@ -47,7 +48,7 @@ class Continuation:
             self.require_regular(q)
         return q
 
-    def reachable(self, p: Array) -> Array:
+    def reachable(self, p: Array) -> NDArray[np.bool_]:
         """Which of the primary positions (m, r) can be reached so (m,), without raising."""
         return self.progress(p) >= 1.0
 

@@ -17,7 +17,7 @@ from adaptctl.dynamics.continuation import Continuation
 from adaptctl.dynamics.equations import TreeEquations
 from adaptctl.dynamics.loop_equations import LoopEquations
 from adaptctl.dynamics.segment import segments
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, LoopError
 from adaptctl.mechanism import Description, Joint, Link
 from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column
@@ -196,8 +196,14 @@ class Mechanism:
 def load(source: str | Path) -> Mechanism:
     """A mechanism by a built-in's name (`puma560`, ...) or from a file (.toml, .urdf).
 
-    Raises `FileError` or `NotFoundError` with what was wrong and what would be right.
+    Raises `FileError` or `NotFoundError` with what was wrong and what would be right, `LoopError` where loops do
+    not fit together.
     """
     from adaptctl.mechanism.sources import read
 
-    return Mechanism(read(source))
+    mechanism = Mechanism(read(source))
+    try:
+        _ = mechanism.continuation  # Closes the loops, so that a wrong file is named here and not later.
+    except LoopError as error:
+        raise LoopError(f"{source}: {error}") from error
+    return mechanism

@@ -8,6 +8,7 @@ import numpy as np
 
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
+from adaptctl.identifiability.branch import positions_on_branch
 from adaptctl.mechanism import GROUND
 from adaptctl.mechanism.description import STANDARD_GRAVITY
 from adaptctl.mechanism.pose import Array
@@ -48,10 +49,12 @@ def random_states(mechanism: Mechanism, samples: int, generator: np.random.Gener
     """Positions all around the circle (prismatic joints: within +-L), speeds about sqrt(g/L), limits ignored.
 
     The energy is analytic in the state, so that its rank is the same almost everywhere: samples within narrow
-    limits would only make the same rank harder to see.
+    limits would only make the same rank harder to see. Joints that move a loop are kept on its branch, within
+    limits and away from singularity (`positions_on_branch`): beyond, another branch may have another rank.
     """
     length, turns = characteristic_length(mechanism), _turns(mechanism)
     p = generator.uniform(-1.0, 1.0, (samples, mechanism.dof)) * np.where(turns, np.pi, length)
+    p = positions_on_branch(mechanism, p, generator)
     v = generator.normal(size=p.shape) * _rate(mechanism) * np.where(turns, 1.0, length)
     return States(p, v, f"{samples} random states over the full circle")
 

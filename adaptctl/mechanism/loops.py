@@ -105,13 +105,13 @@ class Loops:
         for name in ("primary", "closures", "couplings", "conditions"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
         object.__setattr__(self, "reference", MappingProxyType(dict(self.reference)))
-        if not self.primary:
-            raise InputError("loops: at least one joint must be primary")
-        _require_unique("primary joint", self.primary)
         names = [c.name for c in self.closures] + [c.name for c in self.couplings]
         _require_unique("closure or coupling", names)
         _require_unique("follower", [c.follower for c in self.couplings])
         self._require_plain_couplings()
+        if not self.primary:
+            raise InputError("loops: at least one joint must be primary")
+        _require_unique("primary joint", self.primary)
         for condition in self.conditions:
             for joint in condition.weights:
                 if joint not in self.primary:

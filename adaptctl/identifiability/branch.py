@@ -1,0 +1,61 @@
+"""Random positions of a mechanism with loops: only along continuation from the reference, on its branch."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.constraint import Closing
+from adaptctl.errors import InputError
+from adaptctl.mechanism.pose import Array
+
+REGULAR = 0.2
+"""Share of its reference value that the loops' smallest singular value keeps: nearer to a singularity, dependent
+joints race and drown the rest of the spectrum."""
+
+POINTS = 65
+"""along a line at which conditions are looked at"""
+
+
+def positions_on_branch(mechanism: Mechanism, positions: Array, generator: np.random.Generator) -> Array:
+    """Random primary positions (m, r), those of joints that move a loop put onto its branch.
+
+    Such a joint starts at the reference and takes its random position as a direction: it goes along a straight
+    line as far as its limits, the mechanism's conditions and regularity let it, and stops at random on the
+    way. The other joints keep their positions, since no loop feels them. A tree keeps all.
+    """
+    continuation = mechanism.continuation
+    if continuation is None:
+        return positions
+    looped = _in_loops(continuation.equations.closing)
+    start = continuation.reference[continuation.primary]
+    wanted = np.where(looped, _within_limits(mechanism, start + positions), start)
+    way = (wanted - start) * _within_conditions(mechanism, start, wanted)[:, None]
+    way *= continuation.progress(start + way, REGULAR)[:, None]
+    way *= generator.uniform(size=(len(way), 1)) ** (1.0 / max(int(looped.sum()), 1))
+    return np.where(looped, start + way, positions)
+
+
+def _in_loops(closing: Closing) -> Array:
+    """Which primary joints (r,) move a closure, themselves or through joints that follow them."""
+    links = {link for loop in closing.loops for arm in (loop.first, loop.second) for link in arm.links}
+    links |= {follower.leader for follower in closing.followers if follower.follower in links}
+    return np.array([joint in links for joint in closing.primary])
+
+
+def _within_limits(mechanism: Mechanism, p: Array) -> Array:
+    limits = [joint.limits for joint in mechanism.primary_joints]
+    return np.clip(p, [bounds.lower for bounds in limits], [bounds.upper for bounds in limits])
+
+
+def _within_conditions(mechanism: Mechanism, start: Array, wanted: Array) -> Array:
+    """How much (m,) of the straight ways keeps the mechanism's conditions."""
+    description = mechanism.description
+    if not description.within_conditions(start):
+        raise InputError(
+            f"{mechanism.name}: the reference configuration, p = {np.round(start, 4).tolist()}, breaks a condition of "
+            "the mechanism: give a reference within it"
+        )
+    shares = np.linspace(0.0, 1.0, POINTS)
+    inside = description.within_conditions(start + shares[:, None, None] * (wanted - start))
+    return shares[np.logical_and.accumulate(inside).sum(axis=0) - 1]
