@@ -1,82 +1,33 @@
-"""The figures of the report, drawn without a screen."""
+"""The figures of a comparison's report."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from adaptctl.files import replacing
 from adaptctl.mechanism.pose import Array
 from adaptctl.recording.comparison import Comparison
-from adaptctl.recording.palette import INK, MUTED, PAPER, joint_color, run_color
+from adaptctl.recording.drawing import DOTS, WIDTH, Drawing, write_drawings
+from adaptctl.recording.palette import MUTED, PAPER, joint_color, run_color
 from adaptctl.recording.series import thinned
 from adaptctl.recording.spectrum import shares, threshold
 from adaptctl.recording.wording import number
 
-WIDTH = 9.2
-"""inches; the report shows figures at that width"""
-DOTS = 160
-"""dots an inch"""
 SAMPLES = 3000
 """At most as many samples are drawn."""
 AVERAGE = 0.25
 """s over which errors are averaged where they are compared on a logarithmic scale"""
 
-STYLE: dict[Any, Any] = {
-    "font.family": "DejaVu Sans",
-    "font.size": 9.0,
-    "text.color": INK.hex,
-    "axes.edgecolor": INK.faded(0.65, PAPER).hex,
-    "axes.labelcolor": INK.hex,
-    "axes.titlelocation": "left",
-    "axes.titlesize": 9.5,
-    "axes.titleweight": "bold",
-    "axes.titlepad": 8.0,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": INK.faded(0.9, PAPER).hex,
-    "grid.linewidth": 0.7,
-    "xtick.color": INK.faded(0.3, PAPER).hex,
-    "ytick.color": INK.faded(0.3, PAPER).hex,
-    "xtick.labelsize": 8.0,
-    "ytick.labelsize": 8.0,
-    "xtick.major.size": 0.0,
-    "ytick.major.size": 0.0,
-    "ytick.minor.size": 0.0,
-    "lines.linewidth": 1.5,
-    "lines.solid_capstyle": "round",
-    "legend.frameon": False,
-    "legend.fontsize": 8.0,
-    "figure.facecolor": PAPER.hex,
-    "svg.hashsalt": "adaptctl",
-}
-
-
-class Drawing(NamedTuple):
-    """A figure: its file's name, its caption, and what draws it."""
-
-    name: str
-    caption: str
-    draw: Callable[[Comparison], Figure]
-
 
 def write_figures(folder: str | Path, comparison: Comparison) -> dict[str, Path]:
     """Write every figure that a comparison has into a folder; returns the files by name."""
-    written = {}
-    for drawing in drawings(comparison):
-        written[drawing.name] = Path(folder) / f"{drawing.name}.png"
-        with mpl.rc_context(STYLE), replacing(written[drawing.name]) as beside:
-            figure = drawing.draw(comparison)
-            figure.savefig(beside, format="png", metadata={"Software": "adaptctl"})
-    return written
+    return write_drawings(folder, drawings(comparison))
 
 
 def drawings(comparison: Comparison) -> Iterator[Drawing]:
@@ -86,32 +37,32 @@ def drawings(comparison: Comparison) -> Iterator[Drawing]:
         "tracking-error",
         f"Root mean square of all joints' tracking errors, averaged over {AVERAGE:g} s, one line a controller "
         "(logarithmic scale).",
-        tracking_error,
+        partial(tracking_error, comparison),
     )
     yield Drawing(
         "joint-errors",
         f"Every joint's tracking error in {unit}: learning above, the same controller with adaptation off below.",
-        joint_errors,
+        partial(joint_errors, comparison),
     )
     if comparison.subject.lyapunov is not None:
         yield Drawing(
             "lyapunov",
             "The Lyapunov function along the adaptive run, and how much it falls in every control period. In "
             "theory it never rises.",
-            lyapunov,
+            partial(lyapunov, comparison),
         )
-    yield Drawing("torque", "Torque of the adaptive run. Shaded: beyond the limits.", torque)
+    yield Drawing("torque", "Torque of the adaptive run. Shaded: beyond the limits.", partial(torque, comparison))
     if comparison.subject.rollout.estimate.shape[1]:
         yield Drawing(
             "parameters",
             "Estimates of the fundamental parameters from zero (lines), and their true values (dashed). "
             "Each has its own scale; units are kg, kg·m and kg·m².",
-            parameters,
+            partial(parameters, comparison),
         )
     yield Drawing(
         "spectrum",
         "Singular values of the energy matrix. The gap tells how many parameters matter.",
-        spectrum,
+        partial(spectrum, comparison),
     )
 
 

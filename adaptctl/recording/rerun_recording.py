@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-import warnings
 from pathlib import Path
 
 import numpy as np
 import rerun as rr
-from rerun.chunk import RrdReader
 
 from adaptctl.dynamics.kinematics import link_poses
-from adaptctl.errors import FileError
-from adaptctl.files import replacing
 from adaptctl.mechanism.pose import Array
 from adaptctl.recording.blueprint import Layout, blueprint
 from adaptctl.recording.comparison import Comparison, Run
@@ -22,6 +18,7 @@ from adaptctl.recording.scene import GOAL_LOOK, entity, ghost_look, log_arm, log
 from adaptctl.recording.series import Style, log_levels, log_series, thinned
 from adaptctl.recording.skeleton import ROOT_RADIUS, Skeleton, skeleton
 from adaptctl.recording.spectrum import decades
+from adaptctl.recording.stream import log_markdown, saved_stream
 
 CURVE_SAMPLES, POSE_SAMPLES = 4000, 2000
 """At most as many samples are shown; the table beside the recording has them all."""
@@ -36,17 +33,10 @@ DARK = Color(13, 13, 13)
 
 
 def write_recording(path: str | Path, comparison: Comparison) -> None:
-    """Write the recording beside its place, read it back, and put it there. Raises FileError."""
-    with replacing(path) as beside:
-        recording = rr.RecordingStream(
-            f"adaptctl-{comparison.experiment}", recording_id=_identifier(comparison), make_default=False
-        )
-        recording.save(beside)
-        recording.send_blueprint(blueprint(_layout(comparison)))
+    """Write the recording whole or not at all. Raises FileError."""
+    layout = blueprint(_layout(comparison))
+    with saved_stream(path, comparison.experiment, _identifier(comparison), layout) as recording:
         _log(recording, comparison)
-        recording.flush()
-        recording.disconnect()
-        _verify(beside)
 
 
 def _identifier(comparison: Comparison) -> str:
@@ -55,23 +45,13 @@ def _identifier(comparison: Comparison) -> str:
     return f"{comparison.experiment}-seed{comparison.seed}-{digest[:12]}"
 
 
-def _verify(path: Path) -> None:
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            RrdReader(path).store().schema()
-    except (RuntimeError, Warning) as error:
-        raise FileError(f"{path}: the recording cannot be read back ({error})") from error
-
-
 def _log(recording: rr.RecordingStream, comparison: Comparison) -> None:
     recording.send_recording_name(comparison.title)
     recording.send_property(
         "adaptctl",
         rr.AnyValues(experiment=comparison.experiment, seed=comparison.seed, complete=comparison.complete),
     )
-    recording.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    _markdown(recording, "summary", summary_markdown(comparison))
+    log_markdown(recording, "summary", summary_markdown(comparison))
     _log_scene(recording, comparison)
     _log_tracking(recording, comparison)
     _log_torques(recording, comparison)
@@ -79,10 +59,6 @@ def _log(recording: rr.RecordingStream, comparison: Comparison) -> None:
     if comparison.subject.rollout.estimate.shape[1]:
         _log_estimates(recording, comparison)
     _log_offline(recording, comparison)
-
-
-def _markdown(recording: rr.RecordingStream, path: str, text: str) -> None:
-    recording.log(path, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
 
 
 def _log_scene(recording: rr.RecordingStream, comparison: Comparison) -> None:
@@ -184,7 +160,7 @@ def _log_offline(recording: rr.RecordingStream, comparison: Comparison) -> None:
         if len(starts):
             bars = rr.BarChart(height[part], abscissa=starts, color=color)
             recording.log(f"basis/spectrum/{entity(name)}", bars, static=True)
-    _markdown(recording, "basis/equations", equations_markdown(comparison))
+    log_markdown(recording, "basis/equations", equations_markdown(comparison))
 
 
 def _floor(comparison: Comparison, parts: Skeleton) -> float:

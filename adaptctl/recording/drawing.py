@@ -1,0 +1,68 @@
+"""How a figure of a report is drawn, without a screen, and kept as a file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+
+from adaptctl.files import replacing
+from adaptctl.recording.palette import INK, PAPER
+
+WIDTH = 9.2
+"""inches; the report shows figures at that width"""
+DOTS = 160
+"""dots an inch"""
+
+STYLE: dict[Any, Any] = {
+    "font.family": "DejaVu Sans",
+    "font.size": 9.0,
+    "text.color": INK.hex,
+    "axes.edgecolor": INK.faded(0.65, PAPER).hex,
+    "axes.labelcolor": INK.hex,
+    "axes.titlelocation": "left",
+    "axes.titlesize": 9.5,
+    "axes.titleweight": "bold",
+    "axes.titlepad": 8.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": INK.faded(0.9, PAPER).hex,
+    "grid.linewidth": 0.7,
+    "xtick.color": INK.faded(0.3, PAPER).hex,
+    "ytick.color": INK.faded(0.3, PAPER).hex,
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "xtick.major.size": 0.0,
+    "ytick.major.size": 0.0,
+    "ytick.minor.size": 0.0,
+    "lines.linewidth": 1.5,
+    "lines.solid_capstyle": "round",
+    "legend.frameon": False,
+    "legend.fontsize": 8.0,
+    "figure.facecolor": PAPER.hex,
+    "svg.hashsalt": "adaptctl",
+}
+
+
+class Drawing(NamedTuple):
+    """A figure: its file's name, its caption, and what draws it."""
+
+    name: str
+    caption: str
+    draw: Callable[[], Figure]
+
+
+def write_drawings(folder: str | Path, drawings: Iterable[Drawing]) -> dict[str, Path]:
+    """Draw figures into a folder, as PNG; returns the files by name."""
+    written = {}
+    for drawing in drawings:
+        written[drawing.name] = Path(folder) / f"{drawing.name}.png"
+        with mpl.rc_context(STYLE), replacing(written[drawing.name]) as beside:
+            figure = drawing.draw()
+            figure.savefig(beside, format="png", metadata={"Software": "adaptctl"})
+    return written
