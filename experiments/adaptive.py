@@ -6,15 +6,32 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from adaptctl.control import Gains, PriorRanges
+import numpy as np
+
+from adaptctl.control import Gains, PriorRanges, sampled_gain, typical_inertia
 from adaptctl.dynamics import Mechanism
+from adaptctl.envs.random_reference import random_sinusoids
+from adaptctl.envs.torque_limits import finite_torque_limits
 from adaptctl.experiments.experiment import setting
 from adaptctl.experiments.learning import Learning, numbers
+from adaptctl.identifiability import ReducedModel
+from adaptctl.mechanism import GROUND
+from adaptctl.mechanism.pose import Array
 from adaptctl.recording import Setting
-from adaptctl.recording.skeleton import skeleton
+from adaptctl.recording.skeleton import reach_behind
 
 if TYPE_CHECKING:
     import gymnasium
+
+SMALLEST_ERROR = 1e-2
+"""rad or m: smaller initial errors than this are taken as this when gains are chosen"""
+SAMPLED_GAIN, LARGEST_SAMPLED_GAIN = 0.5, 1.0
+"""of T_c lambda_max(M^-1 K), for one joint alone and for all together; stable below 2"""
+LARGEST_ADAPTATION = 0.2
+"""of T_c lambda_max(K^-1 Y_r Gamma Y_r'); stable below 1"""
+REFERENCE_SAMPLES = 200
+SHORTEST_LEVER = 0.05
+"""m, behind a last joint"""
 
 
 @dataclass(frozen=True)
@@ -25,10 +42,11 @@ class Adaptive(Learning):
     title: ClassVar[str] = "{robot}: learning to track from knowing nothing"
 
     robot: str = setting("puma560_measured", "a built-in robot or a file (.urdf, .toml)")
-    stiffness: float = setting(
-        4.0, "damping K is this times the bandwidth times each joint's typical inertia", low=0.01, high=1e3
+    effort: float = setting(
+        0.6, "damping K asks for this share of the torque limit at the initial error", symbol="K", low=0.01, high=1.0
     )
-    mass_range: float = setting(5.0, "prior range of masses, kg; lengths come from the arm's reach", low=1e-3, high=1e4)
+
+    heaviest: float = setting(5.0, "the greatest prior range of a link's mass, kg", low=1e-3, high=1e4)
 
     @property
     def purpose(self) -> str:
@@ -53,13 +71,32 @@ class Adaptive(Learning):
         )
 
     def gains(self, mechanism: Mechanism) -> Gains:
-        """Lambda as set, K from each joint's typical inertia."""
-        return Gains.from_bandwidth(mechanism, self.bandwidth, self.stiffness)
+        """Lambda as set; K from the torque limits, as far as inertia and control period carry it."""
+        first_sliding = self.bandwidth * max(abs(self.initial_error), SMALLEST_ERROR)
+        affordable = self.effort * finite_torque_limits(mechanism) / first_sliding
+        carried = SAMPLED_GAIN * typical_inertia(mechanism) / self.control_period
+        damping = np.minimum(affordable, carried)
+        excess = sampled_gain(mechanism, damping, self.control_period) / LARGEST_SAMPLED_GAIN
+        return Gains(np.full(mechanism.dof, self.bandwidth), damping / max(1.0, excess))
 
-    def ranges(self, mechanism: Mechanism) -> PriorRanges:
-        """Masses as set, at about a third of the arm's reach."""
-        lever = skeleton(mechanism).reach / 3.0
-        return PriorRanges(self.mass_range, self.mass_range * lever, self.mass_range * lever**2)
+    def adaptation(self, model: ReducedModel) -> Array:
+        """Gamma from each link's prior ranges, and no larger than the control period carries."""
+        return self._carried_rate(model.mechanism) * _link_ranges(model, self.heaviest) ** 2
+
+    def adaptation_setting(self, mechanism: Mechanism) -> str:
+        """Gamma in words."""
+        return f"{self._carried_rate(mechanism):.3g} × (range)², ranges from each joint's typical inertia and reach"
+
+    def _carried_rate(self, mechanism: Mechanism) -> float:
+        """The rate set, or less: T_c lambda_max(K^-1 Y_r Gamma Y_r') stays well below 1 along the reference."""
+        full, rng = ReducedModel.full(mechanism), np.random.default_rng(self.seed)
+        reference = random_sinusoids(mechanism, rng)(np.linspace(0.0, self.duration, REFERENCE_SAMPLES))
+        off = self.initial_error * rng.choice([-1.0, 1.0], reference.p.shape)
+        v_r, a_r = reference.v - self.bandwidth * off, reference.a + self.bandwidth**2 * off
+        regressor = mechanism.slotine_li_regressor(reference.p + off, reference.v, v_r, a_r)
+        scaled = regressor * _link_ranges(full, self.heaviest) / np.sqrt(self.gains(mechanism).damping)[:, None]
+        largest = float(np.linalg.norm(scaled, ord=2, axis=(-2, -1)).max()) ** 2
+        return min(self.rate, LARGEST_ADAPTATION / (self.control_period * largest))
 
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
         """The reference that was drawn."""
@@ -67,3 +104,30 @@ class Adaptive(Learning):
         drawn = env.unwrapped.reference  # type: ignore[attr-defined]
         for name, unit in (("center", "rad"), ("amplitude", "rad"), ("frequency", "Hz")):
             yield Setting(f"reference {name}", numbers(getattr(drawn, name).ravel()), f"a joint each, {unit} (m)")
+
+
+def _link_ranges(model: ReducedModel, heaviest: float) -> Array:
+    """How large every parameter (k,) may be: a link's from its joint's typical inertia and what lies behind it.
+
+    Of that inertia I, a body at a third of what is left of the arm's reach has the mass m = I/lever^2, which is
+    at most `heaviest` (kg), and the first moment sqrt(m I).
+    """
+    mechanism = model.mechanism
+    inertia = _behind(mechanism)
+    levers = np.maximum(reach_behind(mechanism), SHORTEST_LEVER) / 3.0
+    masses = np.minimum(inertia / levers**2, heaviest)
+    by_owner: dict[str, PriorRanges] = {}
+    for link, mass, moment in zip(mechanism.links, masses.tolist(), inertia.tolist(), strict=True):
+        # A link owns its ten, its joint the drive's.
+        by_owner[link.name] = by_owner[link.joint.name] = PriorRanges(mass, float(np.sqrt(mass * moment)), moment)
+    return np.concatenate([by_owner[name.rpartition(".")[0]].of((name,)) for name in model.names])
+
+
+def _behind(mechanism: Mechanism) -> Array:
+    """The typical inertia (N,) that the nearest driven joint at or before each link moves."""
+    of_joints = dict(zip(mechanism.description.primary, typical_inertia(mechanism).tolist(), strict=True))
+    found: list[float] = []
+    for i, link in enumerate(mechanism.links):
+        before = found[link.parent] if link.parent != GROUND else max(of_joints.values())
+        found.append(of_joints.get(i, before))
+    return np.array(found)

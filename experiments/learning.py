@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from adaptctl.control import ComputedTorque, Gains, PriorRanges, SlotineLi, adaptation_gain, mapped_gain
+from adaptctl.control import ComputedTorque, Gains, SlotineLi, mapped_gain
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.experiments.contest import Contender, Outcome, contest
 from adaptctl.experiments.experiment import Experiment, Progress, setting, settings, text
@@ -62,8 +62,12 @@ class Learning(Experiment):
         """Gains of the tracking loop."""
 
     @abstractmethod
-    def ranges(self, mechanism: Mechanism) -> PriorRanges:
-        """How large the parameters may be."""
+    def adaptation(self, model: ReducedModel) -> Array:
+        """The diagonal (k,) of Gamma for the parameters of a model."""
+
+    @abstractmethod
+    def adaptation_setting(self, mechanism: Mechanism) -> str:
+        """Gamma, as it is told."""
 
     @abstractmethod
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
@@ -98,9 +102,9 @@ class Learning(Experiment):
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
         """Who drives, in order; the first is the subject."""
         model, full, k = ReducedModel(mechanism, basis), ReducedModel.full(mechanism), len(basis.columns)
-        gains, ranges = self.gains(mechanism), self.ranges(mechanism)
+        gains = self.gains(mechanism)
         everything = len(mechanism.parameter_names)
-        gain, full_gain = adaptation_gain(model, ranges, self.rate), adaptation_gain(full, ranges, self.rate)
+        gain, full_gain = self.adaptation(model), self.adaptation(full)
         true = np.asarray(mechanism.inertial_parameters)
         wrong = f"{100 * self.parameter_error:.0f} % off"
 
@@ -118,7 +122,7 @@ class Learning(Experiment):
                 "computed-torque-wrong",
                 f"Computed torque, model {wrong}",
                 f"links {wrong}",
-                computed_torque(self._wrong(true)),
+                computed_torque(self._wrong(mechanism)),
             ),
             Contender("computed-torque-none", "Computed torque, no model", "nothing", computed_torque(0.0 * true)),
             Contender(FULL, f"Slotine-Li, all {everything} parameters", "nothing", slotine_li(full, full_gain)),
@@ -130,18 +134,18 @@ class Learning(Experiment):
             ),
         ]
 
-    def _wrong(self, parameters: Array) -> Array:
-        """Every link's ten scaled up or down, which keeps a rigid body a rigid body."""
-        signs = np.random.default_rng(self.seed).choice([-1.0, 1.0], len(parameters) // 10)
-        return parameters * np.repeat(1.0 + self.parameter_error * signs, 10)
+    def _wrong(self, mechanism: Mechanism) -> Array:
+        """Every link's ten scaled up or down, which keeps a rigid body a rigid body; drives are as they are."""
+        signs = np.random.default_rng(self.seed).choice([-1.0, 1.0], len(mechanism.links))
+        scales = np.ones(len(mechanism.parameter_names))
+        scales[: 10 * len(mechanism.links)] = np.repeat(1.0 + self.parameter_error * signs, 10)
+        return scales * mechanism.inertial_parameters
 
     def _settings(self, mechanism: Mechanism, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
-        gains, ranges = self.gains(mechanism), self.ranges(mechanism)
+        gains = self.gains(mechanism)
         yield Setting("Λ", numbers(gains.bandwidth), "bandwidth of the tracking loop, 1/s, a joint each")
         yield Setting("K", numbers(gains.damping), "damping, N·m·s (N·s/m), a joint each")
-        meaning = "adaptation gain of masses, first moments and inertias: rate × (prior range)²"
-        of = ((ranges.mass, "kg"), (ranges.first_moment, "kg·m"), (ranges.inertia, "kg·m²"))
-        yield Setting("Γ", "; ".join(f"{self.rate:g}·({value:.3g} {unit})²" for value, unit in of), meaning)
+        yield Setting("Γ", self.adaptation_setting(mechanism), "adaptation gain: rate × (prior range)²")
         yield Setting("first estimate", "0", "of every parameter")
         yield from self.reference_settings(env)
         for entry in settings(self):

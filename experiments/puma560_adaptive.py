@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from adaptctl.control import Gains, PriorRanges, Sinusoids
+from adaptctl.control import Gains, PriorRanges, Sinusoids, adaptation_gain
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.experiments.experiment import setting
 from adaptctl.experiments.learning import Learning
+from adaptctl.identifiability import ReducedModel
+from adaptctl.mechanism.pose import Array
 from adaptctl.recording import Setting
 
 if TYPE_CHECKING:
@@ -87,9 +89,15 @@ class Puma560Adaptive(Learning):
         """Lambda and K as set."""
         return Gains(np.full(JOINTS, self.bandwidth), np.array(self.damping))
 
-    def ranges(self, mechanism: Mechanism) -> PriorRanges:
-        """The prior ranges as set."""
-        return PriorRanges(self.mass_range, self.first_moment_range, self.inertia_range)
+    def adaptation(self, model: ReducedModel) -> Array:
+        """Gamma from the prior ranges as set."""
+        ranges = PriorRanges(self.mass_range, self.first_moment_range, self.inertia_range)
+        return adaptation_gain(model, ranges, self.rate)
+
+    def adaptation_setting(self, mechanism: Mechanism) -> str:
+        """Gamma by kinds of parameters."""
+        of = ((self.mass_range, "kg"), (self.first_moment_range, "kg·m"), (self.inertia_range, "kg·m²"))
+        return "; ".join(f"{self.rate:g}·({value:g} {unit})²" for value, unit in of)
 
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
         """The settings say it all."""

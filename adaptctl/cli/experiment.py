@@ -127,9 +127,9 @@ def _progress() -> Iterator[Callable[[str, float], None]]:
 
 def _tell(comparison: Comparison, folder: Path) -> None:
     """The outcome, and where to look, on stdout."""
-    from adaptctl.recording.wording import facts, verdict
+    from adaptctl.recording.wording import INCOMPLETE, facts, verdict
 
-    print(verdict(comparison))
+    print(verdict(comparison) if comparison.complete else f"{INCOMPLETE}\n{verdict(comparison)}")
     answers = list(facts(comparison))
     width = max(len(question) for question, _ in answers)
     print("\n".join(f"  {question:<{width}}  {answer}" for question, answer in answers))

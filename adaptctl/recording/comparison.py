@@ -154,18 +154,18 @@ class Comparison:
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Names of the joints (r,)."""
-        return tuple(link.joint.name for link in self.mechanism.links)
+        """Names of the primary joints (r,)."""
+        return tuple(joint.name for joint in self.mechanism.primary_joints)
 
     @property
     def position_units(self) -> tuple[str, ...]:
         """rad or m, a joint each."""
-        return tuple("rad" if link.joint.kind.turns else "m" for link in self.mechanism.links)
+        return tuple("rad" if joint.kind.turns else "m" for joint in self.mechanism.primary_joints)
 
     @property
     def torque_units(self) -> tuple[str, ...]:
         """N m or N, a joint each."""
-        return tuple("N·m" if link.joint.kind.turns else "N" for link in self.mechanism.links)
+        return tuple("N·m" if joint.kind.turns else "N" for joint in self.mechanism.primary_joints)
 
     @property
     def error_unit(self) -> str:

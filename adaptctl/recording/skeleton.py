@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adaptctl.dynamics import Mechanism
-from adaptctl.mechanism import GROUND, Link
+from adaptctl.mechanism import GROUND, Description, Link
 from adaptctl.mechanism.pose import Array
 
 SHORTEST = 1e-6
@@ -61,14 +61,26 @@ def skeleton(mechanism: Mechanism) -> Skeleton:
     An offset goes along the joint's axis first and square to it then, as an arm's shoulder does.
     """
     links = mechanism.links
+    ends = attachments(mechanism.description)
     depths = _depths(links)
     tip_link = int(np.argmax(depths))
     tip, reach = _end(links[tip_link]), _reach(links, tip_link) or 1.0
     slimness = depths / max(depths.max(), 1)
     radii = reach * (ROOT_RADIUS + slimness * (TIP_RADIUS - ROOT_RADIUS))
-    shapes = [shape for i in range(len(links)) for shape in _link_shapes(links, i, float(radii[i]))]
+    shapes = [shape for i in range(len(links)) for shape in _link_shapes(links, i, ends[i], float(radii[i]))]
     tool = Shape(tip_link, Solid.TOOL, tip, tip, 1.15 * TIP_RADIUS * reach)
     return Skeleton((*shapes, tool), reach, tip_link, tip)
+
+
+def reach_behind(mechanism: Mechanism) -> Array:
+    """From every link's joint to the farthest end behind it, along the links (N,), m."""
+    links = mechanism.links
+    longest = np.array([float(np.linalg.norm(_end(link) - _joint(link)[0])) for link in links])
+    for i in reversed(range(len(links))):
+        if (parent := links[i].parent) != GROUND:
+            step = float(np.linalg.norm(links[i].near.translation - _joint(links[parent])[0]))
+            longest[parent] = max(longest[parent], step + longest[i])
+    return longest
 
 
 def tip_path(parts: Skeleton, rotations: Array, translations: Array) -> Array:
@@ -76,10 +88,24 @@ def tip_path(parts: Skeleton, rotations: Array, translations: Array) -> Array:
     return translations[..., parts.tip_link, :] + rotations[..., parts.tip_link, :, :] @ parts.tip
 
 
-def _link_shapes(links: tuple[Link, ...], index: int, radius: float) -> Iterator[Shape]:
+def attachments(description: Description) -> list[list[Array]]:
+    """For every link, where others hang on it or meet it in a loop (3,), in its frame; its end where none do."""
+    points: list[list[Array]] = [[] for _ in description.links]
+    for link in description.links:
+        if link.parent != GROUND:
+            points[link.parent].append(link.near.translation)
+    place = {link.name: i for i, link in enumerate(description.links)}
+    for closure in description.loops.closures if description.loops else ():
+        for name, frame in ((closure.first, closure.first_frame), (closure.second, closure.second_frame)):
+            if name is not None:
+                points[place[name]].append(frame.translation)
+    return [own or [_end(link)] for own, link in zip(points, description.links, strict=True)]
+
+
+def _link_shapes(links: tuple[Link, ...], index: int, ends: Sequence[Array], radius: float) -> Iterator[Shape]:
     link = links[index]
     start, axis = _joint(link)
-    for goal in _attachments(links, index):
+    for goal in ends:
         corner = start + axis * float(axis @ (goal - start))
         for a, b in ((start, corner), (corner, goal)):
             if np.linalg.norm(b - a) > SHORTEST:
@@ -91,12 +117,6 @@ def _link_shapes(links: tuple[Link, ...], index: int, radius: float) -> Iterator
 def _joint(link: Link) -> tuple[Array, Array]:
     """Where a link's joint is in the link's frame, and its axis there."""
     return link.far.inverse.translation, link.far.rotation.T @ link.joint.axis
-
-
-def _attachments(links: tuple[Link, ...], index: int) -> list[Array]:
-    """Where the links behind one hang on it, in its frame; the end of the link where none do."""
-    behind = [link.near.translation for link in links if link.parent == index]
-    return behind or [_end(links[index])]
 
 
 def _end(link: Link) -> Array:

@@ -75,18 +75,17 @@ def _of_joints(run: Run, mechanism: Mechanism) -> Iterator[Quantity]:
         ("applied", None, "torque within the limits", rollout.applied),
     )
     for name, rate, meaning, values in kinds:
-        for link, column in zip(mechanism.links, values.T, strict=True):
-            turns = link.joint.kind.turns
+        for joint, column in zip(mechanism.primary_joints, values.T, strict=True):
+            turns = joint.kind.turns
             unit = ("N m" if turns else "N") if rate is None else ("rad" if turns else "m") + rate
-            yield Quantity(f"{name}.{link.joint.name}", unit, meaning, column)
+            yield Quantity(f"{name}.{joint.name}", unit, meaning, column)
 
 
 def parameter_unit(name: str) -> str:
-    """The unit of a parameter by its name: ``link2.mc_x`` is in kg m."""
+    """The unit of a parameter by its name: ``link2.mc_x`` is in kg m. Drives are taken to be of turning joints."""
     kind = name.rsplit(".", 1)[-1]
-    if kind == "m":
-        return "kg"
-    return "kg m" if kind.startswith("mc_") else "kg m^2"
+    units = {"m": "kg", "viscous": "N m s", "coulomb": "N m"}
+    return units.get(kind, "kg m" if kind.startswith("mc_") else "kg m^2")
 
 
 def _table(columns: list[Quantity], about: dict[str, str]) -> pa.Table:
