@@ -1,0 +1,116 @@
+"""`adaptctl basis`: which inertial parameters a robot's motion depends on, and which are enough."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from adaptctl.dynamics import Mechanism
+    from adaptctl.identifiability import EssentialSpace, FundamentalBasis, Reduction
+
+SCHEMA = "adaptctl/basis/1"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The command's arguments."""
+    parser.add_argument("robot", metavar="ROBOT", help="a built-in robot's name, or a .urdf or .toml file")
+    parser.add_argument(
+        "--priority",
+        type=Path,
+        metavar="FILE",
+        help="TOML file that says which parameters to remove first (default: the rule of Sheu and Walker's Table 4)",
+    )
+    parser.add_argument(
+        "--energy-error",
+        type=float,
+        metavar="PERCENT",
+        help="also tell how many components keep the energy's error below this, within the joints' limits",
+    )
+    parser.add_argument("--json", action="store_true", help="print JSON instead of tables")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="also save the basis, as JSON that adaptctl can load")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Do it; 0 when done. Raises `AdaptctlError` for whatever is wrong."""
+    return run_basis(arguments.robot, arguments.priority, arguments.energy_error, arguments.json, arguments.out)
+
+
+def run_basis(
+    robot: str,
+    priority: Path | None = None,
+    energy_error: float | None = None,
+    as_json: bool = False,
+    out: Path | None = None,
+) -> int:
+    """Find the basis of a robot, print it on standard output, and save it where asked."""
+    from adaptctl.dynamics import load
+    from adaptctl.identifiability import Priority, essential_space, fundamental_basis
+
+    mechanism = load(robot)
+    order = Priority.default(mechanism) if priority is None else Priority.read(priority, mechanism)
+    space = essential_space(mechanism)
+    basis = fundamental_basis(space, order)
+    reduction = None if energy_error is None else _reduction(mechanism, energy_error)
+    if out is not None:
+        basis.save(out)
+    if as_json:
+        json.dump(as_builtins(mechanism, space, basis, reduction), sys.stdout, indent=2, allow_nan=False)
+        sys.stdout.write("\n")
+    else:
+        _print(mechanism, space, basis, reduction)
+    return 0
+
+
+def as_builtins(
+    mechanism: Mechanism, space: EssentialSpace, basis: FundamentalBasis, reduction: Reduction | None = None
+) -> dict[str, Any]:
+    """The result in JSON's types; `columns` count from 0, `regrouping` is K, `gap` that of the certificate.
+
+    Friction, which enters no energy, is in none of them.
+    """
+    from msgspec import to_builtins
+
+    content: dict[str, Any] = {
+        "schema": SCHEMA,
+        "robot": {"name": mechanism.name, "sha256": space.sha256},
+        "dof": mechanism.dof,
+        "links": len(mechanism.links),
+        "parameters": len(space.parameter_names),
+        "rank": space.rank,
+        "singular_values": space.singular_values.tolist(),
+        "gap": space.certificate.gap,
+        "independent": list(basis.names),
+        "columns": list(basis.columns),
+        "regrouping": basis.regrouping.tolist(),
+        "certificate": to_builtins(space.certificate),
+    }
+    if reduction is not None:
+        content["reduction"] = {
+            "states": reduction.states,
+            "components": reduction.kept,
+            "percent_error": reduction.percent_error,
+            "percent_errors": reduction.percent_errors.tolist(),
+        }
+    return content
+
+
+def _reduction(mechanism: Mechanism, energy_error: float) -> Reduction:
+    """How far the model reduces within the joints' limits, which is where the robot works."""
+    from adaptctl.identifiability import essential_space, reduce, states_within_limits
+
+    states = states_within_limits(mechanism, 2 * len(mechanism.parameter_names) + 1)
+    return reduce(essential_space(mechanism, states=states), mechanism, energy_error=energy_error)
+
+
+def _print(mechanism: Mechanism, space: EssentialSpace, basis: FundamentalBasis, reduction: Reduction | None) -> None:
+    from rich.console import Console
+
+    from adaptctl.cli.basis_report import report
+
+    console = Console()
+    for part in report(mechanism, space, basis, reduction, console.width):
+        console.print(part)
