@@ -13,6 +13,7 @@ import msgspec
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import FileError, InputError, NotFoundError
 from adaptctl.files import read_toml
+from adaptctl.identifiability.sampled_regressors import energetic_names
 
 SCHEMA = "adaptctl/priority/1"
 
@@ -29,7 +30,7 @@ class Priority:
 
     Parameters that are not named come after those of `order`, in the default order. Those of `keep` are
     removed last, the first of them last of all. Either way a parameter stays when removing it would lose
-    something that the motion depends on.
+    something that the motion depends on. Friction has no place here: energies say nothing of it, so it stays.
     """
 
     order: tuple[str, ...] = ()
@@ -38,7 +39,7 @@ class Priority:
     @classmethod
     def default(cls, mechanism: Mechanism) -> Priority:
         """Table 4's rule for any mechanism: kind by kind as in `KINDS`, each from the first link to the last."""
-        return cls(_default_order(mechanism.parameter_names))
+        return cls(_default_order(energetic_names(mechanism)))
 
     @classmethod
     def read(cls, path: str | Path, mechanism: Mechanism) -> Priority:
@@ -67,8 +68,8 @@ class Priority:
         """
         table = read_toml(path, _Table)
         try:
-            priority = _from_table(table, mechanism.parameter_names)
-            priority.indices(mechanism.parameter_names)
+            priority = _from_table(table, energetic_names(mechanism))
+            priority.indices(energetic_names(mechanism))
         except InputError as error:
             raise FileError(f"{path}: {error}") from error
         return priority

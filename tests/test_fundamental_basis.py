@@ -1,0 +1,262 @@
+"""The fundamental basis: enough parameters, exactly regrouped, and the same after saving and loading."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from random_trees import random_chain, random_tree
+from robot_files import urdf
+
+from adaptctl.dynamics import Mechanism, load
+from adaptctl.errors import FileError, InputError, RankError
+from adaptctl.identifiability import EssentialSpace, FundamentalBasis, Priority, essential_space, fundamental_basis
+from adaptctl.identifiability.equations import regrouping_equations
+from adaptctl.identifiability.selection import removable
+from adaptctl.mechanism.pose import Array
+
+
+@pytest.fixture(scope="module")
+def puma() -> Mechanism:
+    return load("puma560_measured")
+
+
+@pytest.fixture(scope="module")
+def space(puma: Mechanism) -> EssentialSpace:
+    return essential_space(puma)
+
+
+@pytest.fixture(scope="module")
+def basis(space: EssentialSpace) -> FundamentalBasis:
+    return fundamental_basis(space)
+
+
+def require_same_torques(mechanism: Mechanism, basis: FundamentalBasis, bound: float) -> None:
+    """Pinocchio's torque, and ours from the kept columns alone."""
+    model = mechanism.to_pinocchio()
+    data = model.createData()
+    p, v, a = np.random.default_rng(0).normal(size=(3, 100, mechanism.dof))
+    expected = np.array([pinocchio.rnea(model, data, *x) for x in zip(p, v, a, strict=True)])
+    beta = basis.fundamental_parameters(mechanism.inertial_parameters)
+    reduced = mechanism.torque_regressor(p, v, a, basis.columns) @ beta
+    assert np.abs(reduced - expected).max() < bound * max(1.0, np.abs(beta).max()) * np.abs(expected).max()
+
+
+def test_the_regrouping_is_exact(space: EssentialSpace, basis: FundamentalBasis) -> None:
+    K = basis.regrouping
+    assert K.shape == (36, 60)
+    np.testing.assert_array_equal(K[:, basis.columns], np.eye(36))
+    assert np.abs(K @ space.null_basis).max() < 1e-13
+    # Every coefficient of this arm is made of its lengths and of ones: none is round-off.
+    assert np.abs(K[K != 0.0]).min() > 1e-4
+
+
+def test_lengths_come_out_to_the_last_digits(basis: FundamentalBasis) -> None:
+    place = {name: i for i, name in enumerate(basis.parameter_names)}
+    row = basis.regrouping[basis.names.index("link2.I_yy")]
+    np.testing.assert_allclose(row[[place[f"link{i}.m"] for i in range(2, 7)]], -(0.4318**2), rtol=1e-13)
+    assert row[place["link2.I_xx"]] == pytest.approx(-1.0, abs=1e-14)
+    assert np.count_nonzero(row) == 7
+
+
+@pytest.mark.filterwarnings("ignore::adaptctl.errors.SimplificationWarning")
+@pytest.mark.parametrize("file", ["ur5_robot.urdf", "panda.urdf", "talos_reduced.urdf"])
+def test_real_robots(file: str) -> None:
+    mechanism = Mechanism.from_pinocchio(pinocchio.buildModelFromUrdf(str(urdf(file))))
+    basis = fundamental_basis(essential_space(mechanism))
+    assert basis.scaled_condition < 20.0
+    require_same_torques(mechanism, basis, 1e-12)
+
+
+def test_the_puma(puma: Mechanism, basis: FundamentalBasis) -> None:
+    assert basis.condition == pytest.approx(4.449, abs=1e-3)
+    assert basis.gap > 1e13
+    require_same_torques(puma, basis, 1e-14)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 6), st.booleans())
+def test_every_tree(seed: int, links: int, branched: bool) -> None:
+    """Axes and frames at random leave everything between 0 and 1, so a tolerance that keeps the condition low."""
+    mechanism = (random_tree if branched else random_chain)(seed, links)
+    basis = fundamental_basis(essential_space(mechanism), tolerance=0.03)
+    require_same_torques(mechanism, basis, 1e-10)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.permutations(range(60)))
+def test_any_priority_gives_a_basis(permutation: list[int]) -> None:
+    puma = load("puma560_measured")
+    order = tuple(puma.parameter_names[i] for i in permutation)
+    basis = fundamental_basis(essential_space(puma), Priority(order), tolerance=0.03)
+    assert basis.rank == 36
+    require_same_torques(puma, basis, 1e-12)
+
+
+def test_a_parameter_stays_only_if_those_before_it_determine_it(space: EssentialSpace) -> None:
+    """By definition of the walk, against ranks found by singular values."""
+    order = Priority().indices(space.parameter_names)
+    removed = set(removable(space.scaled_null_basis, order, 1e-3))
+    before: list[int] = []
+    for j in order:
+        rank = np.linalg.matrix_rank(space.scaled_null_basis[[*before, j]], tol=1e-3)
+        assert (j in removed) == (rank == len(before) + 1)
+        before += [j] if j in removed else []
+
+
+def test_a_tolerance_too_large_to_finish_is_refused(space: EssentialSpace) -> None:
+    for bad in (0.0, -1.0, 0.13, np.nan):
+        with pytest.raises(InputError, match=r"tolerance: expected a number between 0 and 0\.13"):
+            fundamental_basis(space, tolerance=bad)
+
+
+def test_nearly_dependent_choices_are_refused_by_name(space: EssentialSpace) -> None:
+    """Of 300 random orders a few remove parameters that nearly determine each other."""
+    rng, refusals = np.random.default_rng(0), []
+    names = np.array(space.parameter_names)
+    for _ in range(300):
+        order = Priority(tuple(names[rng.permutation(60)].tolist()))
+        try:
+            assert fundamental_basis(space, order).scaled_condition <= 1e4
+        except RankError as error:
+            refusals.append(str(error))
+            assert fundamental_basis(space, order, tolerance=0.03).scaled_condition < 1e4
+    assert 0 < len(refusals) < 15
+    assert all(re.search(r"link\d\.\w+ and link\d\.\w+ among them: .* at most 1e\+04 is allowed", x) for x in refusals)
+
+
+def value(expression: str, D: dict[str, float]) -> float:
+    """A printed right-hand side with numbers for names; what it says, not how it was made."""
+    return float(
+        eval(re.sub(r"(\d) (?=\(|[A-Za-z])", r"\1 * ", re.sub(r"[A-Za-z_]\w*\.\w+", r"D['\g<0>']", expression)))
+    )
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_equations_say_what_the_matrix_does(seed: int) -> None:
+    mechanism = random_tree(seed, 5)
+    basis = fundamental_basis(essential_space(mechanism), tolerance=0.03)
+    D = mechanism.inertial_parameters
+    by_name = dict(zip(basis.parameter_names, D.tolist(), strict=True))
+    sizes = np.abs(basis.regrouping) @ np.abs(D)
+    rows = zip(basis.equations(), basis.names, basis.fundamental_parameters(D), sizes, strict=True)
+    for equation, name, beta, size in rows:
+        left, right = equation.split(" = ")
+        assert left == f"{name}*"
+        assert value(right, by_name) == pytest.approx(beta, abs=1e-5 * size)
+
+
+def test_equations_are_written_as_a_person_would() -> None:
+    K = np.array([[1.0, 0.5, -1.0, -0.5, 0.5, 0.0], [0.0, 2e-10, 0.0, -3.0, 0.0, 1.0]])
+    assert regrouping_equations(K, (0, 5), ("a", "b", "c", "d", "e", "f")) == (
+        "a* = a - c + 0.5 (b - d + e)",
+        "f* = f - 3 d",
+    )
+
+
+def test_saving_and_loading(basis: FundamentalBasis, tmp_path: Path) -> None:
+    basis.save(tmp_path / "basis.json")
+    again = FundamentalBasis.load(tmp_path / "basis.json")
+    np.testing.assert_array_equal(again.regrouping, basis.regrouping)
+    for field in (
+        "mechanism_name",
+        "geometry_sha256",
+        "parameter_names",
+        "columns",
+        "condition",
+        "gap",
+        "rank",
+        "names",
+    ):
+        assert getattr(again, field) == getattr(basis, field)
+    assert again.equations() == basis.equations()
+    content = json.loads((tmp_path / "basis.json").read_text())
+    assert content["schema"] == "adaptctl/fundamental-basis/1"
+    assert content["regrouping"]["link6.I_yy"] == {"link6.I_xx": pytest.approx(-1.0)}
+
+
+def damaged(content: dict[str, Any], *path: str, value: Any = None) -> dict[str, Any]:
+    """The content with one element replaced, or removed."""
+    inner = content
+    for step in path[:-1]:
+        inner = inner[step]
+    if value is None:
+        del inner[path[-1]]
+    else:
+        inner[path[-1]] = value
+    return content
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        (["schema"], "adaptctl/fundamental-basis/2", r"\$.schema`; expected one of 'adaptctl/fundamental-basis/1'"),
+        (["robot", "geometry_sha256"], None, "missing required field `geometry_sha256`"),
+        (["rank"], 35, r"`\$.rank` is 35, but `\$.regrouping` keeps 36 parameters"),
+        (["rank"], "many", r"got `str` - at `\$.rank`"),
+        (["parameters", -1], "link1.m", r"\$.parameters`: a name is given more than once"),
+        (["parameters", -1], "link7.m", r"\$.regrouping.link6.I_zz`: 'link6.I_zz' is not among `\$.parameters`"),
+        (["regrouping", "link6.I_yy", "elbow"], 1.0, r"\$.regrouping.link6.I_yy`: 'elbow' is not among"),
+        (
+            ["regrouping", "link6.I_yy", "link6.I_zz"],
+            1.0,
+            r"\$.regrouping.link6.I_yy`: kept parameters are not added to one another",
+        ),
+        (
+            ["regrouping", "link6.I_yy", "link6.I_yy"],
+            2.0,
+            r"\$.regrouping.link6.I_yy`: kept parameters are not added to one another",
+        ),
+        (["regrouping", "link6.I_yy"], "x", "Expected `object`, got `str`"),
+        (["remark"], "mine", "unknown field `remark`; expected one of schema, robot, rank"),
+        (["gap"], float("nan"), r"expected a finite number, got nan - at `\$.gap`"),
+    ],
+)
+def test_damaged_files(basis: FundamentalBasis, tmp_path: Path, path: list[Any], value: Any, message: str) -> None:
+    basis.save(tmp_path / "basis.json")
+    content = json.loads((tmp_path / "basis.json").read_text())
+    (tmp_path / "basis.json").write_text(json.dumps(damaged(content, *path, value=value)))
+    with pytest.raises(FileError, match=r"basis\.json: .*" + message):
+        FundamentalBasis.load(tmp_path / "basis.json")
+
+
+def test_files_that_are_no_basis(basis: FundamentalBasis, tmp_path: Path) -> None:
+    basis.save(tmp_path / "basis.json")
+    half = (tmp_path / "basis.json").read_bytes()[:2000]
+    for data in (b"", b"\xff\xfe", b"[]", half):
+        (tmp_path / "broken.json").write_bytes(data)
+        with pytest.raises(FileError, match=r"broken\.json"):
+            FundamentalBasis.load(tmp_path / "broken.json")
+    with pytest.raises(FileError, match="cannot be read"):
+        FundamentalBasis.load(tmp_path / "none.json")
+    with pytest.raises(FileError, match=r"the folder .* does not exist"):
+        basis.save(tmp_path / "none" / "basis.json")
+
+
+def test_columns_must_rise(basis: FundamentalBasis) -> None:
+    content: dict[str, Any] = {
+        "mechanism_name": "arm",
+        "geometry_sha256": "",
+        "parameter_names": ("a", "b"),
+        "regrouping": np.eye(2),
+        "condition": 1.0,
+        "scaled_condition": 1.0,
+        "gap": 1e9,
+    }
+    for columns in ((1, 0), (0, 2), (-1, 0), (0, 0), ()):
+        with pytest.raises(InputError, match=r"columns: expected rising indices in 0\.\.1"):
+            FundamentalBasis(columns=columns, **content)
+
+
+def test_wrong_shapes(basis: FundamentalBasis) -> None:
+    with pytest.raises(InputError, match=r"expected shape \(\.\.\., 60\), got \(36,\)"):
+        basis.fundamental_parameters(np.zeros(36))
+    many: Array = basis.fundamental_parameters(np.ones((2, 3, 60)))
+    assert many.shape == (2, 3, 36)

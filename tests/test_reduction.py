@@ -1,0 +1,91 @@
+"""Model reduction: its percentages are those of the energies it leaves out, on the states it was made for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from adaptctl.dynamics import Mechanism, load
+from adaptctl.errors import InputError
+from adaptctl.identifiability import EssentialSpace, States, essential_space, reduce, states_within_limits
+from adaptctl.identifiability.sampled_regressors import energy_differences
+
+
+@pytest.fixture(scope="module")
+def puma() -> Mechanism:
+    return load("puma560_measured")
+
+
+@pytest.fixture(scope="module")
+def states(puma: Mechanism) -> States:
+    return states_within_limits(puma, 150, seed=4)
+
+
+@pytest.fixture(scope="module")
+def space(puma: Mechanism, states: States) -> EssentialSpace:
+    return essential_space(puma, states=states)
+
+
+@pytest.mark.parametrize("count", [0, 1, 7, 20, 30, 35, 36])
+def test_percent_errors_are_those_of_the_energies(
+    puma: Mechanism, space: EssentialSpace, states: States, count: int
+) -> None:
+    """Equation 23 against equation 22, which takes the energies themselves."""
+    H = energy_differences(puma, states)
+    e = H @ puma.inertial_parameters
+    reduction = reduce(space, puma, components=count)
+    direct = 100.0 * np.linalg.norm(e - H @ reduction.parameters()) / np.linalg.norm(e)
+    assert reduction.percent_error == pytest.approx(direct, rel=1e-6, abs=1e-10)
+    assert reduction.states == states.origin
+
+
+def test_all_components_are_the_essential_parameters(puma: Mechanism, space: EssentialSpace) -> None:
+    reduction = reduce(space, puma, components=36)
+    np.testing.assert_allclose(reduction.parameters(), space.project(puma.inertial_parameters), atol=1e-12)
+    assert reduction.percent_errors[0] == 100.0
+    assert reduction.percent_errors[-1] == 0.0
+    assert np.all(np.diff(reduction.percent_errors) <= 0.0)
+    assert np.all(np.diff(np.abs(reduction.weights)) <= 0.0)
+    assert sorted(reduction.order) == list(range(36))
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.floats(0.0, 150.0))
+def test_the_fewest_components_that_suffice(energy_error: float) -> None:
+    puma = load("puma560_measured")
+    reduction = reduce(essential_space(puma), puma, energy_error=energy_error)
+    assert reduction.percent_error <= energy_error
+    assert reduction.kept == 0 or reduction.percent_errors[reduction.kept - 1] > energy_error
+
+
+def test_weights_depend_on_the_motion(puma: Mechanism, space: EssentialSpace) -> None:
+    """Moving slowly, gravity's two components carry nearly all the energy."""
+    slow = states_within_limits(puma, 150)
+    quiet = essential_space(puma, states=States(slow.p, 1e-3 * slow.v, "slow"))
+    assert reduce(quiet, puma, energy_error=1.0).kept < reduce(space, puma, energy_error=1.0).kept / 3
+
+
+def test_fewer_components_can_be_asked_for(puma: Mechanism, space: EssentialSpace) -> None:
+    reduction = reduce(space, puma.inertial_parameters, energy_error=1.0)
+    np.testing.assert_array_equal(reduction.parameters(5), reduction.components[:5].sum(axis=0))
+    np.testing.assert_array_equal(reduction.parameters(0), np.zeros(60))
+    with pytest.raises(InputError, match=r"components: expected 0\.\.36, got 37"):
+        reduction.parameters(37)
+
+
+def test_bad_input(puma: Mechanism, space: EssentialSpace) -> None:
+    with pytest.raises(InputError, match="give one of energy_error"):
+        reduce(space, puma)
+    with pytest.raises(InputError, match="give one of energy_error"):
+        reduce(space, puma, energy_error=1.0, components=3)
+    with pytest.raises(InputError, match=r"components: expected 0\.\.36, got -1"):
+        reduce(space, puma, components=-1)
+    for bad in (-1.0, np.nan, np.inf):
+        with pytest.raises(InputError, match="energy_error: expected a percentage"):
+            reduce(space, puma, energy_error=bad)
+    with pytest.raises(InputError, match=r"parameters: expected shape \(60,\), got \(36,\)"):
+        reduce(space, np.zeros(36), energy_error=1.0)
+    with pytest.raises(InputError, match="no energy in any of the states"):
+        reduce(space, np.zeros(60), energy_error=1.0)
