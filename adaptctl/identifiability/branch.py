@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
+from numpy.typing import NDArray
 
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.constraint import Closing
@@ -15,6 +18,8 @@ joints race and drown the rest of the spectrum."""
 
 POINTS = 65
 """along a line at which conditions are looked at"""
+
+MOST_DRAWS = 100
 
 
 def positions_on_branch(mechanism: Mechanism, positions: Array, generator: np.random.Generator) -> Array:
@@ -34,6 +39,36 @@ def positions_on_branch(mechanism: Mechanism, positions: Array, generator: np.ra
     way *= continuation.progress(start + way, REGULAR)[:, None]
     way *= generator.uniform(size=(len(way), 1)) ** (1.0 / max(int(looped.sum()), 1))
     return np.where(looped, start + way, positions)
+
+
+def reachable_positions(mechanism: Mechanism, samples: int, draw: Callable[[int], Array]) -> Array:
+    """Positions (samples, r) out of those that `draw` gives, kept when the loops can follow them there.
+
+    They keep the mechanism's conditions and every tree joint's limits, and are regular all the way. Raises
+    InputError when hardly any are. A tree keeps all.
+    """
+    continuation = mechanism.continuation
+    if continuation is None:
+        return draw(samples)
+    kept = np.empty((0, mechanism.dof))
+    for _ in range(MOST_DRAWS):
+        p = draw(samples)
+        p = p[mechanism.description.within_conditions(p)]
+        p = p[continuation.progress(p, REGULAR) >= 1.0]
+        kept = np.concatenate([kept, p[_tree_within_limits(mechanism, continuation.follow(p))]])
+        if len(kept) >= samples:
+            return kept[:samples]
+    raise InputError(
+        f"{mechanism.name}: of {MOST_DRAWS * samples} positions within the primary joints' limits only {len(kept)} "
+        "keep the conditions and let the loops close; narrow the limits, or add conditions that leave out the rest"
+    )
+
+
+def _tree_within_limits(mechanism: Mechanism, q: Array) -> NDArray[np.bool_]:
+    limits = [link.joint.limits for link in mechanism.links]
+    lower, upper = ([getattr(bounds, which) for bounds in limits] for which in ("lower", "upper"))
+    inside: NDArray[np.bool_] = np.all((q >= lower) & (q <= upper), axis=-1)
+    return inside
 
 
 def _in_loops(closing: Closing) -> Array:

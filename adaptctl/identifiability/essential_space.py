@@ -84,7 +84,7 @@ def essential_space(
     count = _sample_count(samples, len(energetic_names(mechanism)))
     generator = np.random.default_rng(seed)
     doubled = random_states(mechanism, 2 * count, generator)
-    generic = States(doubled.p[:count], doubled.v[:count], f"{count} random states over the full circle, seed {seed}")
+    generic = States(doubled.p[:count], doubled.v[:count], f"{count} {doubled.origin}, seed {seed}")
     scaled = ScaledRegressor.of_energies(mechanism, generic)
     null_basis, complement = unscaled_bases(scaled.null_basis, scaled.scales)
     rows = torque_rows(mechanism, generator)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
-from adaptctl.identifiability.branch import positions_on_branch
+from adaptctl.identifiability.branch import positions_on_branch, reachable_positions
 from adaptctl.mechanism import GROUND
 from adaptctl.mechanism.description import STANDARD_GRAVITY
 from adaptctl.mechanism.pose import Array
@@ -56,7 +57,8 @@ def random_states(mechanism: Mechanism, samples: int, generator: np.random.Gener
     p = generator.uniform(-1.0, 1.0, (samples, mechanism.dof)) * np.where(turns, np.pi, length)
     p = positions_on_branch(mechanism, p, generator)
     v = generator.normal(size=p.shape) * _rate(mechanism) * np.where(turns, 1.0, length)
-    return States(p, v, f"{samples} random states over the full circle")
+    where = "over the full circle" if mechanism.continuation is None else "on the reference's branch"
+    return States(p, v, f"random states {where}")
 
 
 def random_accelerations(mechanism: Mechanism, samples: int, generator: np.random.Generator) -> Array:
@@ -68,26 +70,39 @@ def random_accelerations(mechanism: Mechanism, samples: int, generator: np.rando
 def states_within_limits(mechanism: Mechanism, samples: int, seed: int = 0) -> States:
     """Positions and velocities uniform within the joints' limits, as Sheu and Walker (1991) sampled theirs.
 
-    Where a joint has no limit, the range of `random_states` takes its place.
+    Where a joint has no limit, the range of `random_states` takes its place, about the reference in loops. Of a
+    mechanism with loops, positions are kept that it can reach within its conditions and all its joints' limits.
     """
     generator = np.random.default_rng(seed)
     length, turns = characteristic_length(mechanism), _turns(mechanism)
     limits = [joint.limits for joint in mechanism.primary_joints]
     reach = np.where(turns, np.pi, length)
     lower, upper = np.array([b.lower for b in limits]), np.array([b.upper for b in limits])
-    lower, upper = _range(lower, upper, 2.0 * reach)
+    lower, upper = _range(lower, upper, 2.0 * reach, _reference(mechanism))
     speed = np.array([b.velocity for b in limits])
     speed = np.where(np.isfinite(speed), speed, _rate(mechanism) * np.where(turns, 1.0, length))
-    p = generator.uniform(lower, upper, (samples, mechanism.dof))
+    draw = partial(_uniform, generator, lower, upper)
+    p = reachable_positions(mechanism, samples, draw)
     v = generator.uniform(-speed, speed, p.shape)
     return States(p, v, f"{samples} random states within the joints' limits, seed {seed}")
 
 
-def _range(lower: Array, upper: Array, width: Array) -> tuple[Array, Array]:
-    """Bounds with the infinite ones replaced: `width` from the finite one, or centred on zero."""
+def _uniform(generator: np.random.Generator, lower: Array, upper: Array, samples: int) -> Array:
+    return generator.uniform(lower, upper, (samples, len(lower)))
+
+
+def _reference(mechanism: Mechanism) -> Array:
+    """The primary joints (r,) at the reference configuration, zero for a tree."""
+    if mechanism.continuation is None:
+        return np.zeros(mechanism.dof)
+    return mechanism.continuation.reference[mechanism.continuation.primary]
+
+
+def _range(lower: Array, upper: Array, width: Array, center: Array) -> tuple[Array, Array]:
+    """Bounds with the infinite ones replaced: `width` from the finite one, or about the centre."""
     low, high = np.isfinite(lower), np.isfinite(upper)
-    below = np.where(high, upper - width, -0.5 * width)
-    above = np.where(low, lower + width, 0.5 * width)
+    below = np.where(high, upper - width, center - 0.5 * width)
+    above = np.where(low, lower + width, center + 0.5 * width)
     return np.where(low, lower, below), np.where(high, upper, above)
 
 
