@@ -10,7 +10,7 @@ from adaptctl.control.controller import Reference
 from adaptctl.control.references import Sinusoids
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
-from adaptctl.mechanism import Link
+from adaptctl.mechanism import Joint
 from adaptctl.mechanism.pose import Array
 
 Trajectory: TypeAlias = Reference | int | str | None
@@ -22,6 +22,9 @@ FREQUENCIES = (0.1, 0.25)
 """Hz"""
 SHARE = 0.8
 """The share of a position range and of a velocity limit that is used."""
+ROOM = 0.1
+"""rad or m that loops must leave around a reference, for the tracking error."""
+BOX_SAMPLES = 64
 START_TIME = 2.0
 """Length of the smooth start, s."""
 FADE_SLOPE = 1.875
@@ -42,20 +45,39 @@ def drawn(trajectory: Trajectory, mechanism: Mechanism, rng: np.random.Generator
 def random_sinusoids(mechanism: Mechanism, rng: np.random.Generator) -> Sinusoids:
     """One sinusoid a joint about a random centre, within the position and velocity limits.
 
-    An unlimited joint moves within 2 AMPLITUDE of zero, or of its only bound.
+    An unlimited joint moves within 2 AMPLITUDE of zero, or of its only bound. A mechanism with loops stays where
+    they can be followed and within its conditions.
     """
-    lower, upper = np.array([_range(link) for link in mechanism.links]).T
-    fastest = np.array([link.joint.limits.velocity for link in mechanism.links])
+    lower, upper = np.array([_range(joint) for joint in mechanism.primary_joints]).T
+    fastest = np.array([joint.limits.velocity for joint in mechanism.primary_joints])
     middle, reach = 0.5 * (lower + upper), 0.5 * SHARE * (upper - lower)
     frequency = rng.uniform(*FREQUENCIES, mechanism.dof)
     largest = np.minimum(np.minimum(AMPLITUDE, reach), SHARE * fastest / _unit_speed(frequency))
     amplitude = largest * rng.uniform(0.5, 1.0, mechanism.dof)
     center = middle + (reach - amplitude) * rng.uniform(-1.0, 1.0, mechanism.dof)
-    return Sinusoids(center, amplitude, frequency, start_time=START_TIME)
+    return _where_loops_allow(mechanism, Sinusoids(center, amplitude, frequency, start_time=START_TIME))
 
 
-def _range(link: Link) -> tuple[float, float]:
-    lower, upper, width = link.joint.limits.lower, link.joint.limits.upper, 2.0 * AMPLITUDE
+def _where_loops_allow(mechanism: Mechanism, reference: Sinusoids) -> Sinusoids:
+    """The reference itself where all its path can be reached, else drawn in towards the loops' own reference.
+
+    Nothing changes for a tree. The box of centre and amplitude is tried at its corners and inside.
+    """
+    if mechanism.continuation is None:
+        return reference
+    home, amplitude = mechanism.continuation.reference[mechanism.continuation.primary], reference.amplitude[0]
+    box = np.random.default_rng(0).uniform(-1.0, 1.0, (BOX_SAMPLES, mechanism.dof))
+    box[: BOX_SAMPLES // 2] = np.sign(box[: BOX_SAMPLES // 2])
+    for share in SHARE ** np.arange(30):
+        center = home + share * (reference.center - home)
+        p = center + (share * amplitude + ROOM) * box
+        if mechanism.description.within_conditions(p).all() and mechanism.continuation.reachable(p).all():
+            return Sinusoids(center, share * amplitude, reference.frequency[0], start_time=START_TIME)
+    raise InputError(f"{mechanism.name}: no reference fits: its loops allow hardly any motion about their reference")
+
+
+def _range(joint: Joint) -> tuple[float, float]:
+    lower, upper, width = joint.limits.lower, joint.limits.upper, 2.0 * AMPLITUDE
     if np.isinf(lower):
         lower = -width if np.isinf(upper) else upper - 2.0 * width
     return lower, lower + 2.0 * width if np.isinf(upper) else upper

@@ -1,0 +1,97 @@
+"""The tracking environment of the semi-direct-drive arm."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from adaptctl.control.references import Sinusoids
+from adaptctl.dynamics import Mechanism
+from adaptctl.envs.random_reference import Trajectory
+from adaptctl.envs.tracking import TrackingEnv
+
+REFERENCE = Sinusoids(
+    center=np.array([0.0, -0.5 * np.pi, -np.pi]),
+    amplitude=np.array([0.6, 0.4, 0.4]),
+    frequency=np.array([0.15, 0.2, 0.25]),
+    start_time=2.0,
+)
+"""Every joint at least 0.4 rad at 0.15 Hz and above, from rest; p2 - p3 stays between 0.77 and 2.37 rad."""
+
+
+class SemiDirectDriveTrackingEnv(TrackingEnv):
+    """
+    ## Description
+
+    The semi-direct-drive arm of Asada and Youcef-Toumi (1983), a five-bar linkage behind a vertical axis, is to
+    follow sinusoids in its three driven joints: center (0, -pi/2, -pi) rad, amplitudes (0.6, 0.4, 0.4) rad,
+    frequencies (0.15, 0.2, 0.25) Hz, faded in from rest over 2 s. It starts 0.1 rad off in every joint. The loop is
+    closed to round-off after every step. Everything else is as in `TrackingEnv`, whose card holds here too.
+
+    ```python
+    import gymnasium
+    env = gymnasium.make("adaptctl.envs:adaptctl/SemiDirectDriveTracking-v0")
+    ```
+
+    ## Action space
+
+    `Box(-limit, limit, (3,), float64)`, torque in N m.
+
+    | Num | Joint                         | Limit |
+    |-----|-------------------------------|-------|
+    | 0   | the vertical axis             | 660   |
+    | 1   | upper arm (link 2), on link 1 | 230   |
+    | 2   | crank (link 3), on link 1     | 230   |
+
+    ## Observation space
+
+    `Box(-1e6, 1e6, (21,), float64)`, rad and s; `observation_slices` has the places.
+
+    | Num   | Observation                                       |
+    |-------|---------------------------------------------------|
+    | 0-2   | positions of the driven joints                    |
+    | 3-5   | their velocities                                  |
+    | 6-8   | the reference's positions now                     |
+    | 9-11  | the reference's velocities now                    |
+    | 12-14 | the reference's accelerations now                 |
+    | 15-17 | the reference's positions 0.05 s ahead            |
+    | 18-20 | the reference's positions 0.2 s ahead             |
+
+    ## Reward
+
+    *r = -(sum(e^2) + 0.1 sum(e'^2) + 0.001 sum((applied torque / limit)^2))*, and 1000 less when terminated.
+
+    ## Starting state
+
+    On the reference at time zero, at rest, `initial_error` = 0.1 rad off in every joint.
+
+    ## Episode end
+
+    Terminated when a joint's error passes 1 rad, when p2 - p3 leaves 0.5236 to 2.618 rad (Sheu and Walker 1991,
+    Table 9), or near a singularity of the loop. Truncated at 20 s, which is 20,000 steps.
+
+    ## Arguments
+
+    Those of `TrackingEnv`. Lengths and inertias are assigned (the papers print none):
+    `robot="semi_direct_drive"` has generic lengths, `"semi_direct_drive_parallelogram"` equal opposite sides.
+
+    ## Options at reset
+
+    `payload`, `trajectory`, `initial_error`, `parameters`: see `TrackingEnv`.
+
+    ## Version history
+
+    * v0: first version
+    """
+
+    def __init__(
+        self,
+        robot: str | Path | Mechanism = "semi_direct_drive",
+        reference: Trajectory = REFERENCE,
+        *,
+        initial_error: Any = 0.1,
+        **settings: Any,
+    ) -> None:
+        super().__init__(robot, reference, initial_error=initial_error, **settings)
