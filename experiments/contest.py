@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from adaptctl.control import Controller, ReferencePoint, SlotineLi, lyapunov
+from adaptctl.control.controller import leaves
 from adaptctl.dynamics import Mechanism
 from adaptctl.experiments.experiment import Progress
 from adaptctl.mechanism.pose import Array
@@ -105,7 +106,7 @@ def tick_cost(controller: Controller[Any], run: Rollout) -> TickCost:
     if kernel is None:
         return TickCost(called)
     memory = controller.init(run.p[0], run.v[0])
-    arguments = [*states, *(np.tile(part, (TIMED_TICKS, 1)) for part in memory)]
+    arguments = [*states, *(np.tile(part, (TIMED_TICKS, 1)) for part in leaves(memory))]
     native = min(_duration(kernel.map, *arguments) for _ in range(REPETITIONS))
     return TickCost(called, native / TIMED_TICKS, kernel.operations.flops)
 

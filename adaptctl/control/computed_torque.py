@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from adaptctl.control.controller import Controller, ReferencePoint
+from adaptctl.control.controller import Controller, ReferencePoint, home
 from adaptctl.control.gains import per_joint
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
@@ -51,6 +51,11 @@ class ComputedTorque(Controller[Followed]):
     def dof(self) -> int:
         """Number of joints r."""
         return self.mechanism.dof
+
+    @property
+    def home(self) -> Array:
+        """Positions (r,) where loops, if any, are known to close."""
+        return home(self.mechanism)
 
     def start(self, p: Array, v: Array) -> Followed:
         """The configuration at the start."""

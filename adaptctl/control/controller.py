@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.compilation import Kernel, compile_function
+from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.arrays import checked
 from adaptctl.errors import NonFiniteError
 from adaptctl.mechanism.pose import Array
@@ -37,7 +38,7 @@ class Reference(Protocol):
 
 
 Memory = TypeVar("Memory", bound=tuple[Any, ...])
-"""What a law remembers between ticks: a NamedTuple of columns, arrays on the outside."""
+"""What a law remembers between ticks: a NamedTuple of columns and of such memories, arrays on the outside."""
 
 
 class Controller(ABC, Generic[Memory]):
@@ -52,6 +53,16 @@ class Controller(ABC, Generic[Memory]):
     @abstractmethod
     def dof(self) -> int:
         """Number of joints r."""
+
+    @property
+    def home(self) -> Array:
+        """Positions (r,) where the law can start and is compiled: zero, unless loops do not close there."""
+        return np.zeros(self.dof)
+
+    @property
+    def reference_size(self) -> int:
+        """Length of each part of a reference point: r, unless the reference is not one of joints."""
+        return self.dof
 
     @abstractmethod
     def start(self, p: Array, v: Array) -> Memory:
@@ -71,10 +82,10 @@ class Controller(ABC, Generic[Memory]):
         Raises `InputError` on a wrong shape and `NonFiniteError` when a measurement, a reference or the
         outcome is not finite: nothing non-finite leaves a controller.
         """
-        torque, *memory = self._tick(p, v, *reference, *state)
+        torque, *memory = self._tick(p, v, *reference, *leaves(state))
         if not np.isfinite(torque).all():
             self._blame(p, v, reference)
-        return torque, type(state)(*memory)
+        return torque, like(state, memory)
 
     @property
     def kernel(self) -> Kernel | None:
@@ -84,39 +95,63 @@ class Controller(ABC, Generic[Memory]):
     @cached_property
     def _tick(self) -> Callable[..., Sequence[Array]]:
         """The law on arrays, compiled where that is possible in reasonable time."""
-        blank = self.start(np.zeros(self.dof), np.zeros(self.dof))
         if self.dof > LARGEST_COMPILED:
             return self._on_floats
-        r = self.dof
-        sizes = {"p": r, "v": r, "reference_p": r, "reference_v": r, "reference_a": r}
-        memory = {f"memory_{name}": len(value) for name, value in zip(_fields(blank), blank, strict=True)}
-        return compile_function(self._equation(type(blank)), sizes | memory, name=type(self).__name__)
+        r, m = self.dof, self.reference_size
+        sizes = {"p": r, "v": r, "reference_p": m, "reference_v": m, "reference_a": m}
+        memory = {f"memory_{k}": len(value) for k, value in enumerate(leaves(self._blank))}
+        return compile_function(self._equation(), sizes | memory, name=type(self).__name__)
 
-    def _equation(self, memory: type[Memory]) -> Callable[..., tuple[Column, ...]]:
+    @cached_property
+    def _blank(self) -> Memory:
+        """A memory, to learn its layout from."""
+        return self.start(self.home, np.zeros(self.dof))
+
+    def _equation(self) -> Callable[..., tuple[Column, ...]]:
         def equation(
             p: Column, v: Column, reference_p: Column, reference_v: Column, reference_a: Column, **kept: Column
         ) -> tuple[Column, ...]:
             reference = ReferencePoint(reference_p, reference_v, reference_a)
-            torque, after = self.law(p, v, reference, memory(*kept.values()))
-            return (torque, *after)
+            torque, after = self.law(p, v, reference, like(self._blank, kept.values()))
+            return (torque, *leaves(after))
 
         return equation
 
     def _on_floats(self, *arrays: ArrayLike) -> list[Array]:
-        blank = self.start(np.zeros(self.dof), np.zeros(self.dof))
         p, v, *rest = (Column(np.asarray(array, dtype=float).tolist()) for array in arrays)
-        torque, after = self.law(p, v, ReferencePoint(*rest[:3]), type(blank)(*rest[3:]))
-        return [np.array(column.of, dtype=float) for column in (torque, *after)]
+        torque, after = self.law(p, v, ReferencePoint(*rest[:3]), like(self._blank, rest[3:]))
+        return [np.array(column.of, dtype=float) for column in (torque, *leaves(after))]
 
-    def _measured(self, values: ArrayLike, what: str) -> Array:
-        return checked(np.atleast_1d(np.asarray(values)), self.dof, f"{type(self).__name__}: {what}")
+    def _measured(self, values: ArrayLike, what: str, size: int | None = None) -> Array:
+        array = np.atleast_1d(np.asarray(values))
+        return checked(array, self.dof if size is None else size, f"{type(self).__name__}: {what}")
 
     def _blame(self, p: ArrayLike, v: ArrayLike, reference: ReferencePoint) -> None:
-        names = ("p", "v", "reference.p", "reference.v", "reference.a")
-        for what, values in zip(names, (p, v, *reference), strict=True):
-            self._measured(values, what)
+        self._measured(p, "p"), self._measured(v, "v")
+        for what, values in zip(reference._fields, reference, strict=True):
+            self._measured(values, f"reference.{what}", self.reference_size)
         raise NonFiniteError(f"{type(self).__name__}: the torque is not finite, though all it was given is")
 
 
-def _fields(memory: tuple[Any, ...]) -> Sequence[str]:
-    return getattr(memory, "_fields", [str(i) for i in range(len(memory))])
+def home(mechanism: Mechanism) -> Array:
+    """Positions (r,) that a mechanism can surely have: those its loops are known to close at, else zero."""
+    if mechanism.continuation is None:
+        return np.zeros(mechanism.dof)
+    return mechanism.continuation.reference[mechanism.continuation.primary]
+
+
+def leaves(memory: tuple[Any, ...]) -> list[Any]:
+    """The columns of a memory, those of the memories within it in their place."""
+    flat: list[Any] = []
+    for part in memory:
+        flat += leaves(part) if isinstance(part, tuple) else (part,)
+    return flat
+
+
+def like(pattern: Memory, parts: Iterable[Any]) -> Memory:
+    """The memory of the pattern's kind that has these leaves."""
+    return _filled(pattern, iter(parts))
+
+
+def _filled(pattern: Any, parts: Iterator[Any]) -> Any:
+    return type(pattern)(*(_filled(part, parts) if isinstance(part, tuple) else next(parts) for part in pattern))
