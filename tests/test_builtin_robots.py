@@ -13,7 +13,7 @@ import pytest
 from adaptctl.errors import FileError, NotFoundError, PhysicalConsistencyWarning
 from adaptctl.mechanism import Description, builtin_names, read, read_denavit_hartenberg, to_pinocchio
 
-PUMAS = ("puma560", "puma560_arm3", "puma560_measured")
+PUMAS = ("puma560", "puma560_arm3", "puma560_friction", "puma560_geared", "puma560_measured")
 
 # Table 1 of Sheu and Walker (1991): position range (rad) and velocity (rad/s) of each joint.
 TABLE_1 = [
@@ -153,6 +153,21 @@ def test_measured_links_can_be_rigid_bodies() -> None:
         assert read("puma560_measured").inconsistent_links == ()
 
 
+def test_rotors_and_friction_are_added_to_the_measured_arm_and_nothing_else() -> None:
+    """Rotors: Armstrong, Khatib and Burdick (1986). Friction: Corke and Armstrong-Helouvry (1994), at the motors."""
+    measured, geared, rubbing = (read(f"puma560_{kind}") for kind in ("measured", "geared", "friction"))
+    rotors = [1.14, 4.71, 0.83, 0.2, 0.179, 0.193]
+    np.testing.assert_array_equal(geared.inertial_parameters, [*measured.inertial_parameters, *rotors])
+    np.testing.assert_array_equal(rubbing.inertial_parameters[:66], geared.inertial_parameters)
+    gears = np.array([62.6111, 107.815, 53.7063, 76.0364, 71.923, 76.686])
+    viscous = np.array([1.48, 0.817, 1.38, 0.0712, 0.0826, 0.0367]) * 1e-3
+    forward = np.array([0.395, 0.126, 0.132, 0.0112, 0.00926, 0.00396])
+    backward = np.array([0.435, 0.071, 0.105, 0.0169, 0.0145, 0.0105])
+    expected = [*viscous * gears**2, *0.5 * (forward + backward) * gears]
+    np.testing.assert_allclose(rubbing.inertial_parameters[66:], expected, rtol=5e-4)
+    assert rubbing.parameter_names[60:78:6] == ("joint1.rotor_inertia", "joint1.viscous", "joint1.coulomb")
+
+
 def test_puma560_says_that_it_is_not_physical() -> None:
     names = "link1, link2, link3, link4, link5"
     wanted = (
@@ -221,7 +236,7 @@ def test_a_name_nearly_right_gets_a_suggestion(name: str) -> None:
 @pytest.mark.parametrize("name", ["zebra", ""])
 def test_an_unknown_name_lists_those_that_exist(name: str) -> None:
     with pytest.raises(
-        NotFoundError, match=rf"unknown robot '{name}'; built-in: puma560, puma560_arm3, puma560_measured"
+        NotFoundError, match=rf"unknown robot '{name}'; built-in: puma560, puma560_arm3, puma560_friction"
     ):
         read(name)
 

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from adaptctl.errors import FileError
 from adaptctl.mechanism import Description, JointKind, Pose, read_denavit_hartenberg, to_pinocchio
+from adaptctl.mechanism.drive import Drive
 from adaptctl.mechanism.inertia import from_center_of_mass, inertia_tensor, transformed
 from adaptctl.mechanism.pose import exact_right_angles, roll_pitch_yaw, rotation_about
 
@@ -178,7 +179,8 @@ def test_names_default_to_the_place_in_the_chain(tmp_path: Path) -> None:
 
 def test_everything_a_file_can_say(tmp_path: Path) -> None:
     limits = {"range": [-1, 2], "velocity": 3, "effort": 4}
-    links = [{"alpha": 0.0, "type": "prismatic", **limits}, {"alpha": 0.0, "type": "continuous"}]
+    drive = {"rotor_inertia": 0.5, "coulomb": 0.0}
+    links = [{"alpha": 0.0, "type": "prismatic", **limits}, {"alpha": 0.0, "type": "continuous", "drive": drive}]
     base = {"xyz": [1, 2, 3], "rpy": [0, 0, math.pi / 2]}
     more = {"name": "gantry", "source": " by hand ", "gravity": [0, 9.81, 0], "base": base}
     description = chain(tmp_path, "modified", links, **more)
@@ -191,7 +193,8 @@ def test_everything_a_file_can_say(tmp_path: Path) -> None:
     np.testing.assert_array_equal(description.gravity, [0, 9.81, 0])
     np.testing.assert_array_equal(slide.near.rotation, [[0, -1, 0], [1, 0, 0], [0, 0, 1]])
     np.testing.assert_array_equal(slide.near.translation, [1, 2, 3])
-    np.testing.assert_array_equal(description.inertial_parameters, np.zeros(20))
+    assert (slide.joint.drive, turn.joint.drive) == (Drive(), Drive(rotor_inertia=0.5, coulomb=0.0))
+    np.testing.assert_array_equal(description.inertial_parameters, [*np.zeros(20), 0.5, 0.0])
 
 
 INCOMPLETE = "the inertia is incomplete or given twice: give mass, first_moment and inertia"
@@ -227,6 +230,8 @@ INCOMPLETE = "the inertia is incomplete or given twice: give mass, first_moment 
         (HEAD + "links = [{ alpha = 0, range_deg = [0, 1], type = 'prismatic' }]", "write range instead of range_deg"),
         (HEAD + "links = [{ alpha = 0, velocity = 0 }]", r"expected positive velocity and effort, got 0"),
         (HEAD + "links = [{ alpha = 0, effort = -1 }]", r"expected positive velocity and effort, got inf, -1"),
+        (HEAD + "links = [{ alpha = 0, drive = { viscous = -1 } }]", r"links\[0\]: viscous: expected .* 0, got -1"),
+        (HEAD + "links = [{ alpha = 0, drive = { damping = 1 } }]", r"unknown field `damping` - at `\$.links\[0\].dr"),
         (HEAD + "links = [{ alpha = 0, mass = 1 }]", INCOMPLETE),
         (HEAD + "links = [{ alpha = 0, inertia = {} }]", INCOMPLETE),
         (HEAD + "links = [{ alpha = 0, mass = 1, first_moment = [0, 0, 0] }]", INCOMPLETE),

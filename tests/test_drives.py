@@ -107,6 +107,15 @@ def test_friction_is_always_kept_and_rotors_are_found_from_energies() -> None:
     assert essential_space(plain).rank <= space.rank
 
 
+def test_drives_can_be_given_and_taken_away() -> None:
+    plain = random_tree(5, 4)
+    given = plain.with_drives(DRIVES)
+    assert [link.joint.drive for link in given.links] == DRIVES
+    assert given.with_drives(Drive()).description == plain.description
+    with pytest.raises(InputError, match="expected one drive for each of 4 joints, got 3"):
+        plain.with_drives(DRIVES[:3])
+
+
 @pytest.mark.parametrize("bad", [{"viscous": -1.0}, {"coulomb": float("nan")}, {"rotor_inertia": -1e-9}])
 def test_negative_friction_is_refused(bad: dict[str, float]) -> None:
     with pytest.raises(InputError, match=f"{next(iter(bad))}: expected a finite number of at least 0"):

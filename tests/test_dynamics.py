@@ -12,7 +12,9 @@ from robot_files import urdf
 
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.arrays import column
+from adaptctl.dynamics.drive import SLOW
 from adaptctl.errors import InputError, NonFiniteError
+from adaptctl.mechanism.drive import DriveParameter
 from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column, Dual
 
@@ -31,6 +33,13 @@ def states(mechanism: Mechanism, count: int, seed: int = 0) -> list[Array]:
     return list(np.random.default_rng(seed).normal(size=(4, count, mechanism.dof)))
 
 
+def friction(mechanism: Mechanism, v: Array) -> Array:
+    """Of the joints' drives: Pinocchio's inverse dynamics leaves it out."""
+    drives = [link.joint.drive for link in mechanism.links]
+    viscous, coulomb = (np.array([d.value(kind) or 0.0 for d in drives]) for kind in list(DriveParameter)[1:])
+    return viscous * v + coulomb * v / np.sqrt(v**2 + SLOW**2)
+
+
 def relative(actual: Array, expected: Array) -> float:
     """The greatest deviation of any sample over that sample's own size."""
     axes = tuple(range(1, expected.ndim))
@@ -38,18 +47,19 @@ def relative(actual: Array, expected: Array) -> float:
 
 
 @pytest.mark.filterwarnings("ignore::adaptctl.errors.SimplificationWarning")
-@pytest.mark.parametrize("name", ["puma560_measured", *FILES])
+@pytest.mark.parametrize("name", ["puma560_measured", "puma560_friction", *FILES])
 def test_torques_energies_and_accelerations_are_pinocchios(name: str) -> None:
     mechanism = robot(name)
     model = mechanism.to_pinocchio()
     data = model.createData()
     p, v, v_r, a = states(mechanism, SAMPLES if mechanism.dof < 16 else 100)
-    torque = np.array([pinocchio.rnea(model, data, *x) for x in zip(p, v, a, strict=True)])
+    rubbing = friction(mechanism, v)
+    torque = np.array([pinocchio.rnea(model, data, *x) for x in zip(p, v, a, strict=True)]) + rubbing
     coriolis = [pinocchio.computeCoriolisMatrix(model, data, *x).copy() for x in zip(p, v, strict=True)]
     mass = np.array([pinocchio.crba(model, data, x).copy() for x in p])
     mass = np.triu(mass) + np.swapaxes(np.triu(mass, 1), 1, 2)
     gravity = np.array([pinocchio.computeGeneralizedGravity(model, data, x).copy() for x in p])
-    slotine = np.einsum("tij,tj->ti", mass, a) + np.einsum("tij,tj->ti", coriolis, v_r) + gravity
+    slotine = np.einsum("tij,tj->ti", mass, a) + np.einsum("tij,tj->ti", coriolis, v_r) + gravity + rubbing
     kinetic = np.array([pinocchio.computeKineticEnergy(model, data, *x) for x in zip(p, v, strict=True)])
     potential = np.array([pinocchio.computePotentialEnergy(model, data, x) for x in p])
     D = mechanism.inertial_parameters

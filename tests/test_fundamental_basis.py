@@ -20,6 +20,7 @@ from adaptctl.errors import FileError, InputError, RankError
 from adaptctl.identifiability import EssentialSpace, FundamentalBasis, Priority, essential_space, fundamental_basis
 from adaptctl.identifiability.equations import regrouping_equations
 from adaptctl.identifiability.selection import removable
+from adaptctl.mechanism.drive import Drive
 from adaptctl.mechanism.pose import Array
 
 
@@ -69,7 +70,8 @@ def test_lengths_come_out_to_the_last_digits(basis: FundamentalBasis) -> None:
 @pytest.mark.filterwarnings("ignore::adaptctl.errors.SimplificationWarning")
 @pytest.mark.parametrize("file", ["ur5_robot.urdf", "panda.urdf", "talos_reduced.urdf"])
 def test_real_robots(file: str) -> None:
-    mechanism = Mechanism.from_pinocchio(pinocchio.buildModelFromUrdf(str(urdf(file))))
+    driven = Mechanism.from_pinocchio(pinocchio.buildModelFromUrdf(str(urdf(file))))
+    mechanism = driven.with_drives(Drive())  # Pinocchio's torques are without friction
     basis = fundamental_basis(essential_space(mechanism))
     assert basis.scaled_condition < 20.0
     require_same_torques(mechanism, basis, 1e-12)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pinocchio
@@ -25,6 +26,7 @@ from adaptctl.mechanism import (
     from_pinocchio,
     to_pinocchio,
 )
+from adaptctl.mechanism.drive import Drive
 from adaptctl.mechanism.inertia import from_center_of_mass, inertia_tensor, transformed
 from adaptctl.mechanism.pose import rotation_about
 
@@ -205,11 +207,26 @@ def test_composite_joint_is_refused_by_name() -> None:
         from_pinocchio(model)
 
 
-def test_armature_is_left_out_with_a_warning() -> None:
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 6))
+def test_drives_go_out_and_come_back(seed: int, n: int) -> None:
+    """Armature is in Pinocchio's inverse dynamics; damping and dry friction are held, and left out of it."""
+    tree, rng = random_tree(seed, n), np.random.default_rng(seed)
+    values = rng.uniform(0.1, 2.0, (n, 3)) * (rng.random((n, 3)) < 0.7)
+    drives = [Drive(*(x or None for x in row)) for row in values.tolist()]
+    links = [replace(link, joint=replace(link.joint, drive=d)) for link, d in zip(tree.links, drives, strict=True)]
+    model = to_pinocchio(replace(tree, links=tuple(links)))
+    q, v, a = rng.normal(size=(3, n))
+    np.testing.assert_allclose(torques(model, q, v, a), torques(to_pinocchio(tree), q, v, a) + values[:, 0] * a)
+    np.testing.assert_array_equal(model.damping, values[:, 1])
+    assert [link.joint.drive for link in from_pinocchio(model).links] == drives
+
+
+def test_negative_armature_is_refused_by_name() -> None:
     model = pinocchio.Model()
     model.addJoint(0, pinocchio.JointModelRX(), pinocchio.SE3.Identity(), "geared")
-    model.armature = np.array([0.2])
-    with pytest.warns(SimplificationWarning, match="armature inertias are left out: geared"):
+    model.armature = np.array([-0.2])
+    with pytest.raises(InputError, match="joint 'geared': rotor_inertia: expected a finite number of at least 0"):
         from_pinocchio(model)
 
 

@@ -15,6 +15,7 @@ from robot_files import urdf
 from adaptctl.errors import FileError, SimplificationWarning
 from adaptctl.files import MAX_BYTES
 from adaptctl.mechanism import Description, JointKind, Limits, from_pinocchio, read_urdf, to_pinocchio
+from adaptctl.mechanism.drive import Drive
 
 MOTIONLESS = ("quadrotor_base.urdf", "iris_simple.urdf", "ur3.urdf")
 ROBOTS = sorted(Path(str(f.locate())) for f in files("example-robot-data") or () if f.suffix == ".urdf")
@@ -99,6 +100,19 @@ def test_a_small_robot(tmp_path: Path) -> None:
     np.testing.assert_array_equal(link.inertia, [2, 0, 0, 0, 1, 0, 1, 0, 0, 1])
     assert link.joint.limits == Limits()
     assert one.source == "URDF file robot.urdf"
+
+
+def test_friction_is_the_joints_drive(tmp_path: Path) -> None:
+    """What is zero is not modelled: exporters write zeros when nobody knows."""
+    for attributes, drive in {
+        'damping="0.7" friction="0.2"': Drive(viscous=0.7, coulomb=0.2),
+        'damping="0" friction="0.0"': Drive(),
+        'friction="3"': Drive(coulomb=3.0),
+        "": Drive(),
+    }.items():
+        text = ROBOT.replace("</joint>", f"<dynamics {attributes}/></joint>")
+        assert reading(tmp_path, text).links[0].joint.drive == drive
+    assert reading(tmp_path, ROBOT).parameter_names == reading(tmp_path, text).parameter_names
 
 
 def test_what_may_be_left_out(tmp_path: Path) -> None:

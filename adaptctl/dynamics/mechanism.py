@@ -19,6 +19,7 @@ from adaptctl.dynamics.loop_equations import LoopEquations
 from adaptctl.dynamics.segment import segments
 from adaptctl.errors import InputError, LoopError
 from adaptctl.mechanism import Description, Joint, Link
+from adaptctl.mechanism.drive import Drive
 from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column
 
@@ -109,6 +110,13 @@ class Mechanism:
     def with_parameters(self, parameters: ArrayLike) -> Mechanism:
         """The same mechanism with other inertial parameters (P,)."""
         return Mechanism(self.description.with_parameters(parameters))
+
+    def with_drives(self, drives: Drive | Sequence[Drive]) -> Mechanism:
+        """The same mechanism with other rotors and friction in its tree's joints, one drive for all or one each.
+
+        What a drive has is a parameter like the others; `Drive()` has nothing.
+        """
+        return Mechanism(self.description.with_drives(drives))
 
     def energy_regressor(self, p: ArrayLike, v: ArrayLike) -> Array:
         """E (..., P): kinetic plus potential energy is E @ D, in J (Sheu and Walker 1991, section 2.2)."""

@@ -185,6 +185,15 @@ class Description:
             links[i] = replace(links[i], joint=replace(links[i].joint, drive=drive))
         return replace(self, links=tuple(links))
 
+    def with_drives(self, drives: Drive | Sequence[Drive]) -> Description:
+        """The same mechanism with other rotors and friction in its tree's joints, one drive for all or one each."""
+        each = [drives] * len(self.links) if isinstance(drives, Drive) else list(drives)
+        if len(each) != len(self.links):
+            raise InputError(f"{self.name}: expected one drive for each of {len(self.links)} joints, got {len(each)}")
+        pairs = zip(self.links, each, strict=True)
+        links = tuple(replace(link, joint=replace(link.joint, drive=drive)) for link, drive in pairs)
+        return replace(self, links=links)
+
     @property
     def sha256(self) -> str:
         """A hash of everything that moves: equal mechanisms, equal hashes. Where it came from does not count."""

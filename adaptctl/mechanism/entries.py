@@ -10,6 +10,7 @@ import numpy as np
 
 from adaptctl.errors import InputError
 from adaptctl.mechanism.description import Joint, JointKind, Limits
+from adaptctl.mechanism.drive import Drive
 from adaptctl.mechanism.inertia import from_center_of_mass, from_tensor
 from adaptctl.mechanism.pose import Array, Pose, roll_pitch_yaw
 
@@ -50,6 +51,21 @@ class FrameEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
         return Pose(roll_pitch_yaw(self.rpy or degrees), np.array(self.position))
 
 
+class DriveEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
+    """What sits in a joint: a rotor through its gears (kg m^2), viscous (N m s/rad) and Coulomb friction (N m).
+
+    What is left out is not modelled; what is given, zero too, is a parameter.
+    """
+
+    rotor_inertia: float | None = None
+    viscous: float | None = None
+    coulomb: float | None = None
+
+    def drive(self) -> Drive:
+        """The drive, checked."""
+        return Drive(self.rotor_inertia, self.viscous, self.coulomb)
+
+
 class LinkEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     """One link with the joint before it; lengths in m, angles in rad or, where the name says so, degrees.
 
@@ -69,10 +85,11 @@ class LinkEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     inertia: Tensor | None = None
     center_of_mass: Triple | None = None
     inertia_at_center: Tensor | None = None
+    drive: DriveEntry = msgspec.field(default_factory=DriveEntry)
 
     def moving(self, name: str, axis: Triple) -> Joint:
-        """The joint, with its limits."""
-        return Joint(name, JointKind(self.type), np.array(axis), self.limits())
+        """The joint, with its limits and its drive."""
+        return Joint(name, JointKind(self.type), np.array(axis), self.limits(), self.drive.drive())
 
     def limits(self) -> Limits:
         """The joint's limits; what is not given does not limit."""

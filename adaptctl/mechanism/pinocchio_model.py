@@ -11,6 +11,7 @@ import pinocchio
 
 from adaptctl.errors import InputError, SimplificationWarning
 from adaptctl.mechanism.description import GROUND, Description, Joint, JointKind, Limits, Link, depth_first
+from adaptctl.mechanism.drive import Drive
 from adaptctl.mechanism.inertia import inertia_tensor, transformed
 from adaptctl.mechanism.pose import Array, Pose
 
@@ -20,8 +21,10 @@ _UNLIMITED = 1e300
 
 
 def to_pinocchio(description: Description) -> pinocchio.Model:
-    """Pinocchio's model: the same coordinates in the same order, the same limits and gravity.
+    """Pinocchio's model: the same coordinates in the same order, the same limits, gravity and drives.
 
+    A rotor is Pinocchio's armature, which its algorithms use; viscous friction is its damping and Coulomb friction
+    its dry friction, which it holds but its inverse dynamics leaves out.
     Joints stand at the joints' frames and carry the links' names as body frames at the links' frames.
     Continuous joints become revolute ones without limits, so that q keeps one number a joint.
     Raises InputError for a link without mass that has a first moment, which Pinocchio cannot hold.
@@ -31,6 +34,10 @@ def to_pinocchio(description: Description) -> pinocchio.Model:
     model.gravity.linear = np.array(description.gravity)
     for link in description.links:
         _append(model, link, description.links)
+    drives = [link.joint.drive for link in description.links]
+    model.armature = np.array([drive.rotor_inertia or 0.0 for drive in drives])
+    model.damping = np.array([drive.viscous or 0.0 for drive in drives])
+    model.friction = np.array([drive.coulomb or 0.0 for drive in drives])
     return model
 
 
@@ -41,14 +48,13 @@ def from_pinocchio(model: pinocchio.Model, name: str | None = None) -> Descripti
     first body frame on its joint, or the joint's. The coordinates follow the joints of the description: look
     up a joint's place in the model by its name (``model.getJointId``). An unbounded revolute joint, which has
     (cos, sin) in Pinocchio's q, becomes a continuous one, with the angle. Bodies fixed to the universe do not
-    move and are left out. Raises InputError for joints with more than one coordinate, helical or mimic ones;
-    warns
-    (SimplificationWarning) of armature inertias, which are left out, and of limits of zero, taken as no limits.
+    move and are left out. Armature, damping and dry friction become the joint's drive; where they are zero they
+    are not modelled. Raises InputError for joints with more than one coordinate, helical or mimic ones; warns
+    (SimplificationWarning) of limits of zero, taken as no limits.
     """
     if np.any(model.gravity.angular):
         raise InputError(f"{model.name}: gravity must be linear, got {model.gravity}")
     links = [_link(model, i) for i in range(1, model.njoints)]
-    _warn(model, "armature inertias are left out", _armed(model))
     _warn(model, "limits of zero are taken as no limits", _zero_limited(model))
     return Description(name or model.name or "mechanism", depth_first(links), np.array(model.gravity.linear))
 
@@ -121,7 +127,7 @@ def _joint(model: pinocchio.Model, index: int) -> Joint:
     limits = _limits(model, index)
     unbounded = joint.nq == 2 or (limits.lower == -math.inf and limits.upper == math.inf)
     kind = JointKind.PRISMATIC if not turns else JointKind.CONTINUOUS if unbounded else JointKind.REVOLUTE
-    return Joint(name, kind, axis, limits)
+    return Joint(name, kind, axis, limits, _drive(model, index))
 
 
 def _axis(model: pinocchio.Model, index: int) -> tuple[Array, bool]:
@@ -144,6 +150,16 @@ def _limits(model: pinocchio.Model, index: int) -> Limits:
         raise InputError(f"{model.name}: joint {model.names[index]!r}: {error}") from error
 
 
+def _drive(model: pinocchio.Model, index: int) -> Drive:
+    """What sits in the joint; Pinocchio has zeros where nothing is modelled."""
+    v = model.joints[index].idx_v
+    values = (float(numbers[v]) or None for numbers in (model.armature, model.damping, model.friction))
+    try:
+        return Drive(*values)
+    except InputError as error:
+        raise InputError(f"{model.name}: joint {model.names[index]!r}: {error}") from error
+
+
 def _bounds(model: pinocchio.Model, index: int) -> list[float]:
     """Lower, upper, velocity and effort as the model has them, for the last two those of the positive direction."""
     v, q = model.joints[index].idx_v, model.joints[index].idx_q
@@ -152,10 +168,6 @@ def _bounds(model: pinocchio.Model, index: int) -> list[float]:
         lower, upper = model.lowerPositionLimit[q], model.upperPositionLimit[q]
     values = (lower, upper, model.velocityLimit[v], model.effortLimit[v])
     return [math.copysign(math.inf, x) if abs(x) > _UNLIMITED else float(x) for x in values]
-
-
-def _armed(model: pinocchio.Model) -> list[str]:
-    return [model.names[i] for i in range(1, model.njoints) if model.armature[model.idx_vs[i]] != 0.0]
 
 
 def _zero_limited(model: pinocchio.Model) -> list[str]:

@@ -16,6 +16,7 @@ import numpy as np
 from adaptctl.errors import FileError, InputError, SimplificationWarning
 from adaptctl.files import read_text
 from adaptctl.mechanism.description import GROUND, Description, Joint, JointKind, Limits, Link
+from adaptctl.mechanism.drive import Drive
 from adaptctl.mechanism.inertia import from_center_of_mass, transformed
 from adaptctl.mechanism.pose import Array, Pose, roll_pitch_yaw
 
@@ -27,8 +28,9 @@ def read_urdf(path: str | Path) -> Description:
     """The tree that moves in a URDF file, fixed to the ground by its root link.
 
     Link frames are the joints' frames, a link is named after the joint's child; links behind fixed joints
-    become part of the link that carries them. Links without <inertial> are massless. Damping, friction,
-    geometry and transmissions are not read. Raises FileError, naming the element. Warns
+    become part of the link that carries them. Links without <inertial> are massless. Damping and friction of
+    <dynamics> become the joint's viscous and Coulomb friction; where they are zero, as exporters write when
+    nobody knows, none is modelled. Geometry and transmissions are not read. Raises FileError, naming the element. Warns
     (SimplificationWarning) of mimic joints, taken as independent, and of limits of zero, taken as no limits.
     """
     try:
@@ -71,7 +73,7 @@ class _Edge:
         if kind == "fixed":
             return cls(name, parent, child, origin, None, False, False)
         limits, zero = _limits(_only(element, "limit", where), KINDS[kind], where)
-        joint = Joint(name, KINDS[kind], _axis(element, where), limits)
+        joint = Joint(name, KINDS[kind], _axis(element, where), limits, _drive(element, where))
         return cls(name, parent, child, origin, joint, element.find("mimic") is not None, zero)
 
 
@@ -193,6 +195,20 @@ def _origin(element: Element, where: str) -> Pose:
 def _axis(joint: Element, where: str) -> Array:
     axis = _only(joint, "axis", where)
     return np.array(_numbers(axis, "xyz", 3, where) if axis is not None else [1.0, 0.0, 0.0])
+
+
+def _drive(joint: Element, where: str) -> Drive:
+    """The joint's friction."""
+    dynamics = _only(joint, "dynamics", where)
+    if dynamics is None:
+        return Drive()
+    viscous, coulomb = (
+        _number(dynamics, name, where) if name in dynamics.attrib else 0.0 for name in ("damping", "friction")
+    )
+    try:
+        return Drive(viscous=viscous or None, coulomb=coulomb or None)
+    except InputError as error:
+        raise InputError(f"{where}: <dynamics>: {error}") from error
 
 
 def _limits(limit: Element | None, kind: JointKind, where: str) -> tuple[Limits, bool]:
