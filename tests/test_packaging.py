@@ -1,0 +1,151 @@
+"""What a newcomer gets: one version, a lock that can be trusted, documents that name only what exists."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+import adaptctl
+from adaptctl.cli.main import _parser as command_line
+
+ROOT = Path(__file__).resolve().parent.parent
+DOCUMENTS = sorted(
+    [*ROOT.glob("*.md"), *ROOT.glob("*.cff"), *(p for p in ROOT.glob("docs/**/*.*") if "_build" not in p.parts)]
+)
+PAGES = [path for path in DOCUMENTS if path.suffix == ".md"]
+FENCE = re.compile(r"^```(\w*)[^\n]*\n(.*?)^```", re.MULTILINE | re.DOTALL)
+LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")
+MACHINE = re.compile(
+    r"(?<![\w.])/(?:home|root|Users|tmp|work|opt|mnt|private)\b|[A-Z]:\\|file://|localhost|127\.0\.0\.1"
+)
+
+
+def name_of(path: Path) -> str:
+    return path.relative_to(ROOT).as_posix()
+
+
+def project() -> dict[str, Any]:
+    return tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+
+
+def requirements() -> list[str]:
+    """The lock's requirements, each in one line with its hashes."""
+    text = (ROOT / "requirements.lock").read_text(encoding="utf-8").replace("\\\n", " ")
+    return [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+
+
+def targets() -> set[str]:
+    return set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
+
+
+def commands(page: Path) -> list[str]:
+    """The lines of a page's console blocks."""
+    blocks = FENCE.findall(page.read_text(encoding="utf-8"))
+    return [line for language, block in blocks if language == "console" for line in block.splitlines()]
+
+
+def test_the_version_is_one() -> None:
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    version = project()["project"]["version"]
+    assert adaptctl.__version__ == citation["version"] == version
+    assert version in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+
+
+def test_the_citation_names_the_paper() -> None:
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    (paper,) = citation["references"]
+    assert paper["title"] == "Identifying the Independent Inertial Parameter Space of Robot Manipulators"
+    assert [author["family-names"] for author in paper["authors"]] == ["Sheu", "Walker"]
+    assert (paper["year"], paper["volume"], paper["issue"], paper["start"], paper["end"]) == (1991, 10, 6, 668, 683)
+    assert citation["license"] == project()["project"]["license"]
+
+
+def test_the_lock_names_no_place_to_fetch_from() -> None:
+    text = (ROOT / "requirements.lock").read_text(encoding="utf-8")
+    assert "://" not in text
+    assert not re.search(r"^\s*-", text.replace("    --hash=", ""), re.MULTILINE)
+    assert not re.search(r"^\S+ @ ", text, re.MULTILINE)
+
+
+def test_every_requirement_of_the_lock_is_pinned_and_hashed() -> None:
+    assert requirements()
+    for line in requirements():
+        assert re.match(r"[a-z0-9.-]+==\S+ ", line), line
+        assert re.search(r" --hash=sha256:[0-9a-f]{64}\b", line), line
+
+
+def test_the_lock_has_every_dependency() -> None:
+    asked = project()["project"]["dependencies"] + project()["dependency-groups"]["dev"]
+    names = {re.match(r"[\w.-]+", text)[0].lower() for text in asked}  # type: ignore[index]
+    assert names <= {line.split("==")[0] for line in requirements()}
+
+
+def test_folders_beside_the_package_are_part_of_it() -> None:
+    for name in ("envs", "experiments"):
+        link = ROOT / "adaptctl" / name
+        assert link.is_symlink()
+        assert link.readlink() == Path("..") / name
+        assert link.resolve() == ROOT / name
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_make_targets_that_are_named_exist(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    named = re.findall(r"`make ([a-z]+)", text) + [
+        word for line in commands(page) if line.startswith("make ") for word in line.split()[1:]
+    ]
+    assert set(named) <= targets()
+
+
+def test_continuous_integration_makes_targets_that_exist() -> None:
+    named = re.findall(r"^make (\w+)$", (ROOT / ".ci" / "run").read_text(encoding="utf-8"), re.MULTILINE)
+    assert {"test", "lint", "types", "docs"} == set(named) <= targets()
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_commands_that_are_shown_are_understood(page: Path) -> None:
+    for line in commands(page):
+        program, *arguments = shlex.split(line)
+        if Path(program).name == "adaptctl":
+            command_line().parse_args(arguments)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_links_lead_somewhere(page: Path) -> None:
+    for target in LINK.findall(page.read_text(encoding="utf-8")):
+        if "://" not in target:
+            assert (page.parent / target).exists(), target
+
+
+@pytest.mark.parametrize("path", [p for p in DOCUMENTS if p.suffix != ".png"], ids=name_of)
+def test_documents_name_no_machine(path: Path) -> None:
+    assert not MACHINE.search(path.read_text(encoding="utf-8"))
+
+
+def test_the_readme_shows_the_two_commands() -> None:
+    assert {"make demo", "make test"} <= set(commands(ROOT / "README.md"))
+
+
+def test_a_wheel_holds_the_package_as_real_files_and_nothing_else(tmp_path: Path) -> None:
+    for name in ("adaptctl", "envs", "experiments"):
+        shutil.copytree(ROOT / name, tmp_path / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, tmp_path)
+    build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", "built", "."]
+    subprocess.run(build, cwd=tmp_path, check=True, capture_output=True)
+    (wheel,) = (tmp_path / "built").glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        held = {name for name in archive.namelist() if ".dist-info/" not in name}
+    package = [path for path in (ROOT / "adaptctl").rglob("*") if path.suffix in {".py", ".toml", ".html", ".typed"}]
+    linked = [path for name in ("envs", "experiments") for path in (ROOT / "adaptctl" / name).glob("*.py")]
+    assert held == {path.relative_to(ROOT).as_posix() for path in package + linked}
