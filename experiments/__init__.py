@@ -31,6 +31,12 @@ EXPERIMENTS = (
         "Puma560Adaptive",
     ),
     Entry(
+        "semi-direct-drive-adaptive",
+        "The semi-direct-drive arm does so through its closed loop, on 26 parameters",
+        "adaptctl.experiments.semi_direct_drive_adaptive",
+        "SemiDirectDriveAdaptive",
+    ),
+    Entry(
         "adaptive",
         "The same for any arm: a built-in robot or a file of yours",
         "adaptctl.experiments.adaptive",

@@ -99,7 +99,14 @@ def attachments(description: Description) -> list[list[Array]]:
         for name, frame in ((closure.first, closure.first_frame), (closure.second, closure.second_frame)):
             if name is not None:
                 points[place[name]].append(frame.translation)
-    return [own or [_end(link)] for own, link in zip(points, description.links, strict=True)]
+    return [_with_end(own, link) for own, link in zip(points, description.links, strict=True)]
+
+
+def _with_end(points: list[Array], link: Link) -> list[Array]:
+    """The link's end too, where it reaches beyond all that hangs on it or meets it: a forearm past its elbow."""
+    (joint, _), end = _joint(link), _end(link)
+    farthest = max((float(np.linalg.norm(point - joint)) for point in points), default=0.0)
+    return [*points, end] if not points or np.linalg.norm(end - joint) > farthest + SHORTEST else points
 
 
 def _link_shapes(links: tuple[Link, ...], index: int, ends: Sequence[Array], radius: float) -> Iterator[Shape]:

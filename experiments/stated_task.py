@@ -1,0 +1,89 @@
+"""Learning on a stated task: one arm, its own gains, sinusoids written down."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from adaptctl.control import Gains, PriorRanges, Sinusoids, adaptation_gain
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
+from adaptctl.experiments.experiment import setting
+from adaptctl.experiments.learning import Learning
+from adaptctl.identifiability import ReducedModel
+from adaptctl.mechanism.pose import Array
+from adaptctl.recording import Setting
+
+if TYPE_CHECKING:
+    import gymnasium
+
+
+@dataclass(frozen=True)
+class StatedTask(Learning):
+    """The contest of `Learning` in an arm's own environment, every number of the task a setting.
+
+    A subclass gives `joints` and `environment_id`, and the defaults of the settings that are one number a joint.
+    """
+
+    joints: ClassVar[int]
+    environment_id: ClassVar[str]
+
+    damping: tuple[float, ...] = setting((), "damping of each joint, N m s", symbol="K", low=1e-3, high=1e4)
+    mass_range: float = setting(5.0, "prior range of masses, kg", low=1e-3, high=1e3)
+    first_moment_range: float = setting(2.0, "prior range of first moments, kg m", low=1e-3, high=1e3)
+    inertia_range: float = setting(0.6, "prior range of inertias, kg m^2", low=1e-3, high=1e3)
+    center: tuple[float, ...] = setting((), "centre of the reference, rad", low=-10.0, high=10.0)
+    amplitude: tuple[float, ...] = setting((), "amplitude of the reference, rad", low=0.0, high=3.2)
+    frequency: tuple[float, ...] = setting((), "frequency of the reference, Hz", low=0.0, high=5.0)
+    start_time: float = setting(2.0, "length of the smooth (quintic) start, s", low=0.0, high=60.0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("damping", "center", "amplitude", "frequency"):
+            if (count := len(getattr(self, name))) != self.joints:
+                raise InputError(f"{name}: expected {self.joints} numbers, one a joint, got {count}")
+
+    def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
+        """The arm's tracking environment on this experiment's reference."""
+        import gymnasium
+
+        if mechanism.dof != self.joints:
+            raise InputError(
+                f"robot: {mechanism.name} has {mechanism.dof} joints, this experiment is for {self.joints}; "
+                "use the experiment 'adaptive'"
+            )
+        return gymnasium.make(
+            f"adaptctl.envs:{self.environment_id}",
+            robot=mechanism,
+            reference=Sinusoids(
+                np.array(self.center), np.array(self.amplitude), np.array(self.frequency), start_time=self.start_time
+            ),
+            duration=self.duration,
+            control_period=self.control_period,
+            initial_error=self.initial_error,
+        )
+
+    def gains(self, mechanism: Mechanism) -> Gains:
+        """Lambda and K as set."""
+        return Gains(np.full(self.joints, self.bandwidth), np.array(self.damping))
+
+    def adaptation(self, model: ReducedModel) -> Array:
+        """Gamma from the prior ranges as set."""
+        ranges = PriorRanges(self.mass_range, self.first_moment_range, self.inertia_range)
+        return adaptation_gain(model, ranges, self.rate)
+
+    def adaptation_setting(self, mechanism: Mechanism) -> str:
+        """Gamma by kinds of parameters."""
+        of = ((self.mass_range, "kg"), (self.first_moment_range, "kg·m"), (self.inertia_range, "kg·m²"))
+        return "; ".join(f"{self.rate:g}·({value:g} {unit})²" for value, unit in of)
+
+    def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
+        """The settings say it all."""
+        yield Setting(
+            "reference",
+            "p(t) = centre + fade(t) · amplitude · sin(2π · frequency · t)",
+            f"fade is a quintic from rest over {self.start_time:g} s",
+        )
