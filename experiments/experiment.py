@@ -66,20 +66,27 @@ def text(value: object) -> str:
 
 
 def _require(entry: Field[Any], value: object) -> None:
-    """Every number of a setting is of the default's kind, finite and within its bounds."""
-    kind = type(entry.default)
-    numbers = value if isinstance(value, tuple) else (value,)
-    if isinstance(value, tuple) is not (kind is tuple) or not numbers:
+    """A setting is of its default's kind, and every number in it finite and within its bounds."""
+    default: Any = entry.default
+    many = isinstance(default, tuple)
+    values = value if isinstance(value, tuple) else (value,)
+    if isinstance(value, tuple) is not many or not values:
         raise InputError(f"{entry.name}: expected {_expected(entry)}, got {value!r}")
-    for number in numbers:
-        if isinstance(number, str) and kind is str:
-            continue
-        if isinstance(number, bool) or not isinstance(number, int | float) or (kind is int and number != int(number)):
-            raise InputError(f"{entry.name}: expected {_expected(entry)}, got {number!r}")
-        if not math.isfinite(number):
-            raise NonFiniteError(f"{entry.name}: expected {_expected(entry)}, got {number}")
-        if not entry.metadata["low"] <= number <= entry.metadata["high"]:
-            raise InputError(f"{entry.name}: expected {_expected(entry)}, got {number:g}")
+    for one in values:
+        _require_one(entry, type(default[0]) if many and default else float if many else type(default), one)
+
+
+def _require_one(entry: Field[Any], kind: type, value: object) -> None:
+    if kind is str and isinstance(value, str):
+        return
+    wrong_kind = kind is str or isinstance(value, bool) or not isinstance(value, int | float)
+    if wrong_kind or (kind is int and not isinstance(value, int)):
+        raise InputError(f"{entry.name}: expected {_expected(entry)}, got {value!r}")
+    number = float(value)  # type: ignore[arg-type]
+    if not math.isfinite(number):
+        raise NonFiniteError(f"{entry.name}: expected {_expected(entry)}, got {number}")
+    if not entry.metadata["low"] <= number <= entry.metadata["high"]:
+        raise InputError(f"{entry.name}: expected {_expected(entry)}, got {number:g}")
 
 
 def _expected(entry: Field[Any]) -> str:

@@ -18,7 +18,7 @@ class Puma560Adaptive(StatedTask):
     joints: ClassVar[int] = 6
     environment_id: ClassVar[str] = "adaptctl/Puma560Tracking-v0"
 
-    robot: str = setting("puma560", "puma560 (Sheu and Walker 1991), puma560_measured, or a file of six joints")
+    robot: str = setting("puma560", "puma560 (Sheu and Walker 1991), or another arm of six joints")
     damping: tuple[float, ...] = setting(
         (90.0, 150.0, 70.0, 20.0, 16.0, 18.0), "damping of each joint, N m s", symbol="K", low=1e-3, high=1e4
     )

@@ -109,12 +109,13 @@ def _computed(experiment: Experiment, folder: Path) -> Comparison:
 
 @contextmanager
 def _progress() -> Iterator[Callable[[str, float], None]]:
-    """A bar a stage on stderr, where a person can see it."""
+    """A bar a stage on stderr, where that is a terminal."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"))
-    with Progress(*columns, TimeElapsedColumn(), console=Console(stderr=True)) as shown:
+    console = Console(stderr=True)
+    with Progress(*columns, TimeElapsedColumn(), console=console, disable=not console.is_terminal) as shown:
         tasks: dict[str, TaskID] = {}
 
         def told(what: str, share: float) -> None:
@@ -122,7 +123,11 @@ def _progress() -> Iterator[Callable[[str, float], None]]:
                 tasks[what] = shown.add_task(what, total=1.0)
             shown.update(tasks[what], completed=share)
 
-        yield told
+        try:
+            yield told
+        except BaseException:
+            shown.live.transient = True  # what went wrong is one line, with no half-filled bars above it
+            raise
 
 
 def _tell(comparison: Comparison, folder: Path) -> None:

@@ -25,12 +25,14 @@ def saved_stream(
     """
     with replacing(path) as beside:
         recording = rr.RecordingStream(f"adaptctl-{experiment}", recording_id=identifier, make_default=False)
-        recording.save(beside)
-        recording.send_blueprint(blueprint)
-        recording.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        yield recording
-        recording.flush()
-        recording.disconnect()
+        try:
+            recording.save(beside)
+            recording.send_blueprint(blueprint)
+            recording.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+            yield recording
+            recording.flush()  # only this tells of a full disk
+        finally:
+            recording.disconnect()
         _verify(beside)
 
 

@@ -1,0 +1,74 @@
+"""Comparisons made by hand, to be shown: motion along sinusoids, torques by inverse dynamics, errors that fade."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from adaptctl.control import Sinusoids
+from adaptctl.dynamics import Mechanism
+from adaptctl.identifiability import essential_space, fundamental_basis
+from adaptctl.mechanism.pose import Array
+from adaptctl.recording import Comparison, Finding, Run, Setting, TickCost
+from adaptctl.simulation import Rollout
+
+PERIOD = 2e-3
+
+
+def rollout(
+    mechanism: Mechanism, samples: int, fade: float, estimate: Array | None = None, complete: bool = True
+) -> Rollout:
+    """Errors that fall from 0.1 at a rate `fade` (1/s); estimates (T, k) as given."""
+    r = mechanism.dof
+    time = PERIOD * np.arange(samples)
+    rows = np.linspace(0.2, 0.4, r)
+    reference = Sinusoids(np.linspace(-0.5, 0.5, r), rows, rows, start_time=0.5)(time)
+    error = 0.1 * np.exp(-fade * time)[:, None] * np.ones(r)
+    p, v = reference.p + error, reference.v - fade * error
+    torque = mechanism.inverse_dynamics(p, v, reference.a)
+    limits = np.minimum(mechanism.effort_limits, 1e3)
+    applied = np.clip(torque, -limits, limits)
+    return Rollout(
+        time=time,
+        p=p,
+        v=v,
+        reference_p=reference.p,
+        reference_v=reference.v,
+        reference_a=reference.a,
+        torque=torque,
+        applied=applied,
+        clipped=np.any(applied != torque, axis=1).astype(float),
+        energy=mechanism.energy(p, v),
+        reward=-np.sum(error**2, axis=1),
+        estimate=np.zeros((samples, 0)) if estimate is None else estimate,
+        control_period=PERIOD,
+        wall_time=0.25,
+        complete=complete,
+    )
+
+
+def comparison(mechanism: Mechanism, samples: int = 1500, complete: bool = True) -> Comparison:
+    """An adaptive run whose estimates approach the truth, and the same with adaptation off."""
+    space = essential_space(mechanism)
+    basis = fundamental_basis(space)
+    truth = basis.regrouping @ mechanism.inertial_parameters
+    share = -np.expm1(-3.0 * PERIOD * np.arange(samples))
+    learnt = rollout(mechanism, samples, 4.0, share[:, None] * truth, complete)
+    lyapunov = 3.0 + 2.0 * np.exp(-PERIOD * np.arange(samples))
+    runs = [Run("adaptive", "Slotine-Li, <learning>", "nothing", learnt, lyapunov, TickCost(5e-6, 2e-7, 1470))]
+    if complete:
+        runs.append(Run("adaptation-off", "Slotine-Li, adaptation off", "nothing", rollout(mechanism, samples, 0.2)))
+    return Comparison(
+        experiment="by-hand",
+        title="Made by hand",
+        purpose="To be shown.",
+        mechanism=mechanism,
+        space=space,
+        basis=basis,
+        runs=tuple(runs),
+        torque_limits=np.minimum(mechanism.effort_limits, 1e3),
+        settings=(Setting("Λ", "8", "bandwidth, 1/s"),),
+        seed=7,
+        duration=samples * PERIOD,
+        findings=(Finding("difference", 2e-11, "N m", "a difference"),),
+        complete=complete,
+    )

@@ -1,0 +1,196 @@
+"""The command line: what it prints, what it refuses and how, and that it answers at once."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import time
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+
+from adaptctl.cli.main import main
+from adaptctl.experiments import EXPERIMENTS
+
+RUN = ("experiment", "run", "puma560-adaptive")
+HEAVY = ("numpy", "scipy", "pinocchio", "gymnasium", "rerun", "matplotlib", "pyarrow", "control", "llvmlite", "rich")
+
+
+def refused(capsys: pytest.CaptureFixture[str], *command: str) -> str:
+    """The one line on stderr with which a command line is refused."""
+    assert main(command) == 2
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    lines = [line for line in shown.err.splitlines() if not line.startswith("adaptctl: note:")]
+    assert len(lines) == 1, shown.err
+    assert lines[0].startswith("adaptctl: ")
+    assert "Traceback" not in shown.err
+    return lines[0].removeprefix("adaptctl: ")
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"adaptctl {version('adaptctl')}\n"
+
+
+def test_help_names_the_commands(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--help"]) == 0
+    shown = capsys.readouterr().out
+    assert "basis" in shown
+    assert "experiment" in shown
+
+
+def test_list_names_the_experiments(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["experiment", "list"]) == 0
+    names = [line.split()[0] for line in capsys.readouterr().out.splitlines()]
+    assert names == [entry.name for entry in EXPERIMENTS]
+    assert {"puma560-adaptive", "adaptive"} <= set(names)
+
+
+def test_help_of_an_experiment_tells_every_setting_its_symbol_and_default(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main([*RUN, "--help"]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "--bandwidth X Λ: how fast errors decay, 1/s (default: 8)" in shown
+    assert "K: damping of each joint, N m s (default: 90 150 70 20 16 18)" in shown
+    for flag in ("--seed N", "--duration X", "--out DIR", "--overwrite", "--initial-error", "--robot"):
+        assert flag in shown
+
+
+@pytest.mark.parametrize("command", [["--help"], ["--version"], ["experiment", "list"], ["experiment", "run", "-h"]])
+def test_what_needs_no_robot_imports_nothing_heavy(command: list[str]) -> None:
+    script = f"""
+import sys
+from adaptctl.cli.main import main
+from adaptctl.experiments import EXPERIMENTS
+assert main({command!r}) == 0
+print("loaded", [name for name in {HEAVY!r} if name in sys.modules])
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "loaded []"
+
+
+def test_help_answers_at_once() -> None:
+    durations = []
+    for _ in range(5):
+        started = time.perf_counter()
+        subprocess.run([sys.executable, "-m", "adaptctl.cli.main", "--help"], check=True, capture_output=True)
+        durations.append(time.perf_counter() - started)
+    assert min(durations) < 0.3
+
+
+@pytest.mark.parametrize(
+    ("command", "told"),
+    [
+        ((), "the following arguments are required: COMMAND; see adaptctl --help"),
+        (("bases",), "unknown command 'bases' (did you mean 'basis'?); known: basis, experiment"),
+        (("experiment",), "the following arguments are required: ACTION; see adaptctl experiment --help"),
+        (("experiment", "lst"), "unknown action 'lst' (did you mean 'list'?); known: list, run"),
+        (("experiment", "list", "x"), "unrecognized arguments: x"),
+        (("experiment", "run"), "the following arguments are required: EXPERIMENT"),
+        (
+            ("experiment", "run", "puma-adaptive"),
+            "unknown experiment 'puma-adaptive' (did you mean 'puma560-adaptive'?); known: puma560-adaptive, ",
+        ),
+        ((*RUN, "--durations", "1"), "unrecognized arguments: --durations 1"),
+        ((*RUN, "--dur", "1"), "unrecognized arguments: --dur 1"),
+        ((*RUN, "--out"), "argument --out: expected one argument"),
+        ((*RUN, "--duration", "long"), "argument --duration: invalid float value: 'long'"),
+        ((*RUN, "--duration", "0"), "duration: expected a number from 0.01 to 300, got 0"),
+        ((*RUN, "--duration", "-3"), "duration: expected a number from 0.01 to 300, got -3"),
+        ((*RUN, "--duration", "1e9"), "duration: expected a number from 0.01 to 300, got 1e+09"),
+        ((*RUN, "--duration", "nan"), "duration: expected a number from 0.01 to 300, got nan"),
+        ((*RUN, "--duration", "inf"), "duration: expected a number from 0.01 to 300, got inf"),
+        ((*RUN, "--duration", "200", "--control-period", "1e-4"), "more than 300000 steps"),
+        ((*RUN, "--seed", "-1"), "seed: expected a whole number from 0 to"),
+        ((*RUN, "--seed", "1.5"), "argument --seed: invalid int value: '1.5'"),
+        ((*RUN, "--seed", "99999999999"), "seed: expected a whole number from 0 to"),
+        ((*RUN, "--damping", "90", "150"), "damping: expected 6 numbers, one a joint, got 2"),
+        (
+            (*RUN, "--damping", "90", "150", "70", "20", "16", "0"),
+            "damping: expected numbers from 0.001 to 10000, got 0",
+        ),
+        ((*RUN, "--frequency", "nan", "0", "0", "0", "0", "0"), "frequency: expected numbers from 0 to 5, got nan"),
+        ((*RUN, "--rate", "-1"), "rate: expected a number from 1e-06 to 1000, got -1"),
+    ],
+)
+def test_wrong_command_lines_are_refused_in_a_line(
+    command: tuple[str, ...],
+    told: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert told in refused(capsys, *command)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_unknown_robot_is_told_what_exists(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    line = refused(capsys, *RUN, "--out", str(tmp_path / "out"), "--robot", "puma56")
+    assert "unknown robot 'puma56' (did you mean 'puma560'?)" in line
+    assert "puma560_measured" in line
+
+
+def test_arm_with_other_joints_is_sent_to_the_right_experiment(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = refused(capsys, *RUN, "--out", str(tmp_path / "out"), "--robot", "puma560_arm3")
+    assert line == "robot: puma560_arm3 has 3 joints, this experiment is for 6; use the experiment 'adaptive'"
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("links = [", "not valid TOML"),
+        ('schema = "adaptctl/denavit-hartenberg/1"\nconvention = "classic"\nlinks = []', "$.convention"),
+        (
+            'schema = "adaptctl/denavit-hartenberg/1"\nconvention = "standard"\n[[links]]\nalpha_deg = 0\nlenght = 1.0',
+            "lenght",
+        ),
+    ],
+)
+def test_malformed_file_is_refused_by_file_and_element(
+    text: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "arm.toml"
+    path.write_text(text)
+    line = refused(capsys, "experiment", "run", "adaptive", "--out", str(tmp_path / "out"), "--robot", str(path))
+    assert str(path) in line
+    assert told in line
+
+
+def test_missing_file_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    robot = str(tmp_path / "none.urdf")
+    line = refused(capsys, "experiment", "run", "adaptive", "--out", str(tmp_path / "out"), "--robot", robot)
+    assert robot in line
+    assert "cannot be read" in line
+
+
+def test_damping_that_the_period_cannot_carry_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    line = refused(capsys, *RUN, "--out", str(tmp_path / "out"), "--control-period", "0.02")
+    assert "too stiff for a control period of 0.02 s" in line
+    assert re.search(r"use at most [\d.]+ times this damping or a period of at most [\d.]+ s", line)
+
+
+def test_folder_with_something_in_it_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "summary.json").write_text("{}")
+    assert f"{tmp_path}: the folder is not empty" in refused(capsys, *RUN, "--out", str(tmp_path))
+    assert (tmp_path / "summary.json").read_text() == "{}"
+
+
+def test_folder_that_cannot_be_written_is_refused_before_anything_is_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").write_text("")
+    assert "is a file; give a folder" in refused(capsys, *RUN, "--out", str(tmp_path / "file"))
+    assert "choose another folder" in refused(capsys, *RUN, "--out", "/proc/results")
+
+
+def test_reader_that_goes_away_is_no_error_to_tell(tmp_path: Path) -> None:
+    command = f"{sys.executable} -m adaptctl.cli.main experiment list | true"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=True)
+    assert done.stderr == ""

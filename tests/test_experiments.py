@@ -1,0 +1,246 @@
+"""Experiments as a user runs them: by the command line, through the Gymnasium environment, into a folder."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from robot_files import urdf
+
+from adaptctl.cli.main import main
+from adaptctl.control import SlotineLi
+from adaptctl.dynamics import load
+from adaptctl.errors import InputError, NotFoundError
+from adaptctl.experiments import EXPERIMENTS, find
+from adaptctl.experiments.adaptive import Adaptive
+from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
+from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
+
+PUMA = ("experiment", "run", "puma560-adaptive")
+NAMES = (
+    "adaptive",
+    "adaptation-off",
+    "computed-torque",
+    "computed-torque-wrong",
+    "computed-torque-none",
+    "adaptive-full",
+    "adaptive-mapped",
+)
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("runs") / "puma"
+
+
+@pytest.fixture(scope="module")
+def said(out: Path) -> dict[str, Any]:
+    """The summary of the first 4 s of the PUMA's experiment, run by the command line."""
+    assert main([*PUMA, "--out", str(out), "--duration", "4", "--seed", "3"]) == 0
+    return json.loads((out / "summary.json").read_text())
+
+
+def test_every_controller_drives_the_same_run(said: dict[str, Any]) -> None:
+    assert said["complete"] is True
+    assert tuple(said["runs"]) == NAMES
+    assert said["seed"] == 3
+    assert all(run["duration"] == 4.0 for name, run in said["runs"].items() if name != "computed-torque-none")
+    assert said["runs"]["computed-torque-none"]["terminated"] is True
+
+
+def test_it_learns_within_the_limits_and_the_lyapunov_function_never_rises(said: dict[str, Any]) -> None:
+    assert said["lyapunov_max_increase"] == 0.0
+    assert said["lyapunov_final"] < said["lyapunov_initial"]
+    assert said["clipped_steps"] == 0
+    assert said["peak_torque_share"] < 0.75
+    assert said["final_rms_error"] < 0.2 * said["first_rms_error"]
+    assert said["final_rms_error"] < 0.2 * said["final_rms_error_adaptation_off"]
+    assert said["runs"]["adaptive"]["first_rms_error"] == pytest.approx(28.7e-3, abs=1e-4)
+
+
+def test_true_model_tracks_best_and_wrong_one_does_not(said: dict[str, Any]) -> None:
+    final = {name: run["final_rms_error"] for name, run in said["runs"].items()}
+    assert final["computed-torque"] < 1e-4
+    assert final["computed-torque-wrong"] > 10.0 * final["adaptive"]
+
+
+def test_reduced_and_full_adaptation_are_one_controller(said: dict[str, Any]) -> None:
+    assert said["findings"]["torque_difference_reduced_full"]["value"] < 1e-10
+    reduced, full = said["runs"]["adaptive-mapped"], said["runs"]["adaptive-full"]
+    assert reduced["final_rms_error"] == pytest.approx(full["final_rms_error"], rel=1e-9)
+    assert said["runs"]["adaptive"]["tick"]["flops"] < full["tick"]["flops"]
+
+
+def test_summary_knows_the_parameters_and_settings(said: dict[str, Any]) -> None:
+    assert (said["rank"], len(said["parameters"])) == (36, 36)
+    mechanism = load("puma560_measured")
+    assert said["parameters"]["link6.I_zz"]["true"] == pytest.approx(0.178)
+    assert len(mechanism.links) == 6
+    assert said["settings"]["K"] == "90, 150, 70, 20, 16, 18"
+    assert said["settings"]["Γ"] == "0.6·(5 kg)²; 0.6·(2 kg·m)²; 0.6·(0.6 kg·m²)²"
+    assert said["settings"]["--duration"] == "4"
+    assert 0.0 < said["wall_time"] < 60.0
+    assert said["realtime_factor"] == pytest.approx(4.0 / said["wall_time"])
+
+
+def test_table_starts_off_the_reference_and_knowing_nothing(out: Path, said: dict[str, Any]) -> None:
+    table = pq.read_table(out / "trace.parquet")
+    assert table.num_rows == 4000
+    for j in range(6):
+        assert table[f"error.joint{j + 1}"][0].as_py() == pytest.approx(0.1)
+    estimates = [table[name][0].as_py() for name in table.column_names if name.startswith("estimate.")]
+    assert estimates == [0.0] * 36
+    assert said["lyapunov_initial"] == table["lyapunov"][0].as_py()
+
+
+def test_equal_seeds_give_equal_runs(out: Path, said: dict[str, Any], tmp_path: Path) -> None:
+    assert main([*PUMA, "--out", str(tmp_path), "--duration", "0.5", "--seed", "3"]) == 0
+    again, before = pq.read_table(tmp_path / "trace.parquet"), pq.read_table(out / "trace.parquet")
+    assert again.equals(before.slice(0, 500), check_metadata=False)
+
+
+def test_a_folder_is_written_again_only_when_told(
+    out: Path, said: dict[str, Any], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([*PUMA, "--out", str(out), "--duration", "0.1"]) == 2
+    assert "--overwrite" in capsys.readouterr().err
+    assert json.loads((out / "summary.json").read_text()) == said
+
+
+def test_outcome_and_places_are_printed_and_notes_are_a_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "short"
+    assert main([*PUMA, "--out", str(folder), "--duration", "0.05"]) == 0
+    shown = capsys.readouterr()
+    assert "RMS error" in shown.out
+    assert f"rerun {folder / 'recording.rrd'}" in shown.out
+    notes = [line for line in shown.err.splitlines() if line.startswith("adaptctl: note: puma560: no rigid body")]
+    assert len(notes) == 1
+    assert "Warning" not in shown.err
+    assert main([*PUMA, "--out", str(folder), "--duration", "0.05", "--overwrite", "--seed", "5"]) == 0
+    assert json.loads((folder / "summary.json").read_text())["seed"] == 5
+
+
+@contextmanager
+def signalled(function: str, number: signal.Signals) -> Iterator[None]:
+    """Send this process a signal as soon as its main thread is inside a function of that name."""
+    main_thread, over = threading.main_thread().ident, threading.Event()
+
+    def inside() -> bool:
+        frame = sys._current_frames()[main_thread] if main_thread else None
+        while frame is not None and frame.f_code.co_name != function:
+            frame = frame.f_back
+        return frame is not None
+
+    def watch() -> None:
+        while not over.is_set() and not inside():
+            time.sleep(0.001)
+        time.sleep(0.05)
+        if not over.is_set():
+            os.kill(os.getpid(), number)
+
+    watcher = threading.Thread(target=watch)
+    watcher.start()
+    try:
+        yield
+    finally:
+        over.set()
+        watcher.join()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_interrupted_run_keeps_what_was_computed(
+    number: signal.Signals, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with signalled("tick", number):
+        assert main([*PUMA, "--out", str(tmp_path / "out"), "--duration", "300"]) == 130
+    said = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert said["complete"] is False
+    assert list(said["runs"]) == ["adaptive"]
+    assert 0.0 < said["duration_run"] < said["duration"] == 300.0
+    assert pq.read_table(tmp_path / "out" / "trace.parquet").num_rows == round(said["duration_run"] / 1e-3)
+    assert "was interrupted" in (tmp_path / "out" / "report.html").read_text()
+    shown = capsys.readouterr()
+    assert "interrupted; writing what was computed" in shown.err
+    assert "Traceback" not in shown.err
+
+
+def test_run_interrupted_before_anything_was_computed_writes_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with signalled("essential_space", signal.SIGINT):
+        assert main([*PUMA, "--out", str(tmp_path / "out"), "--duration", "300"]) == 130
+    assert list((tmp_path / "out").iterdir()) == []
+    assert capsys.readouterr().err.splitlines()[-1] == "adaptctl: interrupted"
+
+
+@pytest.mark.parametrize("robot", ["puma560_measured", "ur5_robot.urdf"])
+def test_any_arm_learns_with_gains_from_its_own_inertia_and_limits(robot: str, tmp_path: Path) -> None:
+    source = str(urdf(robot)) if robot.endswith("urdf") else robot
+    command = ["experiment", "run", "adaptive", "--robot", source, "--duration", "6", "--out", str(tmp_path)]
+    assert main(command) == 0
+    said = json.loads((tmp_path / "summary.json").read_text())
+    assert said["lyapunov_max_increase"] == 0.0
+    assert said["clipped_steps"] == 0
+    assert said["final_rms_error"] < 0.5 * said["final_rms_error_adaptation_off"]
+    assert "reference frequency" in said["settings"]
+
+
+def test_gains_of_any_arm_hold_what_the_control_period_asks() -> None:
+    mechanism = load("puma560_measured")
+    experiment = Adaptive(control_period=2e-3)
+    model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))
+    gains = experiment.gains(mechanism)
+    controller = SlotineLi(
+        model, gains.bandwidth, gains.damping, experiment.adaptation(model), period=experiment.control_period
+    )
+    assert np.all(gains.damping * 8.0 * 0.1 <= 0.6 * mechanism.effort_limits * (1.0 + 1e-12))
+    assert controller.adaptation is not None
+    assert np.all(controller.adaptation > 0.0)
+
+
+@pytest.mark.parametrize("entry", EXPERIMENTS, ids=lambda entry: entry.name)
+def test_every_experiment_has_its_name_and_documents_its_settings(entry: Any) -> None:
+    kind = find(entry.name)
+    assert kind.name == entry.name
+    assert kind.__doc__
+    for field in fields(kind):
+        assert len(field.metadata["meaning"]) > 3
+    assert kind() == kind()
+
+
+def test_unknown_experiment_is_told_what_exists() -> None:
+    with pytest.raises(NotFoundError, match="experiments: puma560-adaptive, "):
+        find("nonsense")
+
+
+@pytest.mark.parametrize(
+    ("settings", "told"),
+    [
+        ({"duration": True}, "duration: expected a number from 0.01 to 300, got True"),
+        ({"duration": "20"}, "duration: expected a number from 0.01 to 300, got '20'"),
+        ({"duration": None}, "duration: expected a number from 0.01 to 300, got None"),
+        ({"seed": 1.5}, "seed: expected a whole number"),
+        ({"damping": 90.0}, "damping: expected numbers from 0.001 to 10000, got 90.0"),
+        ({"damping": ()}, "damping: expected numbers"),
+        ({"bandwidth": (8.0,)}, "bandwidth: expected a number"),
+        ({"robot": 560}, "robot: expected a name or a file, got 560"),
+    ],
+)
+def test_settings_are_checked_in_python_too(settings: dict[str, Any], told: str) -> None:
+    with pytest.raises(InputError) as refusal:
+        Puma560Adaptive(**settings)
+    assert told in str(refusal.value)

@@ -1,0 +1,119 @@
+"""The house is kept: imports run one way, nothing heavy is imported in passing, no file grows without end."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import adaptctl
+
+ROOT = Path(adaptctl.__file__).parent
+ORDER = (
+    "errors",
+    "files",
+    "scalars",
+    "compilation",
+    "mechanism",
+    "dynamics",
+    "identifiability",
+    "control",
+    "simulation",
+    "recording",
+    "envs",
+    "experiments",
+    "cli",
+)
+"""A folder uses only those before it."""
+LONGEST = 400
+ABOUT = {
+    "pinocchio": {"mechanism.pinocchio_model"},
+    "matplotlib": {"recording", "envs.render", "envs.caption"},
+    "rerun": {"recording"},
+    "pyarrow": {"recording"},
+    "gymnasium": {"envs"},
+    "rich": {"cli.basis_report"},
+    "control": set(),
+}
+"""Heavy packages, and the modules or folders that are about them; elsewhere they are imported when used."""
+
+
+def modules() -> dict[str, Path]:
+    """Every module below the package by its name without ``adaptctl.``; two of the folders are links."""
+    found = {}
+    for layer in ORDER:
+        place = ROOT / layer
+        for path in sorted(place.glob("**/*.py")) if place.is_dir() else [place.with_suffix(".py")]:
+            parts = (layer, *path.relative_to(place).with_suffix("").parts) if place.is_dir() else (layer,)
+            found[".".join(part for part in parts if part != "__init__")] = path
+    return found
+
+
+MODULES = modules()
+
+
+def imported(tree: ast.AST) -> Iterator[str]:
+    """Absolute names of what is imported anywhere in a module."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, "imports are absolute"
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def at_import(body: list[ast.stmt]) -> Iterator[ast.stmt]:
+    """The statements that run when a module is imported, those for type checkers left out."""
+    for node in body:
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            continue
+        if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            yield node
+        if isinstance(node, ast.ClassDef):
+            yield from at_import(node.body)
+
+
+def test_everything_is_found() -> None:
+    folders = {path.stem for path in ROOT.iterdir() if path.is_dir() or path.suffix == ".py"}
+    assert folders - {"__init__", "__pycache__"} == set(ORDER) == {name.partition(".")[0] for name in MODULES}
+    assert len(MODULES) > 60
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_imports_run_one_way(module: str) -> None:
+    own = ORDER.index(module.partition(".")[0])
+    for name in imported(ast.parse(MODULES[module].read_text())):
+        parts = name.split(".")
+        if parts[0] == "adaptctl" and len(parts) > 1 and parts[1] in ORDER:
+            assert ORDER.index(parts[1]) <= own, f"{module} imports {name}"
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_nothing_heavy_is_imported_in_passing(module: str) -> None:
+    tree = ast.parse(MODULES[module].read_text())
+    for node in at_import(tree.body):
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            for name in imported(node):
+                homes = ABOUT.get(name.partition(".")[0])
+                allowed = homes is None or any(module == home or module.startswith(f"{home}.") for home in homes)
+                assert allowed, f"{module} imports {name}"
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_no_file_is_too_long_and_each_says_what_it_is(module: str) -> None:
+    text = MODULES[module].read_text()
+    assert len(text.splitlines()) <= LONGEST
+    if text.strip():
+        assert ast.get_docstring(ast.parse(text))
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_nothing_is_pickled_or_evaluated(module: str) -> None:
+    tree = ast.parse(MODULES[module].read_text())
+    forbidden = {"pickle", "marshal", "shelve", "dill", "cloudpickle"}
+    assert not forbidden & {name.partition(".")[0] for name in imported(tree)}
+    calls = {node.func.id for node in ast.walk(tree) if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)}
+    assert not {"eval", "exec"} & calls
+    assert not any(isinstance(node, ast.Assert) for node in ast.walk(tree)), "assertions are no error handling"

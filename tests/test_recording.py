@@ -1,0 +1,356 @@
+"""What is written of a comparison can be read back, and says what happened."""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pinocchio
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from comparisons import PERIOD, comparison, rollout
+from rerun.chunk import RrdReader
+from robot_files import urdf
+
+from adaptctl.dynamics import load
+from adaptctl.dynamics.kinematics import joint_axes, link_poses
+from adaptctl.errors import FileError, InputError
+from adaptctl.mechanism.pose import Array
+from adaptctl.recording import Comparison, prepare_folder, write_artifacts
+from adaptctl.recording.skeleton import Solid, skeleton
+from adaptctl.recording.wording import number, outcome, verdict
+
+FILES = {"recording.rrd", "summary.json", "trace.parquet", "report.html"}
+FIGURES = {"tracking-error", "joint-errors", "lyapunov", "torque", "parameters", "spectrum"}
+
+
+@pytest.fixture(scope="module")
+def shown() -> Comparison:
+    return comparison(load("puma560_measured"))
+
+
+@pytest.fixture(scope="module")
+def folder(shown: Comparison, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_artifacts(prepare_folder(tmp_path_factory.mktemp("run") / "deep" / "er"), shown)
+
+
+def series(path: Path, entity: str) -> tuple[Array, Array]:
+    """Times (T,) and curves (T, n) of an entity of a recording."""
+    times, values = [], []
+    stream = RrdReader(path).store().stream()
+    for chunk in stream.filter(content=entity, components="Scalars:scalars", is_static=False):
+        batch = chunk.to_record_batch()
+        times.append(batch["sim_time"].cast(pa.int64()).to_numpy() * 1e-9)
+        values.append(batch["Scalars:scalars"].flatten().to_numpy().reshape(batch.num_rows, -1))
+    order = np.argsort(np.concatenate(times), kind="stable")
+    return np.concatenate(times)[order], np.concatenate(values)[order]
+
+
+def entities(path: Path) -> set[str]:
+    return {str(chunk.entity_path) for chunk in RrdReader(path).store().stream()}
+
+
+def test_every_file_is_there_and_nothing_else(folder: Path) -> None:
+    assert {path.name for path in folder.iterdir()} == FILES | {"figures"}
+    assert {path.name for path in (folder / "figures").iterdir()} == {f"{name}.png" for name in FIGURES}
+
+
+def test_recording_holds_the_curves_that_were_run(folder: Path, shown: Comparison) -> None:
+    time, errors = series(folder / "recording.rrd", "/error/adaptive")
+    run = shown.subject.rollout
+    np.testing.assert_allclose(time, run.time, atol=1e-9)
+    np.testing.assert_array_equal(errors, 1e3 * run.error)
+    _, values = series(folder / "recording.rrd", "/lyapunov/adaptive")
+    np.testing.assert_array_equal(values[:, 0], shown.subject.lyapunov)
+    _, shares = series(folder / "recording.rrd", "/torque_share/joints")
+    np.testing.assert_array_equal(shares, run.applied / shown.torque_limits)
+    _, limits = series(folder / "recording.rrd", "/torque/joint2/limit")
+    np.testing.assert_array_equal(limits, [[-186.4, 186.4]] * 2)
+
+
+def test_recording_holds_every_estimate_and_its_true_value(folder: Path, shown: Comparison) -> None:
+    place = 0
+    for link in dict.fromkeys(name.partition(".")[0] for name in shown.basis.names):
+        _, estimates = series(folder / "recording.rrd", f"/estimate/{link}/estimate")
+        _, truth = series(folder / "recording.rrd", f"/estimate/{link}/truth")
+        own = slice(place, place + truth.shape[1])
+        np.testing.assert_array_equal(estimates, shown.subject.rollout.estimate[:, own])
+        np.testing.assert_array_equal(truth, [shown.true_parameters[own]] * 2)
+        place = own.stop
+    assert place == len(shown.basis.names)
+
+
+def test_recording_moves_every_link_where_kinematics_put_it(folder: Path, shown: Comparison) -> None:
+    model, run = shown.mechanism.to_pinocchio(), shown.subject.rollout
+    data = model.createData()
+    stream = RrdReader(folder / "recording.rrd").store().stream()
+    for chunk in stream.filter(content="/world/adaptive/link4", is_static=False):
+        batch = chunk.to_record_batch()
+        ticks = np.round(batch["sim_time"].cast(pa.int64()).to_numpy() * 1e-9 / PERIOD).astype(int)
+        places = batch["Transform3D:translation"].flatten().flatten().to_numpy().reshape(-1, 3)
+        for tick, place in list(zip(ticks, places, strict=True))[::100]:
+            pinocchio.framesForwardKinematics(model, data, run.p[tick])
+            np.testing.assert_allclose(place, data.oMf[model.getFrameId("link4")].translation, atol=1e-6)
+        return
+    pytest.fail("the recording has no moving link4")
+
+
+def test_recording_shows_the_arm_its_ghosts_and_the_offline_stage(folder: Path) -> None:
+    found = entities(folder / "recording.rrd")
+    for entity in (
+        "/world/base",
+        "/world/path/desired",
+        "/world/trail/adaptive",
+        "/world/trail/adaptation-off",
+        "/world/desired/link2/link",
+        "/world/adaptation-off/link2/joint",
+        "/world/adaptive/link6/tool",
+        "/error/adaptation-off",
+        "/basis/spectrum/essential",
+        "/basis/spectrum/null_space",
+        "/basis/equations",
+        "/summary",
+    ):
+        assert entity in found
+
+
+def test_spectrum_stands_above_and_below_the_threshold(folder: Path) -> None:
+    heights = {}
+    stream = RrdReader(folder / "recording.rrd").store().stream()
+    for chunk in stream.filter(content="/basis/spectrum/**", is_static=True):
+        values = chunk.to_record_batch()["BarChart:values"].to_pylist()[0]
+        buffer = np.asarray(values[0]["buffer"], dtype=float)
+        heights[str(chunk.entity_path).rpartition("/")[2]] = buffer
+    assert (len(heights["essential"]), len(heights["null_space"])) == (36, 24)
+    assert heights["essential"].min() > 3.0
+    assert heights["null_space"].max() < -3.0
+
+
+def test_equal_runs_have_equal_recordings_and_different_ones_do_not_mix(tmp_path: Path, shown: Comparison) -> None:
+    from adaptctl.recording.rerun_recording import write_recording
+
+    other = replace(
+        shown, runs=(replace(shown.subject, rollout=rollout(shown.mechanism, 300, 1.0, np.zeros((300, 36)))),)
+    )
+    identifiers = []
+    for name, what in (("a", shown), ("b", shown), ("c", replace(other, duration=0.6))):
+        trimmed = replace(what, runs=tuple(replace(run, lyapunov=None) for run in what.runs))
+        write_recording(tmp_path / f"{name}.rrd", trimmed)
+        identifiers.append([entry.recording_id for entry in RrdReader(tmp_path / f"{name}.rrd").recordings()])
+    assert identifiers[0] == identifiers[1] != identifiers[2]
+
+
+def test_table_is_lossless_and_names_units(folder: Path, shown: Comparison) -> None:
+    table, run = pq.read_table(folder / "trace.parquet"), shown.subject.rollout
+    assert table.num_rows == len(run.time)
+    for j in range(6):
+        for name, values in (("p", run.p), ("v", run.v), ("torque", run.torque), ("error", run.error)):
+            np.testing.assert_array_equal(table[f"{name}.joint{j + 1}"].to_numpy(), values[:, j])
+        np.testing.assert_array_equal(table[f"reference_p.joint{j + 1}"].to_numpy(), run.reference_p[:, j])
+    np.testing.assert_array_equal(table["lyapunov"].to_numpy(), shown.subject.lyapunov)
+    np.testing.assert_array_equal(table["energy"].to_numpy(), run.energy)
+    for i, name in enumerate(shown.basis.names):
+        np.testing.assert_array_equal(table[f"estimate.{name}"].to_numpy(), run.estimate[:, i])
+    units = {field.name: field.metadata[b"unit"].decode() for field in table.schema}
+    assert units["time"] == "s"
+    assert units["p.joint1"] == "rad"
+    assert units["torque.joint1"] == "N m"
+    assert units["estimate.link2.mc_x"] == "kg m"
+    assert units["estimate.link2.I_xy"] == "kg m^2"
+    assert table.schema.metadata[b"seed"] == b"7"
+
+
+def test_summary_says_how_it_went(folder: Path, shown: Comparison) -> None:
+    said = json.loads((folder / "summary.json").read_text(), parse_constant=lambda token: pytest.fail(token))
+    run, off = shown.subject.rollout, shown.runs[1].rollout
+    assert said["schema"] == "adaptctl/summary/1"
+    assert said["complete"] is True
+    assert (said["experiment"], said["robot"], said["seed"]) == ("by-hand", "puma560_measured", 7)
+    assert (said["duration"], said["control_period"]) == (3.0, PERIOD)
+    assert said["rms_error"] == pytest.approx(np.sqrt(np.mean(run.error**2)), rel=1e-12)
+    last = run.time >= 1.0 - 1e-9
+    assert said["final_rms_error"] == pytest.approx(np.sqrt(np.mean(run.error[last] ** 2)), rel=1e-12)
+    assert said["final_rms_error_adaptation_off"] == pytest.approx(np.sqrt(np.mean(off.error[last] ** 2)), rel=1e-12)
+    assert (said["lyapunov_initial"], said["lyapunov_max_increase"]) == (5.0, 0.0)
+    assert said["lyapunov_final"] == shown.subject.lyapunov[-1]
+    assert said["realtime_factor"] == pytest.approx(3.0 / 0.25)
+    assert list(said["parameters"]) == list(shown.basis.names)
+    truth = [entry["true"] for entry in said["parameters"].values()]
+    np.testing.assert_array_equal(truth, shown.true_parameters)
+    assert [entry["estimate"] for entry in said["parameters"].values()] == run.estimate[-1].tolist()
+    assert said["findings"]["difference"] == {"value": 2e-11, "unit": "N m"}
+
+
+class Page(HTMLParser):
+    """The links, images and text of a page."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.links: list[str] = []
+        self.images: list[str] = []
+        self.tags: list[str] = []
+        self.text = ""
+        self.feed(html)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        given = dict(attrs)
+        self.tags.append(tag)
+        self.links += [given[name] or "" for name in ("src", "href") if name in given]
+        if tag == "img":
+            self.images.append(given["src"] or "")
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+def test_report_needs_nothing_but_itself(folder: Path) -> None:
+    html = (folder / "report.html").read_text()
+    page = Page(html)
+    assert page.links == page.images
+    assert not {"script", "link", "iframe", "object"} & set(page.tags)
+    assert "http" not in html
+    assert "url(" not in html
+    embedded = {base64.b64decode(image.removeprefix("data:image/png;base64,")) for image in page.images}
+    assert embedded == {path.read_bytes() for path in (folder / "figures").iterdir()}
+
+
+def test_report_says_it_all_and_takes_no_name_for_markup(folder: Path, shown: Comparison) -> None:
+    text = Page((folder / "report.html").read_text()).text
+    assert "Slotine-Li, <learning>" in text
+    assert verdict(shown) in text
+    for equation in shown.basis.equations():
+        assert equation in text
+    for name in shown.basis.names:
+        assert name in text
+    assert "rerun recording.rrd" in text
+    assert "interrupted" not in text
+
+
+def test_figures_are_pictures_of_a_readable_size(folder: Path) -> None:
+    for path in (folder / "figures").iterdir():
+        data = path.read_bytes()
+        assert data.startswith(b"\x89PNG\r\n")
+        width = int.from_bytes(data[16:20])
+        assert 1300 < width < 1700
+        assert len(data) > 10_000
+
+
+def test_interrupted_comparison_says_so_everywhere(tmp_path: Path) -> None:
+    what = comparison(load("puma560_measured"), samples=40, complete=False)
+    write_artifacts(prepare_folder(tmp_path), what)
+    said = json.loads((tmp_path / "summary.json").read_text())
+    assert said["complete"] is False
+    assert said["final_rms_error_adaptation_off"] is None
+    assert "was interrupted" in (tmp_path / "report.html").read_text()
+    assert pq.read_schema(tmp_path / "trace.parquet").metadata[b"complete"] == b"false"
+    documents = RrdReader(tmp_path / "recording.rrd").store().stream().filter(content="/summary", is_static=True)
+    text = " ".join(str(chunk.to_record_batch()["TextDocument:text"].to_pylist()) for chunk in documents)
+    assert "was interrupted" in text
+
+
+def test_one_sample_is_enough_to_be_shown(tmp_path: Path) -> None:
+    write_artifacts(prepare_folder(tmp_path), comparison(load("puma560_measured"), samples=1))
+    assert {path.name for path in tmp_path.iterdir()} == FILES | {"figures"}
+
+
+def test_nothing_run_is_nothing_to_show(shown: Comparison) -> None:
+    nothing = replace(shown.subject, rollout=rollout(shown.mechanism, 0, 1.0))
+    with pytest.raises(InputError, match="nothing was run"):
+        replace(shown, runs=(nothing,))
+
+
+def test_rises_of_the_lyapunov_function_are_found(shown: Comparison) -> None:
+    values = np.array([3.0, 2.0, 2.25, 1.0])
+    assert replace(shown.subject, lyapunov=values).lyapunov_max_increase == 0.25
+    assert replace(shown.subject, lyapunov=values[:1]).lyapunov_max_increase == 0.0
+    assert replace(shown.subject, lyapunov=None).lyapunov_max_increase is None
+
+
+@pytest.mark.parametrize("window", [PERIOD, 0.1, 100.0])
+def test_moving_error_is_the_error_over_what_has_passed(shown: Comparison, window: float) -> None:
+    moving, error = shown.subject.moving_rms_error(window), shown.subject.rollout.error
+    width = max(1, round(window / PERIOD))
+    for k in (0, 1, 49, 700):
+        expected = np.sqrt(np.mean(error[max(0, k + 1 - width) : k + 1] ** 2))
+        assert moving[k] == pytest.approx(expected, rel=1e-9)
+
+
+def test_folder_that_holds_something_is_refused_unless_allowed(tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").write_text("years of work")
+    with pytest.raises(FileError, match=r"not empty; .*--overwrite"):
+        prepare_folder(tmp_path)
+    assert prepare_folder(tmp_path, overwrite=True) == tmp_path
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+def test_folder_that_cannot_be_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(FileError, match=r"file: is a file"):
+        prepare_folder(tmp_path / "file")
+    with pytest.raises(FileError, match=r"cannot be made"):
+        prepare_folder(tmp_path / "file" / "below")
+    with pytest.raises(FileError, match=r"/proc/.*choose another folder"):
+        prepare_folder("/proc/adaptctl-results")
+
+
+def test_no_file_is_left_half_written(tmp_path: Path, shown: Comparison) -> None:
+    from adaptctl.recording.rerun_recording import write_recording
+
+    (tmp_path / "recording.rrd").write_text("the old one")
+    broken = replace(shown, torque_limits=np.ones(3))
+    with pytest.raises(ValueError, match="broadcast"):
+        write_recording(tmp_path / "recording.rrd", broken)
+    assert [path.name for path in tmp_path.iterdir()] == ["recording.rrd"]
+    assert (tmp_path / "recording.rrd").read_text() == "the old one"
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (None, "–"),
+        (0.0, "0"),
+        (0.786, "0.786"),
+        (1234.5, "1234"),
+        (2.5e-14, "2.50·10⁻¹⁴"),
+        (-3.21, "-3.21"),
+        (1e6, "1.00·10⁶"),
+    ],
+)
+def test_numbers_read_well(value: float | None, text: str) -> None:
+    assert number(value) == text
+
+
+def test_outcomes_read_well(shown: Comparison) -> None:
+    run = shown.subject
+    assert outcome(run) == "ran to the end"
+    assert outcome(replace(run, rollout=replace(run.rollout, complete=False))) == "interrupted at 3.00 s"
+    assert outcome(replace(run, rollout=replace(run.rollout, terminated=True))).startswith("stopped at 3.00 s")
+    assert math.isfinite(run.final_rms_error or math.nan)
+
+
+@pytest.mark.parametrize("robot", ["puma560_measured", "ur5_robot.urdf"])
+def test_skeleton_leads_from_joint_to_joint(robot: str) -> None:
+    mechanism = load(urdf(robot) if robot.endswith("urdf") else robot)
+    p = np.linspace(-0.4, 0.6, mechanism.dof)
+    poses, axes, parts = link_poses(mechanism, p), joint_axes(mechanism, p), skeleton(mechanism)
+    reached = {
+        i: [poses.translations[i] + poses.rotations[i] @ shape.end for shape in parts.shapes if shape.link == i]
+        for i in range(mechanism.dof)
+    }
+    for i, link in enumerate(mechanism.links):
+        own = [shape for shape in parts.shapes if shape.link == i]
+        joint = next(shape for shape in own if shape.solid is Solid.JOINT)
+        middle = poses.translations[i] + poses.rotations[i] @ (joint.start + joint.end) / 2.0
+        direction = poses.rotations[i] @ (joint.end - joint.start) / joint.length
+        if link.joint.kind.turns:
+            np.testing.assert_allclose(middle, axes.positions[i], atol=1e-12)
+        np.testing.assert_allclose(direction, axes.directions[i], atol=1e-12)
+        if link.parent >= 0 and np.linalg.norm(link.near.translation) > 1e-6:
+            gaps = [np.linalg.norm(axes.positions[i] - end) for end in reached[link.parent]]
+            assert min(gaps) < 1e-9
