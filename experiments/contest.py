@@ -93,9 +93,11 @@ def _run(
 
 def _lyapunov(controller: Controller[Any], run: Rollout, mechanism: Mechanism) -> Array | None:
     """The Lyapunov function of a law that adapts."""
-    if isinstance(controller, SlotineLi) and controller.adaptation is not None and len(run.time):
-        return lyapunov(controller, run, mechanism)
-    return None
+    if not isinstance(controller, SlotineLi) or controller.adaptation_law is None or not len(run.time):
+        return None
+    if controller.adaptation_law.distance(run.estimate[:1], run.estimate[0]) is None:
+        return None
+    return lyapunov(controller, run, mechanism)
 
 
 def tick_cost(controller: Controller[Any], run: Rollout) -> TickCost:

@@ -1,25 +1,45 @@
 """Online: control laws, adaptation, gains and references."""
 
-from adaptctl.control.adaptation import PriorRanges, adaptation_gain, mapped_gain
+from adaptctl.control.adaptation import (
+    AdaptationLaw,
+    DeadZone,
+    EModification,
+    Gradient,
+    PriorRanges,
+    Projection,
+    SigmaModification,
+    adaptation_gain,
+    limits,
+    mapped_gain,
+)
+from adaptctl.control.adaptive import Adaptive, AdaptiveState
 from adaptctl.control.computed_torque import ComputedTorque
 from adaptctl.control.controller import Controller, Reference, ReferencePoint
 from adaptctl.control.gains import Gains, sampled_gain, typical_inertia
 from adaptctl.control.lyapunov import lyapunov, sliding_variable
 from adaptctl.control.references import MinimumJerk, Sinusoids
-from adaptctl.control.slotine_li import SlotineLi, SlotineLiState
+from adaptctl.control.slotine_li import SlotineLi
 
 __all__ = [
+    "AdaptationLaw",
+    "Adaptive",
+    "AdaptiveState",
     "ComputedTorque",
     "Controller",
+    "DeadZone",
+    "EModification",
     "Gains",
+    "Gradient",
     "MinimumJerk",
     "PriorRanges",
+    "Projection",
     "Reference",
     "ReferencePoint",
+    "SigmaModification",
     "Sinusoids",
     "SlotineLi",
-    "SlotineLiState",
     "adaptation_gain",
+    "limits",
     "lyapunov",
     "mapped_gain",
     "sampled_gain",

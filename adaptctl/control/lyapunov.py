@@ -8,6 +8,7 @@ import numpy as np
 
 from adaptctl.control.slotine_li import SlotineLi
 from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
 from adaptctl.mechanism.pose import Array
 
 
@@ -48,16 +49,17 @@ def sliding_variable(controller: SlotineLi, run: Run) -> Array:
 def lyapunov(controller: SlotineLi, run: Run, mechanism: Mechanism) -> Array:
     """V (T,) = s'Ms/2 + error' Gamma^-1 error/2, with the true mechanism's mass matrix and parameters.
 
-    With adaptation off only the first term is left. Where the parameters are no physical set, M need not be
-    positive definite, and V is then no distance; it is reported as it is.
+    The second term is the adaptation law's own distance; with adaptation off only the first is left. Where the
+    parameters are no physical set, M need not be positive definite, and V is then no distance; it is reported
+    as it is. Raises `InputError` for an adaptation law whose distance depends on more than the estimate.
     """
     s = sliding_variable(controller, run)
     kinetic = 0.5 * np.einsum("ti,tij,tj->t", s, mechanism.mass_matrix(run.p), s)
-    if controller.adaptation is None:
+    if controller.adaptation_law is None:
         return kinetic
-    error = run.estimate - controller.model.regrouping @ mechanism.inertial_parameters
-    if controller.adaptation.ndim == 1:
-        weighed = error / controller.adaptation
-    else:
-        weighed = np.asarray(np.linalg.solve(controller.adaptation, error.T).T, dtype=np.float64)
-    return kinetic + 0.5 * (error * weighed).sum(axis=-1)
+    true = controller.model.regrouping @ mechanism.inertial_parameters
+    distance = controller.adaptation_law.distance(run.estimate, true)
+    if distance is None:
+        law = type(controller.adaptation_law).__name__
+        raise InputError(f"lyapunov: that of {law} depends on more than the estimate, which a run does not keep")
+    return kinetic + distance

@@ -1,0 +1,22 @@
+"""Adaptation laws: how estimates move, whatever control law uses them."""
+
+from adaptctl.control.adaptation.dead_zone import DeadZone
+from adaptctl.control.adaptation.gradient import Gradient
+from adaptctl.control.adaptation.law import AdaptationLaw, Period
+from adaptctl.control.adaptation.leakage import EModification, SigmaModification
+from adaptctl.control.adaptation.prior_ranges import PriorRanges, adaptation_gain, mapped_gain
+from adaptctl.control.adaptation.projection import Projection, limits
+
+__all__ = [
+    "AdaptationLaw",
+    "DeadZone",
+    "EModification",
+    "Gradient",
+    "Period",
+    "PriorRanges",
+    "Projection",
+    "SigmaModification",
+    "adaptation_gain",
+    "limits",
+    "mapped_gain",
+]

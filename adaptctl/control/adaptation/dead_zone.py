@@ -1,0 +1,58 @@
+"""Adaptation that stops where errors are no larger than disturbances make them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.control.adaptation.gain import Descent, numbers
+from adaptctl.control.adaptation.law import NoMemory, Period
+from adaptctl.control.gains import per_joint
+from adaptctl.identifiability import ReducedModel
+from adaptctl.mechanism.pose import Array
+from adaptctl.scalars import Column, where
+
+
+@dataclass(frozen=True, eq=False)
+class DeadZone(Descent[NoMemory]):
+    """estimate' = -Gamma Y's outside the ellipsoid sum (s_i / width_i)^2 <= 1, and 0 within (Peterson and
+    Narendra 1982). `width` (r,) is in rad/s (m/s), one number for all joints or one each.
+
+    Guarantees: within the zone the estimate stands still, so nothing that keeps s there makes it drift. Outside
+    V' = -s'Ks + s'd is not positive where the zone holds {s: s'Ks <= d'K^-1d} for the disturbance d;
+    `DeadZone.against` makes that zone.
+
+    Gives up: tracking better than the zone; and, M varying with p, a bound over infinitely many ways in and
+    out: s may leave the zone with more kinetic energy than it came in with. `Projection` of this law has one.
+    """
+
+    width: Array = 0.05  # type: ignore[assignment]  # a number becomes an array for the model's joints
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        per_joint(self.width, np.size(self.width), "dead zone: width")
+
+    @classmethod
+    def against(cls, gain: ArrayLike, damping: ArrayLike, torque: ArrayLike) -> DeadZone:
+        """The zone for disturbance torques of at most `torque` (r,) N m under a damping K (r,)."""
+        d = np.atleast_1d(np.asarray(torque, dtype=np.float64))
+        K = per_joint(damping, len(d), "damping")
+        return cls(np.asarray(gain), np.sqrt((d**2 / K).sum() / K))
+
+    def require(self, model: ReducedModel, initial: Array, period: float) -> None:
+        """A gain for each parameter, a width for each joint."""
+        super().require(model, initial, period)
+        per_joint(self.width, model.mechanism.dof, "dead zone: width")
+
+    def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
+        """Nothing."""
+        return NoMemory()
+
+    def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
+        """One step down the gradient, or none."""
+        width = per_joint(self.width, model.mechanism.dof, "dead zone: width")
+        scaled = numbers(1.0 / width) * period.mean
+        elapsed = where(scaled @ scaled > 1.0, period.elapsed, 0.0)
+        return estimate - elapsed * self.applied(period.gradient(period.mean)), memory

@@ -1,0 +1,87 @@
+"""The gain of a descent, and the distance it defines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.control.adaptation.law import AdaptationLaw
+from adaptctl.control.controller import Memory
+from adaptctl.errors import InputError
+from adaptctl.identifiability import ReducedModel
+from adaptctl.mechanism.pose import Array, frozen_array
+from adaptctl.scalars import Column
+
+
+@dataclass(frozen=True, eq=False)
+class Descent(AdaptationLaw[Memory]):
+    """A law that goes down Y's with a constant gain Gamma: its diagonal (k,) or whole (k, k)."""
+
+    gain: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "gain", checked_gain(self.gain))
+
+    def require(self, model: ReducedModel, initial: Array, period: float) -> None:
+        """The gain is for as many parameters as the model has."""
+        require_size(self.gain, model, "adaptation gain")
+
+    @property
+    def by_parameter(self) -> bool:
+        """Whether Gamma is diagonal."""
+        return self.gain.ndim == 1
+
+    def distance(self, estimate: Array, true: Array) -> Array:
+        """error' Gamma^-1 error / 2."""
+        error = estimate - true
+        if self.gain.ndim == 1:
+            return 0.5 * np.asarray(error**2 / self.gain).sum(axis=-1)
+        weighed = np.linalg.solve(self.gain, error[..., None])[..., 0]
+        return 0.5 * np.asarray(error * weighed).sum(axis=-1)
+
+    def applied(self, gradient: Column) -> Column:
+        """Gamma times a gradient."""
+        if isinstance(self._gain, Column):
+            return self._gain * gradient
+        return Column(row @ gradient for row in self._gain)
+
+    @cached_property
+    def _gain(self) -> Column | list[Column]:
+        rows = self.gain.tolist()
+        return Column(rows) if self.gain.ndim == 1 else [Column(row) for row in rows]
+
+
+def checked_gain(gain: ArrayLike) -> Array:
+    """An adaptation gain (k,) or (k, k), refused unless it is symmetric and positive definite."""
+    array = np.asarray(gain, dtype=np.float64)
+    k = array.shape[:1]
+    array = frozen_array(array, (*k, *k) if array.ndim == 2 else k, "adaptation gain")
+    positive = np.all(array > 0.0) if array.ndim == 1 else _is_positive_definite(array)
+    if not positive:
+        raise InputError("adaptation gain: expected a positive diagonal or a symmetric positive definite matrix")
+    return array
+
+
+def require_size(values: Array, model: ReducedModel, what: str) -> None:
+    """One row for each parameter of the model."""
+    k, given = len(model.columns), len(values)
+    if given == k:
+        return
+    hint = ""
+    if given == len(model.mechanism.parameter_names):
+        hint = f"; these are for all {given} parameters, of which the basis keeps {k}: take model.columns of them"
+    raise InputError(f"{what}: expected {k} numbers, one a parameter of the model, got {given}{hint}")
+
+
+def numbers(values: Sequence[float] | ArrayLike) -> Column:
+    """Constants as a column."""
+    return Column(np.asarray(values, dtype=np.float64).tolist())
+
+
+def _is_positive_definite(matrix: Array) -> bool:
+    symmetric = np.allclose(matrix, matrix.T, rtol=1e-12, atol=0.0)
+    return bool(symmetric and np.linalg.eigvalsh(matrix)[0] > 0.0)

@@ -1,0 +1,36 @@
+"""Gradient adaptation: the law of Slotine and Li's theorem."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from adaptctl.control.adaptation.gain import Descent
+from adaptctl.control.adaptation.law import NoMemory, Period
+from adaptctl.identifiability import ReducedModel
+from adaptctl.mechanism.pose import Array
+from adaptctl.scalars import Column
+
+
+@dataclass(frozen=True, eq=False)
+class Gradient(Descent[NoMemory]):
+    """estimate' = -Gamma Y's (Slotine and Li 1987).
+
+    Guarantees, without disturbance: V = s'Ms/2 + error' Gamma^-1 error/2 falls as -s'Ks, so the tracking
+    error goes to zero and the estimate stays bounded. Sampled, the trapezium -T_c Gamma Y_k'(s_k + s_k+1)/2
+    holds V where Euler's rule -T_c Gamma Y_k's_k (`euler=True`, for comparison) lets it rise, and needs
+    T_c lambda_max(K^-1 Y Gamma Y') < 1 besides.
+
+    Gives up: with any disturbance (friction, noise, saturation) and no persistent excitation the estimate
+    drifts without bound; it need not become the true one; and nothing keeps it physically consistent.
+    """
+
+    euler: bool = False
+
+    def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
+        """Nothing."""
+        return NoMemory()
+
+    def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
+        """One step down the gradient."""
+        s = period.before if self.euler else period.mean
+        return estimate - period.elapsed * self.applied(period.gradient(s)), memory

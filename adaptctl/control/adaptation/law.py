@@ -1,0 +1,77 @@
+"""What every adaptation law is: an equation for the estimate after a control period, and its memory."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import Any, Generic, NamedTuple
+
+from adaptctl.control.controller import Memory
+from adaptctl.identifiability import ReducedModel
+from adaptctl.mechanism.pose import Array
+from adaptctl.scalars import Column
+
+
+class NoMemory(NamedTuple):
+    """What a law remembers that needs no more than the estimate: nothing."""
+
+
+class Period(NamedTuple):
+    """The control period that has passed, as a control law tells it to an adaptation law."""
+
+    gradient: Callable[[Column], Column]
+    """Y' s (k,) for any sliding variable s (r,), Y the regressor at the start of the period"""
+    before: Column
+    """(r,) s at the start"""
+    after: Column
+    """(r,) s at the end, which is now"""
+    torque: Column
+    """(r,) N m, held over the period"""
+    q: Column
+    """(n,) the tree's joints now"""
+    v: Column
+    """(r,) velocities now"""
+    length: float
+    """T_c, s"""
+    elapsed: Any
+    """T_c, or 0 where nothing is to be learned: before the first tick, and while adaptation is frozen"""
+
+    @property
+    def share(self) -> Any:
+        """1, or 0 where nothing is to be learned."""
+        return self.elapsed * (1.0 / self.length)
+
+    @property
+    def mean(self) -> Column:
+        """The mean of s at the start and at the end: the trapezium's."""
+        return 0.5 * (self.before + self.after)
+
+
+class AdaptationLaw(ABC, Generic[Memory]):
+    """How the estimate of the k parameters of a model moves, whatever control law uses it.
+
+    A subclass is a frozen dataclass of configuration. `law` is an equation over scalars of any kind, traced
+    into the control law's own native code. What changes over time, besides the estimate, is the memory.
+    """
+
+    @abstractmethod
+    def require(self, model: ReducedModel, initial: Array, period: float) -> None:
+        """Raise `InputError` where the law does not fit a model, a first estimate (k,) or a period T_c (s)."""
+
+    @abstractmethod
+    def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Memory:
+        """The memory before the first tick, at configuration q (n,) and velocities v (r,)."""
+
+    @abstractmethod
+    def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Memory) -> tuple[Column, Memory]:
+        """The estimate (k,) after a control period, and the memory then."""
+
+    @property
+    def by_parameter(self) -> bool:
+        """Whether the law measures each parameter's error by itself, so that a bound on one moves no other."""
+        return False
+
+    def distance(self, estimate: Array, true: Array) -> Array | None:
+        """How far estimates (..., k) are from the truth (k,), in J: the parameters' term (...) of the law's
+        Lyapunov function. None where it depends on more than the estimate."""
+        return None

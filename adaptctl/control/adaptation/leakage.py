@@ -1,0 +1,87 @@
+"""Adaptation that leaks back to a prior, so that it cannot drift: sigma- and e-modification."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from adaptctl.control.adaptation.gain import Descent, numbers, require_size
+from adaptctl.control.adaptation.law import NoMemory, Period
+from adaptctl.errors import InputError
+from adaptctl.identifiability import ReducedModel
+from adaptctl.mechanism.pose import Array, frozen_array
+from adaptctl.scalars import Column, sqrt
+
+
+@dataclass(frozen=True, eq=False)
+class _Leaking(Descent[NoMemory]):
+    """What both have: a rate, and the prior (k,) that is leaked to, zero when not given."""
+
+    rate: float = 0.1
+    prior: Array | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not (np.isfinite(self.rate) and self.rate > 0.0):
+            raise InputError(f"leakage rate: expected a positive number, got {self.rate}")
+        prior = np.zeros(len(self.gain)) if self.prior is None else self.prior
+        object.__setattr__(self, "prior", frozen_array(prior, (len(self.gain),), "leakage: prior"))
+
+    def require(self, model: ReducedModel, initial: Array, period: float) -> None:
+        """Gain and prior are for as many parameters as the model has."""
+        super().require(model, initial, period)
+        require_size(np.asarray(self.prior), model, "leakage: prior")
+
+    def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
+        """Nothing."""
+        return NoMemory()
+
+    def leaked(self, estimate: Column, period: Period, rate: Any) -> Column:
+        """A step down the gradient by the trapezium, and of the leak by the implicit rule, so that no rate is
+        too large for the period."""
+        share = period.elapsed * rate
+        moved = estimate - period.elapsed * self.applied(period.gradient(period.mean))
+        return (1.0 / (1.0 + share)) * (moved + share * self._prior)
+
+    @cached_property
+    def _prior(self) -> Column:
+        return numbers(np.asarray(self.prior))
+
+
+@dataclass(frozen=True, eq=False)
+class SigmaModification(_Leaking):
+    """estimate' = -Gamma Y's - sigma (estimate - prior); `rate` is sigma, in 1/s (Ioannou and Kokotovic 1984).
+
+    The leak is Gamma times sigma Gamma^-1 (estimate - prior), so that parameters of different units leak alike.
+
+    Guarantees: under any bounded disturbance s and the estimate stay bounded, without excitation: with
+    c = min(sigma, 2 min lambda(M^-1 K)), V' <= -c V + sigma V_prior, V_prior = (prior - true)' Gamma^-1
+    (prior - true)/2; with a disturbance d, c is half as large and d'K^-1d/2 is added.
+
+    Gives up: convergence of the tracking error, even without disturbance, unless the prior is true: the leak
+    goes on when s is zero, and bursts may follow (Hsu and Costa 1987).
+    """
+
+    def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
+        """One step."""
+        return self.leaked(estimate, period, self.rate), memory
+
+
+@dataclass(frozen=True, eq=False)
+class EModification(_Leaking):
+    """estimate' = -Gamma Y's - nu |s| (estimate - prior) (Narendra and Annaswamy 1987); `rate` is nu, in 1/rad.
+
+    Guarantees: under any bounded disturbance s and the estimate stay bounded, without excitation. The leak
+    stops with s, so true estimates on the trajectory stay where they are.
+
+    Gives up: where disturbances keep s from zero the estimate is still pulled to the prior; the leak is slow
+    where s is small, so the bound is looser than sigma-modification's.
+    """
+
+    def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
+        """One step."""
+        s = period.mean
+        return self.leaked(estimate, period, self.rate * sqrt(s @ s)), memory

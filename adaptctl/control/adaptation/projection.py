@@ -1,0 +1,121 @@
+"""Estimates kept within bounds that are known beforehand."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from adaptctl.control.adaptation.gain import numbers, require_size
+from adaptctl.control.adaptation.law import AdaptationLaw, Period
+from adaptctl.control.controller import Memory
+from adaptctl.errors import InputError, NotFoundError
+from adaptctl.identifiability import ReducedModel
+from adaptctl.mechanism.pose import Array
+from adaptctl.scalars import Column, maximum, minimum
+
+
+@dataclass(frozen=True, eq=False)
+class Projection(AdaptationLaw[Memory]):
+    """Any law that weighs parameters one by one, its estimate clipped to [lower, upper] (k,) after each period.
+
+    `lower` and `upper` may be infinite; `limits` makes them from parameters' names.
+
+    Guarantees, where the truth is within: the estimate stays within, whatever disturbs; and what the law
+    itself guarantees, because with a diagonal Gamma clipping is the projection in the law's own distance, which
+    brings the estimate no farther from anything within (Goodwin and Mayne 1987).
+
+    Gives up: nothing that is within the bounds. Bounds on minimal parameters are no guarantee of a positive
+    definite mass matrix: the consistent set is a cone, not a box.
+    """
+
+    of: AdaptationLaw[Memory]
+    lower: Array
+    upper: Array
+
+    def __post_init__(self) -> None:
+        for name in ("lower", "upper"):
+            bound = np.array(getattr(self, name), dtype=np.float64)
+            if bound.ndim != 1 or np.isnan(bound).any():
+                raise InputError(f"projection: {name}: expected numbers (k,), infinite where there is no bound")
+            bound.flags.writeable = False
+            object.__setattr__(self, name, bound)
+        if self.lower.shape != self.upper.shape or not np.all(self.lower < self.upper):
+            raise InputError("projection: expected lower < upper for every parameter")
+        if not self.of.by_parameter:
+            raise InputError(
+                f"projection: {type(self.of).__name__} weighs parameters' errors together, so that clipping one of "
+                "them could move the estimate away from the truth; give it a diagonal gain (k,)"
+            )
+
+    def require(self, model: ReducedModel, initial: Array, period: float) -> None:
+        """One bound a parameter, and a first estimate within."""
+        self.of.require(model, initial, period)
+        require_size(self.lower, model, "projection: bounds")
+        outside = np.flatnonzero((initial < self.lower) | (initial > self.upper))
+        if outside.size:
+            j = int(outside[0])
+            raise InputError(
+                f"projection: the first estimate of {model.names[j]} is {initial[j]:g}, outside its bounds "
+                f"[{self.lower[j]:g}, {self.upper[j]:g}]: start within them, or widen them"
+            )
+
+    @property
+    def by_parameter(self) -> bool:
+        """Always."""
+        return True
+
+    def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Memory:
+        """That of the law."""
+        return self.of.start(model, initial, q, v, period)
+
+    def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Memory) -> tuple[Column, Memory]:
+        """A step of the law, clipped."""
+        moved, after = self.of.law(model, estimate, period, memory)
+        return Column(map(_clipped, moved, self._lower, self._upper)), after
+
+    def distance(self, estimate: Array, true: Array) -> Array | None:
+        """That of the law."""
+        return self.of.distance(estimate, true)
+
+    @cached_property
+    def _lower(self) -> Column:
+        return numbers(self.lower)
+
+    @cached_property
+    def _upper(self) -> Column:
+        return numbers(self.upper)
+
+
+def limits(model: ReducedModel, bounds: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:
+    """Lower and upper bounds (k,) of a model's parameters from those named; the others have none.
+
+    Raises `NotFoundError` for a parameter that the model does not have.
+    """
+    lower, upper = np.full(len(model.names), -np.inf), np.full(len(model.names), np.inf)
+    for name, (low, high) in bounds.items():
+        if name not in model.names:
+            raise NotFoundError(_unknown(model, name))
+        j = model.names.index(name)
+        lower[j], upper[j] = low, high
+    return lower, upper
+
+
+def _unknown(model: ReducedModel, name: str) -> str:
+    if name in model.mechanism.parameter_names:
+        return (
+            f"bounds: {name} is a parameter of {model.mechanism.name}, but the basis regroups it into others, so it is "
+            "not adapted: bound one that is kept (model.names), or adapt all parameters with ReducedModel.full"
+        )
+    close = get_close_matches(name, model.names, n=1)
+    guess = f"; did you mean {close[0]!r}?" if close else ""
+    return f"bounds: {model.mechanism.name} has no parameter {name!r}{guess}"
+
+
+def _clipped(x: Any, low: float, high: float) -> Any:
+    x = maximum(x, low) if low > -np.inf else x
+    return minimum(x, high) if high < np.inf else x

@@ -1,0 +1,122 @@
+"""What control laws that adapt have in common: the estimate, and the period it learns from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.control.adaptation.gradient import Gradient
+from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
+from adaptctl.control.controller import Controller, home
+from adaptctl.control.gains import require_sampled_gain
+from adaptctl.errors import InputError
+from adaptctl.identifiability import ReducedModel
+from adaptctl.mechanism.pose import Array, frozen_array
+from adaptctl.scalars import Column
+
+
+class AdaptiveState(NamedTuple):
+    """What an adaptive control law remembers: its estimate, and the last tick, from which it learns at the next.
+
+    Whatever limits the torque behind the controller should put what was applied into `torque`, and zero into
+    `elapsed` for a period that is not to be learned from.
+    """
+
+    estimate: Any
+    """(k,) the parameters' estimate"""
+    q: Any
+    """(n,) the tree's joints at the last tick: where the loops, if any, are followed from"""
+    v: Any
+    v_r: Any
+    a_r: Any
+    s: Any
+    torque: Any
+    """(r,) N m, held since the last tick"""
+    elapsed: Any
+    """(1,) s since the last tick, 0 before the first"""
+    learning: Any
+    """the adaptation law's memory"""
+    more: Any
+    """what the control law remembers besides"""
+
+
+class Adaptive(Controller[AdaptiveState]):
+    """A control law on a model's k parameters, and an adaptation law chosen apart from it.
+
+    `adaptation` is the law, or a gain for `Gradient`, or None to switch adaptation off; `initial` (k,) is the
+    first estimate, zero when not given; `period` is the control period T_c in s.
+    """
+
+    model: ReducedModel
+    adaptation: AdaptationLaw[Any] | Array | None
+    initial: Array | None
+    period: float
+
+    def _settle(self) -> None:
+        """Check what all adaptive laws are given."""
+        k = len(self.model.columns)
+        if not (np.isfinite(self.period) and self.period > 0.0):
+            raise InputError(f"control period: expected a positive time in s, got {self.period}")
+        initial = np.zeros(k) if self.initial is None else self.initial
+        object.__setattr__(self, "initial", frozen_array(initial, (k,), "initial estimate"))
+        if self.adaptation_law is None:
+            return
+        if not isinstance(self.adaptation, AdaptationLaw):
+            object.__setattr__(self, "adaptation", self.adaptation_law.gain)  # type: ignore[attr-defined]
+        self.adaptation_law.require(self.model, np.asarray(self.initial), self.period)
+
+    def _require_carried(self, damping: ArrayLike) -> None:
+        require_sampled_gain(self.model.mechanism, damping, self.period)
+
+    @cached_property
+    def adaptation_law(self) -> AdaptationLaw[Any] | None:
+        """How the estimate moves; None where it does not."""
+        if self.adaptation is None or isinstance(self.adaptation, AdaptationLaw):
+            return self.adaptation
+        return Gradient(self.adaptation)
+
+    @property
+    def dof(self) -> int:
+        """Number of joints r."""
+        return self.model.mechanism.dof
+
+    @property
+    def home(self) -> Array:
+        """Positions (r,) where loops, if any, are known to close."""
+        return home(self.model.mechanism)
+
+    def start(self, p: Array, v: Array) -> AdaptiveState:
+        """The first estimate, and nothing to learn from yet."""
+        rest, initial = np.zeros(self.dof), np.array(self.initial)
+        q, law = self.model.mechanism.configuration(p), self.adaptation_law
+        learning = NoMemory() if law is None else law.start(self.model, initial, q, v, self.period)
+        return AdaptiveState(initial, q, v, v, rest, rest, rest, np.zeros(1), learning, self._more(p, v))
+
+    def _more(self, p: Array, v: Array) -> Any:
+        """What the law remembers besides, before the first tick."""
+        return NoMemory()
+
+    def _learned(
+        self, memory: AdaptiveState, s: Column, q: Column, v: Column, gradient: Callable[[Column], Column]
+    ) -> tuple[Column, Any]:
+        """The estimate after the period that has passed, and the adaptation law's memory."""
+        if self.adaptation_law is None:
+            return memory.estimate, memory.learning
+        period = Period(gradient, memory.s, s, memory.torque, q, v, self.period, memory.elapsed[0])
+        return self.adaptation_law.law(self.model, memory.estimate, period, memory.learning)
+
+    def _parameters(self, estimate: Column) -> Column:
+        """All P parameters of an estimate."""
+        return spread(estimate, self.model.columns, self.model.mechanism.equations.parameters)
+
+
+def spread(values: Column, columns: Sequence[int], size: int) -> Column:
+    """Values at their columns, exact zeros elsewhere, so that the rest is never computed once traced."""
+    entries: list[Any] = [0.0] * size
+    for column, value in zip(columns, values, strict=True):
+        entries[column] = value
+    return Column(entries)
