@@ -16,17 +16,21 @@ from adaptctl.scalars import Column, Scalar, Vec
 
 @dataclass(frozen=True)
 class TreeEquations:
-    """Every equation of a tree. Joint columns have length r, parameter columns P: ten a link, then the drives'."""
+    """Every equation of a tree. Joint columns have length r, parameter columns P: ten a body, then the drives'.
+
+    `bodies` are the links that have mass; the others only join two joints.
+    """
 
     links: tuple[Segment, ...]
     gravity: Vec
+    bodies: tuple[int, ...]
     drives: tuple[DriveTerm, ...] = ()
 
     @classmethod
     def of(cls, description: Description) -> TreeEquations:
         """The equations of a described mechanism, its loops, if any, left open."""
         drives = tuple(DriveTerm(joint, kind) for joint, kind in description.drive_parameters)
-        return cls(segments(description), Vec(*description.gravity.tolist()), drives)
+        return cls(segments(description), Vec(*description.gravity.tolist()), description.bodies, drives)
 
     @property
     def dof(self) -> int:
@@ -36,7 +40,7 @@ class TreeEquations:
     @property
     def parameters(self) -> int:
         """Number of parameters P."""
-        return 10 * len(self.links) + len(self.drives)
+        return self._driven + len(self.drives)
 
     @property
     def joints(self) -> int:
@@ -58,24 +62,24 @@ class TreeEquations:
     def energy_regressor(self, p: Column, v: Column) -> Column:
         """E (P,): total energy is E' D, in J."""
         links = energy.energy_regressor(self.links, p, v, self.gravity)
-        return Column((*links, *(term.energy(v[term.joint]) for term in self.drives)))
+        return Column((*self._owned(links), *(term.energy(v[term.joint]) for term in self.drives)))
 
     def potential_regressor(self, p: Column) -> Column:
         """The potential part of E (P,)."""
         links = energy.potential_regressor(self.links, p, self.gravity)
-        return Column((*links, *(0.0 for _ in self.drives)))
+        return Column((*self._owned(links), *(0.0 for _ in self.drives)))
 
     def torque_regressor(self, p: Column, v: Column, v_r: Column, a_r: Column, columns: Sequence[int]) -> list[Column]:
         """Rows of Y: Y D = M a_r + C(p, v) v_r + g + friction at v, the asked columns only."""
-        of_links = [c for c in columns if c < self._driven]
-        rows = newton_euler.torque_regressor(self.links, p, v, v_r, a_r, self.gravity, of_links)
+        of_bodies = [c for c in columns if c < self._driven]
+        rows = newton_euler.torque_regressor(self.links, p, v, v_r, a_r, self.gravity, self._of_links(of_bodies))
         torques = self._drive_torques(v, a_r)
-        by_column = (dict(zip(of_links, row, strict=True)) for row in rows)
+        by_column = (dict(zip(of_bodies, row, strict=True)) for row in rows)
         return [self._row(joint, row, torques, columns) for joint, row in enumerate(by_column)]
 
     def inverse_dynamics(self, p: Column, v: Column, v_r: Column, a_r: Column, parameters: Column) -> Column:
         """Torque M a_r + C(p, v) v_r + g + friction at v, in N m (N for a prismatic joint)."""
-        torque = newton_euler.inverse_dynamics(self.links, p, v, v_r, a_r, self.gravity, self._of_links(parameters))
+        torque = newton_euler.inverse_dynamics(self.links, p, v, v_r, a_r, self.gravity, self._tens(parameters))
         return self._driving(torque, v, a_r, parameters)
 
     def adaptive_tick(
@@ -89,10 +93,8 @@ class TreeEquations:
         columns: Sequence[int],
     ) -> AdaptiveTick:
         """Y_r D and Y_r' s without forming Y_r; `columns` sorted."""
-        of_links = [c for c in columns if c < self._driven]
-        tick = newton_euler.adaptive_tick(
-            self.links, p, v, v_r, a_r, s, self.gravity, self._of_links(parameters), of_links
-        )
+        tens, kept = self._tens(parameters), self._of_links(columns)
+        tick = newton_euler.adaptive_tick(self.links, p, v, v_r, a_r, s, self.gravity, tens, kept)
         return AdaptiveTick(
             self._driving(tick.torque, v, a_r, parameters), self._learning(tick.gradient, v, a_r, s, columns)
         )
@@ -101,8 +103,8 @@ class TreeEquations:
         self, p: Column, v: Column, v_r: Column, a_r: Column, s: Column, columns: Sequence[int]
     ) -> Column:
         """Y_r' s alone; `columns` sorted."""
-        of_links = [c for c in columns if c < self._driven]
-        gradient = newton_euler.adaptation_gradient(self.links, p, v, v_r, a_r, s, self.gravity, of_links)
+        kept = self._of_links(columns)
+        gradient = newton_euler.adaptation_gradient(self.links, p, v, v_r, a_r, s, self.gravity, kept)
         return self._learning(gradient, v, a_r, s, columns)
 
     def forward_dynamics(self, p: Column, v: Column, torque: Column, parameters: Column) -> Column:
@@ -112,7 +114,7 @@ class TreeEquations:
 
     def mass_matrix(self, p: Column, parameters: Column) -> list[list[Scalar]]:
         """Rows of M(p)."""
-        rows = mass_matrix(placements(self.links, p), self._of_links(parameters))
+        rows = mass_matrix(placements(self.links, p), self._tens(parameters))
         for term, value in zip(self.drives, parameters.of[self._driven :], strict=True):
             if not term.kind.is_friction:
                 rows[term.joint][term.joint] = rows[term.joint][term.joint] + value
@@ -121,10 +123,24 @@ class TreeEquations:
     @property
     def _driven(self) -> int:
         """Where the drives' parameters begin."""
-        return 10 * len(self.links)
+        return 10 * len(self.bodies)
 
-    def _of_links(self, parameters: Column) -> Column:
-        return Column(parameters.of[: self._driven]) if self.drives else parameters
+    def _owned(self, tens: Column) -> Sequence[Scalar]:
+        """Of ten entries a link, those that are parameters."""
+        return [x for i in self.bodies for x in tens.of[10 * i : 10 * i + 10]]
+
+    def _of_links(self, columns: Sequence[int]) -> list[int]:
+        """Columns of bodies' parameters, as columns of ten a link; those of drives are left out."""
+        return [10 * self.bodies[c // 10] + c % 10 for c in columns if c < self._driven]
+
+    def _tens(self, parameters: Column) -> Column:
+        """Ten entries a link (10N,); exact zeros for massless ones, so that they cost nothing once traced."""
+        if len(self.bodies) == len(self.links):
+            return Column(parameters.of[: self._driven]) if self.drives else parameters
+        tens: list[Scalar] = [0.0] * (10 * len(self.links))
+        for place, i in enumerate(self.bodies):
+            tens[10 * i : 10 * i + 10] = parameters.of[10 * place : 10 * place + 10]
+        return Column(tens)
 
     def _drive_torques(self, v: Column, a_r: Column) -> list[Scalar]:
         return [term.torque(v[term.joint], a_r[term.joint]) for term in self.drives]

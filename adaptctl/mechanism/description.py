@@ -79,7 +79,8 @@ class Link:
 
     `near` is the joint's frame in the parent link's frame at zero, `far` the link's frame in the joint's
     moved frame: the identity for URDF, a Denavit-Hartenberg step for frames at the far end.
-    `inertia` holds the ten of `mechanism.inertia.PARAMETERS` in the link's frame.
+    `inertia` holds the ten of `mechanism.inertia.PARAMETERS` in the link's frame. A `massless` link only joins two
+    joints, like the first five of a floating base: its ten are zero for good and no parameters of the mechanism.
     """
 
     name: str
@@ -87,10 +88,13 @@ class Link:
     joint: Joint
     near: Pose
     far: Pose
-    inertia: Array
+    inertia: Array = field(default_factory=lambda: np.zeros(10))
+    massless: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "inertia", frozen_array(self.inertia, (10,), f"link {self.name!r}: inertia"))
+        if self.massless and np.any(self.inertia):
+            raise InputError(f"link {self.name!r}: a massless link has no inertia, got {self.inertia.tolist()}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,6 +149,11 @@ class Description:
         return inside
 
     @property
+    def bodies(self) -> tuple[int, ...]:
+        """The links that own ten parameters each: all but the massless ones."""
+        return tuple(i for i, link in enumerate(self.links) if not link.massless)
+
+    @property
     def drive_parameters(self) -> tuple[tuple[int, DriveParameter], ...]:
         """The parameters of the joints' drives that are modelled, by link: all rotors, then all friction."""
         drives = [link.joint.drive for link in self.links]
@@ -155,32 +164,36 @@ class Description:
         """Names of the P parameters: ten a link, ``link3.I_xx``, then the drives', ``joint2.viscous``."""
         joints = self.joint_names
         driven = tuple(f"{joints[i]}.{kind.value}" for i, kind in self.drive_parameters)
-        return parameter_names([link.name for link in self.links]) + driven
+        return parameter_names([self.links[i].name for i in self.bodies]) + driven
 
     @property
     def energetic(self) -> int:
         """How many of the parameters enter the energy: all but friction, which comes last."""
         rotors = sum(not kind.is_friction for _, kind in self.drive_parameters)
-        return 10 * len(self.links) + rotors
+        return 10 * len(self.bodies) + rotors
 
     @property
     def inertial_parameters(self) -> Array:
         """The P parameters' values, read-only."""
         driven = [self.links[i].joint.drive.value(kind) for i, kind in self.drive_parameters]
-        stacked = np.concatenate([*(link.inertia for link in self.links), np.array(driven, dtype=np.float64)])
+        tens = [self.links[i].inertia for i in self.bodies]
+        stacked = np.concatenate([*tens, np.array(driven, dtype=np.float64)])
         stacked.flags.writeable = False
         return stacked
 
     @property
     def inconsistent_links(self) -> tuple[str, ...]:
         """Names of the links whose ten no rigid body can have."""
-        return tuple(link.name for link in self.links if not is_physically_consistent(link.inertia))
+        bodies = [self.links[i] for i in self.bodies]
+        return tuple(body.name for body in bodies if not is_physically_consistent(body.inertia))
 
     def with_parameters(self, parameters: ArrayLike) -> Description:
         """The same mechanism with other parameters (P,)."""
         values = frozen_array(parameters, (len(self.parameter_names),), f"{self.name}: parameters")
-        links = [replace(link, inertia=values[10 * i : 10 * i + 10]) for i, link in enumerate(self.links)]
-        for value, (i, kind) in zip(values[10 * len(links) :].tolist(), self.drive_parameters, strict=True):
+        links, tens = list(self.links), 10 * len(self.bodies)
+        for i, ten in zip(self.bodies, values[:tens].reshape(-1, 10), strict=True):
+            links[i] = replace(links[i], inertia=ten)
+        for value, (i, kind) in zip(values[tens:].tolist(), self.drive_parameters, strict=True):
             drive = replace(links[i].joint.drive, **{kind.value: value})
             links[i] = replace(links[i], joint=replace(links[i].joint, drive=drive))
         return replace(self, links=tuple(links))
@@ -202,6 +215,8 @@ class Description:
         if self.drive_parameters:
             drives = [(i, kind, self.links[i].joint.drive.value(kind)) for i, kind in self.drive_parameters]
             content["drives"] = [[i, kind.value, repr(value)] for i, kind, value in drives]
+        if len(self.bodies) < len(self.links):
+            content["bodies"] = list(self.bodies)
         if self.loops is not None:
             content["loops"] = self.loops.plain()
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
@@ -216,6 +231,8 @@ class Description:
         content: list[object] = [_rounded(self.gravity), [_geometry(link) for link in self.links]]
         if self.drive_parameters:
             content.append([[i, kind.value] for i, kind in self.drive_parameters])
+        if len(self.bodies) < len(self.links):
+            content.append(list(self.bodies))
         if self.loops is not None:
             content.append(self.loops.plain())
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()
