@@ -30,12 +30,13 @@ def assembled(description: Description, loops: Loops, links: Sequence[Segment]) 
     elements = _element_names(loops, every)
     guess = np.array([loops.reference.get(name, 0.0) for name in description.joint_names])
     # First with every joint free, so that primary joints that do not fit are named as such.
-    q = _closed(description.name, every, links, guess, range(len(guess)), elements)
-    jacobian = _jacobian(every, links, q)
+    nearest = _closed(description.name, every, links, guess, range(len(guess)), elements)
+    jacobian = _jacobian(every, links, nearest)
     rank = _rank(jacobian)
     _require_no_redundancy(description.name, jacobian, elements)
     _require_fit(description, every, jacobian, rank)
-    q = _closed(description.name, every, links, guess, every.dependent, elements)
+    hint = {description.joint_names[i]: round(float(nearest[i]), 4) for i in every.primary}
+    q = _closed(description.name, every, links, guess, every.dependent, elements, f"; it closes at {hint}")
     jacobian = _jacobian(every, links, q)
     _require_regular(description, every, links, q, rank)
     rows = _independent_rows(jacobian[:, every.dependent], rank)
@@ -84,7 +85,13 @@ def _jacobian(every: Closing, links: Sequence[Segment], q: Array) -> Array:
 
 
 def _closed(
-    name: str, every: Closing, links: Sequence[Segment], guess: Array, joints: Sequence[int], elements: Sequence[str]
+    name: str,
+    every: Closing,
+    links: Sequence[Segment],
+    guess: Array,
+    joints: Sequence[int],
+    elements: Sequence[str],
+    hint: str = "",
 ) -> Array:
     """The given joints moved by Gauss and Newton until every loop closes."""
     q, free = guess.copy(), list(joints)
@@ -99,7 +106,7 @@ def _closed(
     if abs(gap[worst]) > 1e-11:
         raise LoopError(
             f"{name}: {elements[worst]} cannot close at the reference configuration: {abs(gap[worst]):.3g} (m or rad) "
-            "remains; check lengths and frames, or give a reference nearer to a closed configuration"
+            f"remains; check lengths and frames, or give a reference nearer to a closed configuration{hint}"
         )
     return q
 

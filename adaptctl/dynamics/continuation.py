@@ -18,6 +18,9 @@ from adaptctl.scalars import Column
 LARGEST_STEP = 0.05
 """rad or m of any primary joint between two closed configurations"""
 
+LOST = 1e-9
+"""m or rad that are left open where Newton's steps, from one configuration to the next, do not lead back."""
+
 NEAREST = 0.05
 """Share of its reference value below which the dependent block's smallest singular value is too small."""
 
@@ -66,13 +69,14 @@ class Continuation:
 
     def regularity(self, q: Array) -> Array:
         """How far from locking (...): the dependent block's smallest singular value over the reference's, 0 on
-        the other side of a singularity.
+        the other side of a singularity and where the loops could not be closed.
 
         Near a fold it goes as the square root of the distance to it, so 0.05 is near.
         """
         smallest, sign = self._block(q)
         reference, side = self._reference_block
-        return np.where(sign == side, smallest / reference, 0.0)
+        found = (sign == side) & (self._gap(q) < LOST)
+        return np.where(found, smallest / reference, 0.0)
 
     def require_regular(self, q: Array) -> None:
         """Refuse configurations (..., n) near or beyond a singularity, with the worst of them."""
@@ -85,8 +89,15 @@ class Continuation:
                 f"{regularity[worst]:.2g} of that at the reference, at least {NEAREST} is needed"
             )
 
-    def _closed(self, p: Array, guess: Array) -> Array:
-        return stacked(self.equations.closed(column(p), column(guess)).of, p.shape[:-1])
+    def _closed(self, p: Array, q: Array) -> Array:
+        """The closed configuration at p, from one nearby: along the tangent first, then by Newton's steps."""
+        ahead = stacked(self.equations.rates(column(q), column(p - q[..., self.primary])).of, p.shape[:-1])
+        return stacked(self.equations.closed(column(p), column(q + ahead)).of, p.shape[:-1])
+
+    def _gap(self, q: Array) -> Array:
+        """The largest closure residual (...), m or rad."""
+        residual = self.equations.residual(column(q))
+        return np.abs(stacked(residual.of, q.shape[:-1])).max(axis=-1)
 
     def _block(self, q: Array) -> tuple[Array, Array]:
         if q.ndim == 1:  # once a control period

@@ -101,6 +101,10 @@ class LoopEquations:
         moved = dict(zip(self.closing.dependent, step, strict=True))
         return Column(x - moved[i] if i in moved else x for i, x in enumerate(q))
 
+    def residual(self, q: Column) -> Column:
+        """What must vanish: the loops' gaps, in m or rad, independent rows only."""
+        return self.closing.residual(placements(self.tree.links, q), q)
+
     def posture(self, q: Column) -> Posture:
         """J at a closed configuration."""
         return Posture(self.closing, placements(self.tree.links, q))

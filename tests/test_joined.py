@@ -1,0 +1,77 @@
+"""Several mechanisms as one: two PUMAs that hold a rod."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from random_trees import random_tree
+
+from adaptctl.dynamics import Mechanism, load
+from adaptctl.dynamics.kinematics import link_poses
+from adaptctl.errors import InputError
+from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
+from adaptctl.mechanism import Pose
+from adaptctl.mechanism.joined import joined
+from adaptctl.mechanism.loops import Closure, ClosureKind, Loops
+from adaptctl.mechanism.pose import rotation_about
+
+ROD = Pose(rotation_about((1, 0, 0), np.pi), (0.0, 0.0, 0.3))
+"""The right hand in the left: 0.3 m ahead, face to face."""
+LEFT = (-2.25, -2.36, -0.33, 0.375, 1.436, -0.08)
+RIGHT = (2.455, -2.233, -0.116, 1.624, -1.103, -2.392)
+
+
+@pytest.fixture(scope="module")
+def two_arms() -> Mechanism:
+    puma = load("puma560_measured").description
+    stands = {"left": Pose.identity(), "right": Pose(rotation_about((0, 0, 1), np.pi), (1.1, 0.0, 0.0))}
+    reference = {f"left.joint{i + 1}": q for i, q in enumerate(LEFT)}
+    reference |= {f"right.joint{i + 1}": q for i, q in enumerate(RIGHT)}
+    rod = Closure("rod", "left.link6", "right.link6", ROD, Pose.identity(), ClosureKind.WELD)
+    loops = Loops(tuple(f"left.joint{i}" for i in range(1, 7)), (rod,), reference=reference)
+    return Mechanism(joined("two_arms", {name: (puma, stand) for name, stand in stands.items()}, loops))
+
+
+def test_two_arms_that_hold_a_rod_have_six_freedoms(two_arms: Mechanism) -> None:
+    assert (two_arms.dof, len(two_arms.links), len(two_arms.parameter_names)) == (6, 12, 120)
+    poses = link_poses(two_arms, np.array(LEFT) + 0.05)
+    left, right = two_arms.description.links[5].name, two_arms.description.links[11].name
+    assert (left, right) == ("left.link6", "right.link6")
+    hand = poses.translations[5] + poses.rotations[5] @ ROD.translation
+    np.testing.assert_allclose(poses.translations[11], hand, atol=1e-12)
+    np.testing.assert_allclose(poses.rotations[11], poses.rotations[5] @ ROD.rotation, atol=1e-12)
+
+
+def test_their_rank_and_their_dynamics(two_arms: Mechanism) -> None:
+    """36 and 36 less what the rod makes one: its ten are those of both hands."""
+    basis = fundamental_basis(essential_space(two_arms))
+    assert basis.rank == 62
+    model = ReducedModel(two_arms, basis)
+    rng = np.random.default_rng(0)
+    p, v, a = np.array(LEFT) + 0.05 * rng.normal(size=6), rng.normal(size=6), rng.normal(size=6)
+    torque = two_arms.inverse_dynamics(p, v, a)
+    np.testing.assert_allclose(model.inverse_dynamics(p, v, a), torque, rtol=1e-9)
+    np.testing.assert_allclose(two_arms.forward_dynamics(p, v, torque), a, rtol=1e-9)
+
+
+def test_without_a_loop_the_parts_do_not_feel_one_another() -> None:
+    first, second = random_tree(1, 3), random_tree(2, 4)
+    first = Mechanism(replace(first.description, gravity=second.description.gravity))
+    both = Mechanism(
+        joined("both", {name: (part.description, Pose.identity()) for name, part in (("a", first), ("b", second))})
+    )
+    p, v, a = np.random.default_rng(0).normal(size=(3, 7))
+    alone = [part.inverse_dynamics(p[k], v[k], a[k]) for part, k in ((first, slice(3)), (second, slice(3, 7)))]
+    np.testing.assert_allclose(both.inverse_dynamics(p, v, a), np.concatenate(alone), rtol=1e-12, atol=1e-12)
+
+
+def test_parts_that_do_not_go_together_are_refused(two_arms: Mechanism) -> None:
+    with pytest.raises(InputError, match="at least one part"):
+        joined("none", {})
+    with pytest.raises(InputError, match="part 'a' has loops of its own"):
+        joined("nested", {"a": (two_arms.description, Pose.identity())})
+    parts = {name: (random_tree(seed, 2).description, Pose.identity()) for name, seed in (("a", 1), ("b", 2))}
+    with pytest.raises(InputError, match="must agree on gravity"):
+        joined("apart", parts)
