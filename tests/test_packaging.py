@@ -14,9 +14,13 @@ from typing import Any
 
 import pytest
 import yaml
+from comparisons import comparison
 
 import adaptctl
+from adaptctl.cli.basis import as_builtins
 from adaptctl.cli.main import _parser as command_line
+from adaptctl.recording.summary import summary
+from adaptctl.recording.trace import quantities
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCUMENTS = sorted(
@@ -134,6 +138,30 @@ def test_documents_name_no_machine(path: Path) -> None:
 
 def test_the_readme_shows_the_two_commands() -> None:
     assert {"make demo", "make test"} <= set(commands(ROOT / "README.md"))
+
+
+def first_column(heading: str, end: str) -> set[str]:
+    """The names in the first column of the tables of a part of the page on the command line."""
+    text = (ROOT / "docs" / "cli.md").read_text(encoding="utf-8")
+    part = text[text.index(heading) : text.index(end)]
+    cells = re.findall(r"^\| (`[^|]+) \|", part, re.MULTILINE)
+    return {name for cell in cells for name in re.findall(r"`([^`]+)`", cell)}
+
+
+def test_the_keys_of_json_are_documented() -> None:
+    arm = adaptctl.load(ROOT / "docs" / "examples" / "two_link.toml")
+    made = comparison(arm, samples=20)
+    reduction = adaptctl.reduce(made.space, arm, components=3)
+    basis = set(as_builtins(arm, made.space, made.basis, reduction))
+    assert first_column("The keys of the JSON", "### Priority tables") == basis
+    assert first_column("### summary.json", "### trace.parquet") == set(summary(made))
+
+
+def test_the_columns_of_a_trace_are_documented() -> None:
+    arm = adaptctl.load(ROOT / "docs" / "examples" / "two_link.toml")
+    made = comparison(arm, samples=20)
+    columns = {column.name.split(".")[0] for column in quantities(made.subject, arm, made.basis.names)}
+    assert {name.split(".")[0] for name in first_column("### trace.parquet", "`pandas.read")} == columns
 
 
 def test_a_wheel_holds_the_package_as_real_files_and_nothing_else(tmp_path: Path) -> None:
