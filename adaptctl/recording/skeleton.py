@@ -103,10 +103,15 @@ def attachments(description: Description) -> list[list[Array]]:
 
 
 def _with_end(points: list[Array], link: Link) -> list[Array]:
-    """The link's end too, where it reaches beyond all that hangs on it or meets it: a forearm past its elbow."""
+    """The link's end too, where it reaches beyond all that hangs on it or meets it: a forearm past its elbow.
+
+    A link all of whose neighbours sit in its own joint is a part of that joint, wherever its mass is.
+    """
     (joint, _), end = _joint(link), _end(link)
     farthest = max((float(np.linalg.norm(point - joint)) for point in points), default=0.0)
-    return [*points, end] if not points or np.linalg.norm(end - joint) > farthest + SHORTEST else points
+    part_of_joint = bool(points) and farthest <= SHORTEST
+    beyond = np.linalg.norm(end - joint) > farthest + SHORTEST
+    return points if part_of_joint or (points and not beyond) else [*points, end]
 
 
 def _link_shapes(links: tuple[Link, ...], index: int, ends: Sequence[Array], radius: float) -> Iterator[Shape]:
