@@ -1,4 +1,4 @@
-"""What every experiment is: checked settings, and a function from them to a comparison."""
+"""What every experiment is: checked settings, and a function from them to a result."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from adaptctl.errors import InputError, NonFiniteError
 
 if TYPE_CHECKING:
-    from adaptctl.recording import Comparison
+    from adaptctl.recording import Result
 
 Progress = Callable[[str, float], object]
 """Called with what is being done, and the share of it that is done."""
@@ -34,28 +34,36 @@ class Experiment(ABC):
     title: ClassVar[str]
 
     seed: int = setting(0, "seed of everything random", low=0, high=2**31 - 1)
-    duration: float = setting(20.0, "length of every run, s", low=0.01, high=300.0)
-    control_period: float = setting(1e-3, "time a torque is held, s", symbol="T_c", low=1e-4, high=0.02)
 
     def __post_init__(self) -> None:
         for entry in fields(self):
             _require(entry, getattr(self, entry.name))
+
+    @abstractmethod
+    def compare(self, progress: Progress) -> Result:
+        """Do it. An interruption (Ctrl-C) ends it early: what was computed comes back, marked incomplete."""
+
+
+@dataclass(frozen=True)
+class ClosedLoop(Experiment):
+    """An experiment that runs controllers over time."""
+
+    duration: float = setting(20.0, "length of every run, s", low=0.01, high=300.0)
+    control_period: float = setting(1e-3, "time a torque is held, s", symbol="T_c", low=1e-4, high=0.02)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
         if self.duration / self.control_period > LONGEST:
             raise InputError(
                 f"duration: {self.duration:g} s at a control period of {self.control_period:g} s is more than "
                 f"{LONGEST} steps; shorten it or lengthen the control period"
             )
 
-    @abstractmethod
-    def compare(self, progress: Progress) -> Comparison:
-        """Do it. An interruption (Ctrl-C) ends it early: what was computed comes back, marked incomplete."""
-
 
 def settings(experiment: Experiment | type[Experiment]) -> Iterator[Field[Any]]:
     """The fields that can be chosen, the experiment's own before the ones all have."""
-    common = {entry.name for entry in fields(Experiment)}
-    own = [entry for entry in fields(experiment) if entry.name not in common]
-    yield from (*own, *fields(Experiment))
+    common = {entry.name for entry in fields(ClosedLoop)}
+    yield from sorted(fields(experiment), key=lambda entry: entry.name in common)
 
 
 def text(value: object) -> str:
@@ -90,7 +98,10 @@ def _require_one(entry: Field[Any], kind: type, value: object) -> None:
 
 
 def _expected(entry: Field[Any]) -> str:
-    what = {int: "a whole number", float: "a number", str: "a name or a file", tuple: "numbers"}[type(entry.default)]
+    default = entry.default
+    if isinstance(default, tuple) and default and isinstance(default[0], str):
+        return "names"
+    what = {int: "a whole number", float: "a number", str: "a name or a file", tuple: "numbers"}[type(default)]
     low, high = entry.metadata["low"], entry.metadata["high"]
     if math.isfinite(low) and math.isfinite(high):
         return f"{what} from {low:g} to {high:g}"

@@ -12,7 +12,7 @@ import numpy as np
 from adaptctl.control import ComputedTorque, Gains, SlotineLi, mapped_gain
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.experiments.contest import Contender, Outcome, contest
-from adaptctl.experiments.experiment import Experiment, Progress, setting, settings, text
+from adaptctl.experiments.experiment import ClosedLoop, Progress, setting, settings, text
 from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
 from adaptctl.mechanism.pose import Array
 from adaptctl.recording import Comparison, Finding, Setting
@@ -26,7 +26,7 @@ OFFLINE = "Independent parameters from energies"
 
 
 @dataclass(frozen=True)
-class Learning(Experiment):
+class Learning(ClosedLoop):
     """Slotine-Li from zero on the independent parameters, against what others make of the same arm.
 
     The same with adaptation off; computed torque with true, wrong and no parameters; and Slotine-Li on the

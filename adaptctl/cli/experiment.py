@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from types import FrameType
 
     from adaptctl.experiments.experiment import Experiment
-    from adaptctl.recording import Comparison
+    from adaptctl.recording import Result
 
 DONE, INTERRUPTED = 0, 130
 NOT_SETTINGS = ("name", "out", "overwrite", "run")
@@ -44,9 +44,9 @@ def run(arguments: argparse.Namespace) -> int:
     experiment = kind(**chosen)
     folder = prepare_folder(arguments.out or Path("results") / arguments.name, arguments.overwrite)
     with _terminated_like_interrupted():
-        comparison = _computed(experiment, folder)
-    _tell(comparison, folder)
-    return DONE if comparison.complete else INTERRUPTED
+        result = _computed(experiment, folder)
+    _tell(result, folder)
+    return DONE if result.complete else INTERRUPTED
 
 
 def list_experiments(arguments: argparse.Namespace) -> int:
@@ -95,16 +95,14 @@ class _Tuple(argparse.Action):
         setattr(namespace, self.dest, tuple(values))
 
 
-def _computed(experiment: Experiment, folder: Path) -> Comparison:
+def _computed(experiment: Experiment, folder: Path) -> Result:
     """Compute and write, showing how far it is on stderr."""
-    from adaptctl.recording import write_artifacts
-
     with _progress() as told:
-        comparison = experiment.compare(told)
-        if not comparison.complete:
+        result = experiment.compare(told)
+        if not result.complete:
             print("adaptctl: interrupted; writing what was computed", file=sys.stderr)
-        write_artifacts(folder, comparison, lambda what, share: told("Recording, figures and report", share))
-    return comparison
+        result.write(folder, lambda what, share: told("Recording, figures and report", share))
+    return result
 
 
 @contextmanager
@@ -130,12 +128,10 @@ def _progress() -> Iterator[Callable[[str, float], None]]:
             raise
 
 
-def _tell(comparison: Comparison, folder: Path) -> None:
+def _tell(result: Result, folder: Path) -> None:
     """The outcome, and where to look, on stdout."""
-    from adaptctl.recording.wording import INCOMPLETE, facts, verdict
-
-    print(verdict(comparison) if comparison.complete else f"{INCOMPLETE}\n{verdict(comparison)}")
-    answers = list(facts(comparison))
+    print(result.headline())
+    answers = list(result.facts())
     width = max(len(question) for question, _ in answers)
     print("\n".join(f"  {question:<{width}}  {answer}" for question, answer in answers))
     print(f"\nLook at it:  rerun {folder / 'recording.rrd'}\nRead it:     {folder / 'report.html'}")

@@ -2,5 +2,6 @@
 
 from adaptctl.recording.artifacts import prepare_folder, write_artifacts
 from adaptctl.recording.comparison import Comparison, Finding, Run, Setting, TickCost
+from adaptctl.recording.result import Result
 
-__all__ = ["Comparison", "Finding", "Run", "Setting", "TickCost", "prepare_folder", "write_artifacts"]
+__all__ = ["Comparison", "Finding", "Result", "Run", "Setting", "TickCost", "prepare_folder", "write_artifacts"]

@@ -2,27 +2,18 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
-
-import jinja2
+from typing import Any
 
 from adaptctl.files import write_text
 from adaptctl.mechanism.inertia import PARAMETERS
 from adaptctl.recording.comparison import Comparison, Run
 from adaptctl.recording.figures import drawings
+from adaptctl.recording.page import embedded, rendered
 from adaptctl.recording.palette import run_color
 from adaptctl.recording.trace import parameter_unit
 from adaptctl.recording.wording import CONVERGENCE, INCOMPLETE, error, facts, number, outcome, verdict
-
-
-class Figure(NamedTuple):
-    """A figure as the page holds it."""
-
-    caption: str
-    data: str
 
 
 def write_report(path: str | Path, comparison: Comparison, figures: Mapping[str, Path]) -> None:
@@ -32,14 +23,8 @@ def write_report(path: str | Path, comparison: Comparison, figures: Mapping[str,
 
 def report(comparison: Comparison, figures: Mapping[str, Path]) -> str:
     """The page's HTML."""
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("adaptctl.recording", "."),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template("report.html").render(
+    return rendered(
+        "report.html",
         comparison=comparison,
         verdict=verdict(comparison),
         incomplete=INCOMPLETE,
@@ -53,16 +38,8 @@ def report(comparison: Comparison, figures: Mapping[str, Path]) -> str:
         equations=[str(equation) for equation in comparison.basis.equations()],
         robot_source=comparison.mechanism.description.source,
         inconsistent=comparison.mechanism.description.inconsistent_links,
-        figures={
-            drawing.name: Figure(drawing.caption, _embedded(figures[drawing.name]))
-            for drawing in drawings(comparison)
-            if drawing.name in figures
-        },
+        figures=embedded(drawings(comparison), figures),
     )
-
-
-def _embedded(path: Path) -> str:
-    return base64.b64encode(path.read_bytes()).decode("ascii")
 
 
 def _run_row(index: int, run: Run, comparison: Comparison) -> dict[str, Any]:
