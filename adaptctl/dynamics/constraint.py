@@ -155,6 +155,13 @@ class Closing:
     primary: tuple[int, ...]
     dependent: tuple[int, ...]
 
+    @property
+    def looped(self) -> tuple[bool, ...]:
+        """Which primary joints move a closure, themselves or through joints that follow them."""
+        links = {link for loop in self.loops for arm in (loop.first, loop.second) for link in arm.links}
+        links |= {c.leader for c in self.followers if c.follower in links}
+        return tuple(joint in links for joint in self.primary)
+
     def residual(self, places: Sequence[Placement], q: Column) -> Column:
         """What must vanish, independent rows only."""
         rows = [x for loop in self.loops for x in Constraint(places, loop).residual()]

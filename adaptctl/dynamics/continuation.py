@@ -16,7 +16,7 @@ from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column
 
 LARGEST_STEP = 0.05
-"""rad or m of any primary joint between two closed configurations"""
+"""rad or m of any primary joint that moves a loop, between two closed configurations"""
 
 LOST = 1e-9
 """m or rad that are left open where Newton's steps, from one configuration to the next, do not lead back."""
@@ -45,7 +45,7 @@ class Continuation:
         """
         q = np.broadcast_to(self.reference if start is None else start, (*p.shape[:-1], len(self.reference)))
         begin = q[..., self.primary]
-        steps = max(1, int(np.ceil(np.abs(p - begin).max(initial=0.0) / LARGEST_STEP)))
+        steps = self._steps(p - begin)
         for k in range(1, steps + 1):
             q = self._closed(begin + (p - begin) * (k / steps), q)
             self.require_regular(q)
@@ -60,7 +60,7 @@ class Continuation:
         the regularity falls below `least`: 1 for all of it."""
         q = np.broadcast_to(self.reference, (len(p), len(self.reference)))
         fine, gone = np.ones(len(p), dtype=bool), np.zeros(len(p))
-        steps = max(1, int(np.ceil(np.abs(p - self._start).max(initial=0.0) / LARGEST_STEP)))
+        steps = self._steps(p - self._start)
         for k in range(1, steps + 1):
             q = np.where(fine[:, None], self._closed(self._start + (p - self._start) * (k / steps), q), self.reference)
             fine &= self.regularity(q) >= least
@@ -88,6 +88,11 @@ class Continuation:
                 f"the loops are near a singularity at p = {np.round(p, 4).tolist()}: their smallest singular value is "
                 f"{regularity[worst]:.2g} of that at the reference, at least {NEAREST} is needed"
             )
+
+    def _steps(self, way: Array) -> int:
+        """How many steps a way (..., r) needs. A joint that moves no closure needs none, and couplings are linear."""
+        longest = np.abs(way[..., list(self.equations.closing.looped)]).max(initial=0.0)
+        return max(1, int(np.ceil(longest / LARGEST_STEP)))
 
     def _closed(self, p: Array, q: Array) -> Array:
         """The closed configuration at p, from one nearby: along the tangent first, then by Newton's steps."""

@@ -201,15 +201,16 @@ class Mechanism:
         return columns
 
 
-def load(source: str | Path) -> Mechanism:
+def load(source: str | Path, *, floating_base: bool = False) -> Mechanism:
     """A mechanism by a built-in's name (`puma560`, ...) or from a file (.toml, .urdf).
 
+    With `floating_base`, a URDF file's root link floats instead of being fixed to the ground.
     Raises `FileError` or `NotFoundError` with what was wrong and what would be right, `LoopError` where loops do
     not fit together.
     """
     from adaptctl.mechanism.sources import read
 
-    mechanism = Mechanism(read(source))
+    mechanism = Mechanism(read(source, floating_base=floating_base))
     try:
         _ = mechanism.continuation  # Closes the loops, so that a wrong file is named here and not later.
     except LoopError as error:

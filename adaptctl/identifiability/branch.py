@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.constraint import Closing
 from adaptctl.errors import InputError
 from adaptctl.mechanism.pose import Array
 
@@ -32,7 +31,7 @@ def positions_on_branch(mechanism: Mechanism, positions: Array, generator: np.ra
     continuation = mechanism.continuation
     if continuation is None:
         return positions
-    looped = _in_loops(continuation.equations.closing)
+    looped = np.array(continuation.equations.closing.looped)
     start = continuation.reference[continuation.primary]
     wanted = np.where(looped, _within_limits(mechanism, start + positions), start)
     way = (wanted - start) * _within_conditions(mechanism, start, wanted)[:, None]
@@ -69,13 +68,6 @@ def _tree_within_limits(mechanism: Mechanism, q: Array) -> NDArray[np.bool_]:
     lower, upper = ([getattr(bounds, which) for bounds in limits] for which in ("lower", "upper"))
     inside: NDArray[np.bool_] = np.all((q >= lower) & (q <= upper), axis=-1)
     return inside
-
-
-def _in_loops(closing: Closing) -> Array:
-    """Which primary joints (r,) move a closure, themselves or through joints that follow them."""
-    links = {link for loop in closing.loops for arm in (loop.first, loop.second) for link in arm.links}
-    links |= {follower.leader for follower in closing.followers if follower.follower in links}
-    return np.array([joint in links for joint in closing.primary])
 
 
 def _within_limits(mechanism: Mechanism, p: Array) -> Array:

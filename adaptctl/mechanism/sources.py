@@ -12,7 +12,7 @@ from typing import Literal
 import msgspec
 import numpy as np
 
-from adaptctl.errors import FileError, NotFoundError, PhysicalConsistencyWarning
+from adaptctl.errors import FileError, InputError, NotFoundError, PhysicalConsistencyWarning
 from adaptctl.files import read_toml
 from adaptctl.mechanism.denavit_hartenberg import SCHEMA as DENAVIT_HARTENBERG
 from adaptctl.mechanism.denavit_hartenberg import read_denavit_hartenberg
@@ -53,13 +53,16 @@ def builtin_names() -> tuple[str, ...]:
     )
 
 
-def read(source: str | Path) -> Description:
+def read(source: str | Path, *, floating_base: bool = False) -> Description:
     """The mechanism of a built-in's name or of a file, which is read by its suffix.
 
+    With `floating_base`, a URDF file's root link floats instead of being fixed to the ground (`floating`).
     Raises NotFoundError for a name that is neither, FileError for a file that cannot be used.
     Warns (PhysicalConsistencyWarning) of links that no rigid body can be.
     """
-    if isinstance(source, str) and source in builtin_names():
+    if floating_base:
+        description, remark = _read_floating(source), ""
+    elif isinstance(source, str) and source in builtin_names():
         with as_file(_ROBOTS / f"{source}.toml") as path:
             description = read_toml_mechanism(path)
         remark = _ASSIGNED.get(source, "")
@@ -67,6 +70,12 @@ def read(source: str | Path) -> Description:
         description, remark = _reader(source)(source), ""
     _warn_of_inconsistency(description, remark)
     return description
+
+
+def _read_floating(source: str | Path) -> Description:
+    if Path(source).suffix.lower() != ".urdf":
+        raise InputError(f"{source}: only a URDF file, which has a root link, can be given a floating base")
+    return read_urdf(source, floating_base=True)
 
 
 def _reader(source: str | Path) -> Reader:

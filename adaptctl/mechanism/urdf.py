@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
-from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -17,35 +16,45 @@ from adaptctl.errors import FileError, InputError, SimplificationWarning
 from adaptctl.files import read_text
 from adaptctl.mechanism.description import GROUND, Description, Joint, JointKind, Limits, Link
 from adaptctl.mechanism.drive import Drive
+from adaptctl.mechanism.floating_base import floating
 from adaptctl.mechanism.inertia import from_center_of_mass, transformed
+from adaptctl.mechanism.loops import Coupling, Loops
 from adaptctl.mechanism.pose import Array, Pose, roll_pitch_yaw
+from adaptctl.mechanism.xml_elements import attribute, named, number, numbers, only, parsed, required
 
 KINDS = {kind.value: kind for kind in JointKind}
 UNREAD_KINDS = ("floating", "planar")
 
 
-def read_urdf(path: str | Path) -> Description:
-    """The tree that moves in a URDF file, fixed to the ground by its root link.
+def read_urdf(path: str | Path, *, floating_base: bool = False) -> Description:
+    """The tree that moves in a URDF file, fixed to the ground by its root link unless it has a floating base.
 
     Link frames are the joints' frames, a link is named after the joint's child; links behind fixed joints
     become part of the link that carries them. Links without <inertial> are massless. Damping and friction of
     <dynamics> become the joint's viscous and Coulomb friction; where they are zero, as exporters write when
-    nobody knows, none is modelled. Geometry and transmissions are not read. Raises FileError, naming the element. Warns
-    (SimplificationWarning) of mimic joints, taken as independent, and of limits of zero, taken as no limits.
+    nobody knows, none is modelled. Geometry and transmissions are not read. Mimic joints follow their
+    leader, and all joints that follow none are primary; one whose leader does not exist or is fixed is taken as
+    independent. Raises FileError, naming the element. Warns (SimplificationWarning) of such joints, and of limits of
+    zero, taken as no limits.
     """
     try:
         robot = _robot(read_text(path))
         bodies = _by_name(robot, "link")
         edges = [_Edge.of(element) for element in _by_name(robot, "joint").values()]
         root = _root(bodies, edges)
-        links = _movable(root, {name: _inertia(body) for name, body in bodies.items()}, edges)
-        name = robot.get("name") or Path(path).stem
-        description = Description(name, links, source=f"URDF file {Path(path).name}")
+        inertias = {name: _inertia(body) for name, body in bodies.items()}
+        name, source = robot.get("name") or Path(path).stem, f"URDF file {Path(path).name}"
+        links, still = _movable(root, inertias, edges)
+        if floating_base:
+            links = floating(links, root, still)
+        elif not links:
+            raise InputError("no joint moves: expected a revolute, continuous or prismatic joint")
+        description = Description(name, links, source=source, loops=_loops(edges, links))
     except FileError:
         raise
     except InputError as error:
         raise FileError(f"{path}: {error}") from error
-    _warn(path, "mimic joints are taken as independent", [edge.name for edge in edges if edge.mimics])
+    _warn(path, "mimic joints whose leader does not move are taken as independent", _leaderless(edges))
     _warn(path, "limits of zero are taken as no limits", [edge.name for edge in edges if edge.zero_limits])
     return description
 
@@ -58,41 +67,27 @@ class _Edge:
     parent: str
     child: str
     origin: Pose
-    joint: Joint | None
-    mimics: bool
-    zero_limits: bool
+    joint: Joint | None = None
+    mimic: Coupling | None = None
+    zero_limits: bool = False
 
     @classmethod
     def of(cls, element: Element) -> _Edge:
-        where = _where(element)
-        kind = _attribute(element, "type", where)
+        where = named(element)
+        kind = attribute(element, "type", where)
         if kind != "fixed" and kind not in KINDS:
             _refuse_kind(where, kind)
-        parent, child = (_attribute(_required(element, tag, where), "link", where) for tag in ("parent", "child"))
+        parent, child = (attribute(required(element, tag, where), "link", where) for tag in ("parent", "child"))
         name, origin = element.attrib["name"], _origin(element, where)
         if kind == "fixed":
-            return cls(name, parent, child, origin, None, False, False)
-        limits, zero = _limits(_only(element, "limit", where), KINDS[kind], where)
+            return cls(name, parent, child, origin)
+        limits, zero = _limits(only(element, "limit", where), KINDS[kind], where)
         joint = Joint(name, KINDS[kind], _axis(element, where), limits, _drive(element, where))
-        return cls(name, parent, child, origin, joint, element.find("mimic") is not None, zero)
-
-
-class _NoDoctype(ElementTree.TreeBuilder):
-    """Refuses document types before any entity in them can expand or reach for another file."""
-
-    def doctype(self, name: str, pubid: str | None, system: str | None) -> NoReturn:
-        raise InputError("a URDF file has no <!DOCTYPE ...>, and entities are refused: remove it")
+        return cls(name, parent, child, origin, joint, _mimic(element, where), zero)
 
 
 def _robot(text: str) -> Element:
-    try:
-        robot = ElementTree.fromstring(text, ElementTree.XMLParser(target=_NoDoctype()))
-    except (ElementTree.ParseError, ValueError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"not well-formed XML ({error})") from error
-    if robot.tag != "robot":
-        raise InputError(f"the root element must be <robot>, got <{robot.tag}>")
+    robot = parsed(text, "robot")
     if any("xacro" in child.tag for child in robot):
         raise InputError("holds xacro macros: expand them first (xacro file.urdf.xacro > file.urdf)")
     return robot
@@ -142,13 +137,15 @@ def _reached(roots: Sequence[str], edges: Sequence[_Edge]) -> set[str]:
     return reached
 
 
-def _movable(root: str, inertias: dict[str, Array], edges: Sequence[_Edge]) -> tuple[Link, ...]:
-    """Links behind joints that move, depth first; what is fixed to one is added to its inertia."""
+def _movable(root: str, inertias: dict[str, Array], edges: Sequence[_Edge]) -> tuple[tuple[Link, ...], Array]:
+    """Links behind joints that move, depth first; what is fixed to one is added to its inertia. Then the ten of
+    what does not move, in the root's frame."""
     below: dict[str, list[_Edge]] = {}
     for edge in edges:
         below.setdefault(edge.parent, []).append(edge)
     links: list[tuple[_Edge, Joint, int, Pose]] = []
     sums: list[Array] = []
+    still = inertias[root]
     pending = [(edge, GROUND, Pose.identity()) for edge in below.get(root, [])[::-1]]
     while pending:
         edge, carrier, place = pending.pop()
@@ -157,53 +154,86 @@ def _movable(root: str, inertias: dict[str, Array], edges: Sequence[_Edge]) -> t
             links.append((edge, edge.joint, carrier, place))
             sums.append(inertias[edge.child])
             carrier, place = len(links) - 1, Pose.identity()
-        elif carrier != GROUND:
+        elif carrier == GROUND:
+            still = still + transformed(inertias[edge.child], place)
+        else:
             sums[carrier] = sums[carrier] + transformed(inertias[edge.child], place)
         pending += [(next_edge, carrier, place) for next_edge in below.get(edge.child, [])[::-1]]
-    if not links:
-        raise InputError("no joint moves: expected a revolute, continuous or prismatic joint")
     pairs = zip(links, sums, strict=True)
-    return tuple(Link(e.child, parent, joint, near, Pose.identity(), ten) for (e, joint, parent, near), ten in pairs)
+    moving = (Link(e.child, parent, joint, near, Pose.identity(), ten) for (e, joint, parent, near), ten in pairs)
+    return tuple(moving), still
 
 
 def _inertia(link: Element) -> Array:
     """The ten about the link frame's origin, zero without <inertial>."""
-    where = _where(link)
-    inertial = _only(link, "inertial", where)
+    where = named(link)
+    inertial = only(link, "inertial", where)
     if inertial is None:
         return np.zeros(10)
-    mass = _number(_required(inertial, "mass", where), "value", where)
+    mass = number(required(inertial, "mass", where), "value", where)
     if mass < 0.0:
         raise InputError(f"{where}: mass must not be negative, got {mass}")
-    element = _required(inertial, "inertia", where)
-    xx, xy, xz, yy, yz, zz = (_number(element, f"i{name}", where) for name in ("xx", "xy", "xz", "yy", "yz", "zz"))
+    element = required(inertial, "inertia", where)
+    xx, xy, xz, yy, yz, zz = (number(element, f"i{name}", where) for name in ("xx", "xy", "xz", "yy", "yz", "zz"))
     center = _origin(inertial, where)
     tensor = center.rotation @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ center.rotation.T
     return from_center_of_mass(mass, center.translation, tensor)
 
 
 def _origin(element: Element, where: str) -> Pose:
-    origin = _only(element, "origin", where)
+    origin = only(element, "origin", where)
     if origin is None:
         return Pose.identity()
     if "quat_xyzw" in origin.attrib:
         raise InputError(f"{where}: quat_xyzw of <origin> is not read: give rpy")
-    rpy, xyz = (_numbers(origin, name, 3, where) if name in origin.attrib else [0.0] * 3 for name in ("rpy", "xyz"))
+    rpy, xyz = (numbers(origin, name, 3, where) if name in origin.attrib else [0.0] * 3 for name in ("rpy", "xyz"))
     return Pose(roll_pitch_yaw(rpy), np.array(xyz))
 
 
 def _axis(joint: Element, where: str) -> Array:
-    axis = _only(joint, "axis", where)
-    return np.array(_numbers(axis, "xyz", 3, where) if axis is not None else [1.0, 0.0, 0.0])
+    axis = only(joint, "axis", where)
+    return np.array(numbers(axis, "xyz", 3, where) if axis is not None else [1.0, 0.0, 0.0])
+
+
+def _mimic(joint: Element, where: str) -> Coupling | None:
+    """How the joint follows another."""
+    mimic = only(joint, "mimic", where)
+    if mimic is None:
+        return None
+    leader, name = attribute(mimic, "joint", where), joint.attrib["name"]
+    ratio, offset = (
+        number(mimic, key, where) if key in mimic.attrib else default
+        for key, default in (("multiplier", 1.0), ("offset", 0.0))
+    )
+    try:
+        return Coupling(f"{name} mimics {leader}", name, leader, ratio, offset)
+    except InputError as error:
+        raise InputError(f"{where}: <mimic>: {error}") from error
+
+
+def _loops(edges: Sequence[_Edge], links: Sequence[Link]) -> Loops | None:
+    """Mimic joints as couplings; all joints that do not follow are primary."""
+    moving = {edge.name for edge in edges if edge.joint is not None}
+    couplings = [edge.mimic for edge in edges if edge.mimic is not None and edge.mimic.leader in moving]
+    if not couplings:
+        return None
+    followers = {coupling.follower for coupling in couplings}
+    primary = [link.joint.name for link in links if link.joint.name not in followers]
+    return Loops(tuple(primary), couplings=tuple(couplings))
+
+
+def _leaderless(edges: Sequence[_Edge]) -> list[str]:
+    moving = {edge.name for edge in edges if edge.joint is not None}
+    return [edge.name for edge in edges if edge.mimic is not None and edge.mimic.leader not in moving]
 
 
 def _drive(joint: Element, where: str) -> Drive:
     """The joint's friction."""
-    dynamics = _only(joint, "dynamics", where)
+    dynamics = only(joint, "dynamics", where)
     if dynamics is None:
         return Drive()
     viscous, coulomb = (
-        _number(dynamics, name, where) if name in dynamics.attrib else 0.0 for name in ("damping", "friction")
+        number(dynamics, name, where) if name in dynamics.attrib else 0.0 for name in ("damping", "friction")
     )
     try:
         return Drive(viscous=viscous or None, coulomb=coulomb or None)
@@ -216,7 +246,7 @@ def _limits(limit: Element | None, kind: JointKind, where: str) -> tuple[Limits,
     if limit is None:
         return Limits(), False
     lower, upper, velocity, effort = (
-        _number(limit, name, where) if name in limit.attrib else None
+        number(limit, name, where) if name in limit.attrib else None
         for name in ("lower", "upper", "velocity", "effort")
     )
     zero = velocity == 0.0 or effort == 0.0
@@ -229,47 +259,6 @@ def _limits(limit: Element | None, kind: JointKind, where: str) -> tuple[Limits,
         return Limits(*bounds, velocity or math.inf, effort or math.inf), zero
     except InputError as error:
         raise InputError(f"{where}: {error}") from error
-
-
-def _number(element: Element, attribute: str, where: str) -> float:
-    return _numbers(element, attribute, 1, where)[0]
-
-
-def _numbers(element: Element, attribute: str, count: int, where: str) -> list[float]:
-    text = _attribute(element, attribute, where)
-    wanted = "a finite number" if count == 1 else f"{count} finite numbers"
-    try:
-        values = [float(word) for word in text.split()]
-    except ValueError:
-        values = []
-    if len(values) != count or not all(map(math.isfinite, values)) or "_" in text:
-        raise InputError(f"{where}: {attribute} of <{element.tag}>: expected {wanted}, got {text!r}")
-    return values
-
-
-def _attribute(element: Element, name: str, where: str) -> str:
-    value = element.get(name)
-    if not value:
-        raise InputError(f"{where}: <{element.tag}> needs the attribute {name}")
-    return value
-
-
-def _required(element: Element, tag: str, where: str) -> Element:
-    found = _only(element, tag, where)
-    if found is None:
-        raise InputError(f"{where}: <{element.tag}> needs an element <{tag}>")
-    return found
-
-
-def _only(element: Element, tag: str, where: str) -> Element | None:
-    found = element.findall(tag)
-    if len(found) > 1:
-        raise InputError(f"{where}: <{element.tag}> has {len(found)} elements <{tag}>, expected one")
-    return found[0] if found else None
-
-
-def _where(element: Element) -> str:
-    return f"{element.tag} {element.attrib['name']!r}"
 
 
 def _refuse_kind(where: str, kind: str) -> NoReturn:
