@@ -95,7 +95,7 @@ def _lyapunov(controller: Controller[Any], run: Rollout, mechanism: Mechanism) -
     """The Lyapunov function of a law that adapts."""
     if not isinstance(controller, SlotineLi) or controller.adaptation_law is None or not len(run.time):
         return None
-    if controller.adaptation_law.distance(run.estimate[:1], run.estimate[0]) is None:
+    if controller.adaptation_law.distance(controller.model, run.estimate[:1], run.estimate[0]) is None:
         return None
     return lyapunov(controller, run, mechanism)
 

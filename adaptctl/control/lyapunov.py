@@ -58,7 +58,7 @@ def lyapunov(controller: SlotineLi, run: Run, mechanism: Mechanism) -> Array:
     if controller.adaptation_law is None:
         return kinetic
     true = controller.model.regrouping @ mechanism.inertial_parameters
-    distance = controller.adaptation_law.distance(run.estimate, true)
+    distance = controller.adaptation_law.distance(controller.model, run.estimate, true)
     if distance is None:
         law = type(controller.adaptation_law).__name__
         raise InputError(f"lyapunov: that of {law} depends on more than the estimate, which a run does not keep")

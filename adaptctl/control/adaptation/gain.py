@@ -35,7 +35,7 @@ class Descent(AdaptationLaw[Memory]):
         """Whether Gamma is diagonal."""
         return self.gain.ndim == 1
 
-    def distance(self, estimate: Array, true: Array) -> Array:
+    def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array:
         """error' Gamma^-1 error / 2."""
         error = estimate - true
         if self.gain.ndim == 1:

@@ -71,7 +71,7 @@ class AdaptationLaw(ABC, Generic[Memory]):
         """Whether the law measures each parameter's error by itself, so that a bound on one moves no other."""
         return False
 
-    def distance(self, estimate: Array, true: Array) -> Array | None:
+    def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array | None:
         """How far estimates (..., k) are from the truth (k,), in J: the parameters' term (...) of the law's
         Lyapunov function. None where it depends on more than the estimate."""
         return None

@@ -78,9 +78,9 @@ class Projection(AdaptationLaw[Memory]):
         moved, after = self.of.law(model, estimate, period, memory)
         return Column(map(_clipped, moved, self._lower, self._upper)), after
 
-    def distance(self, estimate: Array, true: Array) -> Array | None:
+    def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array | None:
         """That of the law."""
-        return self.of.distance(estimate, true)
+        return self.of.distance(model, estimate, true)
 
     @cached_property
     def _lower(self) -> Column:

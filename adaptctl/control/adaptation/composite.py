@@ -1,0 +1,82 @@
+"""Composite adaptation: tracking error and torque prediction error together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from adaptctl.control.adaptation.gain import Descent
+from adaptctl.control.adaptation.law import Period
+from adaptctl.control.adaptation.prediction import Filtered, TorqueFilter, require_cutoff
+from adaptctl.control.gains import per_joint
+from adaptctl.dynamics.mass_matrix import solve_symmetric
+from adaptctl.identifiability import ReducedModel
+from adaptctl.mechanism.pose import Array
+from adaptctl.scalars import Column, Scalar
+
+
+@dataclass(frozen=True, eq=False)
+class Composite(Descent[Filtered]):
+    """estimate' = -Gamma (Y's + W'R (W estimate - F[tau])) (Slotine and Li 1989).
+
+    W is the regressor behind the filter F = lambda/(d/dt + lambda), from positions and velocities alone;
+    `weight` is R (r,) in 1/(N m s) (its diagonal, one number or one a joint), `cutoff` is lambda in 1/s.
+
+    Guarantees, without disturbance: with eps = W error, V = s'Ms/2 + error' Gamma^-1 error/2 falls as
+    -s'Ks - eps'R eps: besides s, what the torques say of the parameters goes to zero, and under persistent
+    excitation s and the error go to zero exponentially. Sampled, the second part is solved implicitly, so that
+    no weight is too large for the period.
+
+    Gives up: the torque that is commanded must be the torque that acts: friction that is no parameter, actuator
+    lag and delay are learned as inertia. Without excitation it drifts under disturbance as `Gradient` does, but
+    not along what W sees. Costs the momenta's regressor and r filters for each parameter.
+    """
+
+    weight: Array = 1.0  # type: ignore[assignment]  # a number becomes an array for the model's joints
+    cutoff: float = 20.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        per_joint(self.weight, np.size(self.weight), "composite: weight")
+
+    def require(self, model: ReducedModel, initial: Array, period: float) -> None:
+        """A gain for each parameter, a weight for each joint, and a filter that the period carries."""
+        super().require(model, initial, period)
+        per_joint(self.weight, model.mechanism.dof, "composite: weight")
+        require_cutoff(self.cutoff, period)
+
+    def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Filtered:
+        """The filters, at rest."""
+        return TorqueFilter(self.cutoff, period).start(model, q, v)
+
+    def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Filtered) -> tuple[Column, Filtered]:
+        """The trapezium for the tracking error, then the implicit rule for the prediction error."""
+        moved = estimate - period.elapsed * self.applied(period.gradient(period.mean))
+        rows, torque, after = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory)
+        loaded = [self.applied(row) for row in rows]
+        firm = 1.0 / (per_joint(self.weight, model.mechanism.dof, "composite: weight") * period.length)
+        force = solve_symmetric(_products(rows, loaded, firm.tolist()), residual(rows, moved, torque))
+        return moved - period.share * combined(loaded, force), after
+
+
+def residual(rows: list[Column], estimate: Column, torque: Column) -> Column:
+    """W estimate - torque (r,)."""
+    return Column(row @ estimate for row in rows) - torque
+
+
+def combined(columns: list[Column], weights: Column) -> Column:
+    """The sum of columns, each times its weight."""
+    total = weights[0] * columns[0]
+    for weight, column in zip(weights.of[1:], columns[1:], strict=True):
+        total = total + weight * column
+    return total
+
+
+def _products(rows: list[Column], loaded: list[Column], firm: list[float]) -> list[list[Scalar]]:
+    """W Gamma W' + (R T_c)^-1 (r, r), each entry of the symmetric matrix once."""
+    r = len(rows)
+    lower = [[rows[i] @ loaded[j] for j in range(i + 1)] for i in range(r)]
+    for i in range(r):
+        lower[i][i] = lower[i][i] + firm[i]
+    return [[lower[max(i, j)][min(i, j)] for j in range(r)] for i in range(r)]

@@ -1,0 +1,159 @@
+"""Natural adaptation: estimates that some rigid body has, at every tick."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
+from adaptctl.errors import InputError
+from adaptctl.identifiability import ReducedModel
+from adaptctl.mechanism.inertia import pseudo_inertia
+from adaptctl.mechanism.pose import Array
+from adaptctl.scalars import Column, Scalar, sqrt
+
+Matrix: TypeAlias = list[list[Any]]
+"""Rows of a small matrix of scalars."""
+
+
+@dataclass(frozen=True, eq=False)
+class Natural(AdaptationLaw[NoMemory]):
+    """P_i' = -rate P_i L_i P_i for every link's pseudo-inertia P_i, tr(L_i P) = (Y's)_i' (the ten of P), and the
+    same for every drive's parameter (Lee, Kwon and Park 2018). `rate` is in 1/J.
+
+    It is the gradient in the affine-invariant metric of positive definite matrices: no gain depends on units
+    or on frames, and heavy links learn faster than light ones.
+
+    Guarantees, without disturbance: V = s'Ms/2 + sum_i D(P_i true, P_i)/rate falls as -s'Ks, with the Bregman
+    divergence D(A, B) = log(det B/det A) + tr(B^-1 A) - 4. And whatever disturbs: every link's pseudo-inertia
+    stays positive definite, so the estimate is some rigid bodies', and its mass matrix is positive definite.
+    Sampled, P = G G' becomes G Q Q G' with Q = 1 - X/2 + X^2/8, X = T_c rate G'L G: the geodesic to second
+    order, and Q is positive definite for every X.
+
+    Gives up: the reduced model; it adapts all parameters, and starts from consistent ones. The same velocity of
+    drift as `Gradient` under disturbance. A body that starts almost without some moment hardly finds it.
+    """
+
+    rate: float
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.rate) and self.rate > 0.0):
+            raise InputError(f"natural adaptation: rate: expected a positive number in 1/J, got {self.rate}")
+
+    def require(self, model: ReducedModel, initial: Array, period: float) -> None:
+        """All parameters, and a first estimate that rigid bodies can have."""
+        if model.basis is not None:
+            raise InputError(
+                f"natural adaptation: moves the pseudo-inertia of whole links, and {len(model.columns)} fundamental "
+                f"parameters are none: each regroups several links' (adapt all {len(model.mechanism.parameter_names)} "
+                "with ReducedModel.full(mechanism), from a consistent estimate; "
+                "adaptctl.identifiability.nearest_consistent finds one with given fundamental parameters)"
+            )
+        links = [model.mechanism.links[i] for i in model.mechanism.description.bodies]
+        for i, link in enumerate(links):
+            smallest = float(np.linalg.eigvalsh(pseudo_inertia(initial[10 * i : 10 * i + 10]))[0])
+            if not smallest > 0.0:
+                raise InputError(
+                    f"natural adaptation: no rigid body has the first estimate of {link.name}: its pseudo-inertia has "
+                    f"the eigenvalue {smallest:.3g}; start from physically consistent parameters"
+                )
+        for j in range(10 * len(links), len(initial)):
+            if not initial[j] > 0.0:
+                raise InputError(
+                    f"natural adaptation: the first estimate of {model.names[j]} must be positive, it is {initial[j]:g}"
+                )
+
+    def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
+        """Nothing."""
+        return NoMemory()
+
+    def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
+        """One step along the geodesic of every link."""
+        slope = (period.elapsed * self.rate) * period.gradient(period.mean)
+        links = 10 * len(model.mechanism.description.bodies)
+        entries: list[Any] = []
+        for i in range(0, links, 10):
+            entries += moved_body(estimate.of[i : i + 10], slope.of[i : i + 10])
+        for x, g in zip(estimate.of[links:], slope.of[links:], strict=True):
+            slow = 1.0 - 0.5 * (x * g) + 0.125 * (x * g) * (x * g)
+            entries.append(x * slow * slow)
+        return Column(entries), memory
+
+    def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array:
+        """The Bregman divergences over the rate; infinite where the truth is no rigid bodies'."""
+        bodies = 10 * len(model.mechanism.description.bodies)
+        links = range(0, bodies, 10)
+        total = sum(divergence(pseudos(true[i : i + 10]), pseudos(estimate[..., i : i + 10])) for i in links)
+        ratio = true[bodies:] / estimate[..., bodies:]
+        with np.errstate(divide="ignore"):
+            total = total + (ratio - np.log(ratio) - 1.0).sum(axis=-1)
+        return np.asarray(total) / self.rate
+
+
+def moved_body(ten: Sequence[Scalar], slope: Sequence[Scalar]) -> list[Any]:
+    """A link's ten after one step: G Q Q G' for its pseudo-inertia G G'."""
+    root = cholesky(pseudo(ten))
+    X = product(transposed(root), product(weights(slope), root))
+    square = product(X, X)
+    Q = [[float(i == j) - 0.5 * X[i][j] + 0.125 * square[i][j] for j in range(4)] for i in range(4)]
+    half = product(root, Q)
+    return the_ten(product(half, transposed(half)))
+
+
+def pseudo(ten: Sequence[Scalar]) -> Matrix:
+    """The pseudo-inertia of a link's ten."""
+    m, x, y, z, xx, xy, yy, xz, yz, zz = ten
+    half = 0.5 * (xx + yy + zz)
+    return [[half - xx, -xy, -xz, x], [-xy, half - yy, -yz, y], [-xz, -yz, half - zz, z], [x, y, z, m]]
+
+
+def the_ten(P: Matrix) -> list[Any]:
+    """The ten of a pseudo-inertia."""
+    (xx, xy, xz, x), (_, yy, yz, y), (_, _, zz, z), (_, _, _, m) = P
+    return [m, x, y, z, yy + zz, -xy, xx + zz, -xz, -yz, xx + yy]
+
+
+def weights(slope: Sequence[Scalar]) -> Matrix:
+    """L with tr(L P) = slope' (the ten of P)."""
+    m, x, y, z, xx, xy, yy, xz, yz, zz = (0.5 * g for g in slope)
+    row = (2.0 * (yy + zz), -xy, -xz, x), (2.0 * (xx + zz), -yz, y), (2.0 * (xx + yy), z), (2.0 * m,)
+    return [[row[min(i, j)][max(i, j) - min(i, j)] for j in range(4)] for i in range(4)]
+
+
+def cholesky(P: Matrix) -> Matrix:
+    """The lower triangular G with G G' = P."""
+    G: Matrix = [[0.0] * len(P) for _ in P]
+    for j in range(len(P)):
+        for i in range(j, len(P)):
+            rest = P[i][j] - sum((G[i][k] * G[j][k] for k in range(j)), 0.0)
+            G[i][j] = sqrt(rest) if i == j else rest / G[j][j]
+    return G
+
+
+def product(A: Matrix, B: Matrix) -> Matrix:
+    """A B."""
+    return [
+        [sum((a * b for a, b in zip(row, column, strict=True)), 0.0) for column in zip(*B, strict=True)] for row in A
+    ]
+
+
+def transposed(A: Matrix) -> Matrix:
+    """A'."""
+    return [list(column) for column in zip(*A, strict=True)]
+
+
+def pseudos(tens: Array) -> Array:
+    """Pseudo-inertias (..., 4, 4) of tens (..., 10)."""
+    rows = pseudo(list(np.moveaxis(tens, -1, 0)))
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def divergence(true: Array, estimate: Array) -> Array:
+    """D(true, estimate) (...) of pseudo-inertias (4, 4) and (..., 4, 4)."""
+    if np.linalg.eigvalsh(true)[0] <= 0.0:
+        return np.full(estimate.shape[:-2], np.inf)
+    ratio = np.linalg.solve(estimate, np.broadcast_to(true, estimate.shape))
+    return np.asarray(np.trace(ratio, axis1=-2, axis2=-1) - np.linalg.slogdet(ratio)[1] - 4.0)
