@@ -65,7 +65,7 @@ def skeleton(mechanism: Mechanism) -> Skeleton:
     depths = _depths(links)
     tip_link = int(np.argmax(depths))
     tip, reach = _end(links[tip_link]), _reach(links, tip_link) or 1.0
-    slimness = depths / max(depths.max(), 1)
+    slimness = depths / max(float(depths.max()), 1.0)
     radii = reach * (ROOT_RADIUS + slimness * (TIP_RADIUS - ROOT_RADIUS))
     shapes = [shape for i in range(len(links)) for shape in _link_shapes(links, i, ends[i], float(radii[i]))]
     tool = Shape(tip_link, Solid.TOOL, tip, tip, 1.15 * TIP_RADIUS * reach)
