@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -19,6 +20,7 @@ import pyarrow.parquet as pq
 import pytest
 from robot_files import urdf
 
+from adaptctl.cli.interruption import interruptible
 from adaptctl.cli.main import main
 from adaptctl.control import SlotineLi
 from adaptctl.dynamics import load
@@ -135,8 +137,8 @@ def test_outcome_and_places_are_printed_and_notes_are_a_line(
 
 
 @contextmanager
-def signalled(function: str, number: signal.Signals) -> Iterator[None]:
-    """Send this process a signal as soon as its main thread is inside a function of that name."""
+def signalled(function: str, number: signal.Signals, after: float) -> Iterator[None]:
+    """Send this process a signal some time (s) after its main thread is inside a function of that name."""
     main_thread, over = threading.main_thread().ident, threading.Event()
 
     def inside() -> bool:
@@ -148,7 +150,7 @@ def signalled(function: str, number: signal.Signals) -> Iterator[None]:
     def watch() -> None:
         while not over.is_set() and not inside():
             time.sleep(0.001)
-        time.sleep(0.05)
+        time.sleep(after)
         if not over.is_set():
             os.kill(os.getpid(), number)
 
@@ -165,7 +167,7 @@ def signalled(function: str, number: signal.Signals) -> Iterator[None]:
 def test_interrupted_run_keeps_what_was_computed(
     number: signal.Signals, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with signalled("tick", number):
+    with signalled("tick", number, after=0.05):
         assert main([*PUMA, "--out", str(tmp_path / "out"), "--duration", "300"]) == 130
     said = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert said["complete"] is False
@@ -181,10 +183,24 @@ def test_interrupted_run_keeps_what_was_computed(
 def test_run_interrupted_before_anything_was_computed_writes_nothing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with signalled("essential_space", signal.SIGINT):
+    with signalled("essential_space", signal.SIGINT, after=0.0):
         assert main([*PUMA, "--out", str(tmp_path / "out"), "--duration", "300"]) == 130
     assert list((tmp_path / "out").iterdir()) == []
     assert capsys.readouterr().err.splitlines()[-1] == "adaptctl: interrupted"
+
+
+def test_interruption_that_python_lost_is_found_again_in_the_midst_of_the_next_stage() -> None:
+    stages = []
+    with interruptible() as interruption:
+        told = interruption.heeded(lambda what, share: stages.append((what, share)))
+        told("one", 0.5)
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGTERM)
+        told("one", 1.0)
+        with pytest.raises(KeyboardInterrupt):
+            told("two", 0.0)
+    assert stages == [("one", 0.5), ("one", 1.0)]
+    assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
 
 
 @pytest.mark.parametrize("robot", ["puma560_measured", "ur5_robot.urdf"])

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import argparse
-import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import Field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
+from adaptctl.cli.interruption import Interruption, interruptible
 from adaptctl.experiments import EXPERIMENTS, Entry, find
 
 if TYPE_CHECKING:
-    from types import FrameType
-
     from adaptctl.experiments.experiment import Experiment
     from adaptctl.recording import Result
 
@@ -43,8 +41,8 @@ def run(arguments: argparse.Namespace) -> int:
     chosen = {name: value for name, value in vars(arguments).items() if name not in NOT_SETTINGS}
     experiment = kind(**chosen)
     folder = prepare_folder(arguments.out or Path("results") / arguments.name, arguments.overwrite)
-    with _terminated_like_interrupted():
-        result = _computed(experiment, folder)
+    with interruptible() as interruption:
+        result = _computed(experiment, folder, interruption)
     _tell(result, folder)
     return DONE if result.complete else INTERRUPTED
 
@@ -95,10 +93,10 @@ class _Tuple(argparse.Action):
         setattr(namespace, self.dest, tuple(values))
 
 
-def _computed(experiment: Experiment, folder: Path) -> Result:
+def _computed(experiment: Experiment, folder: Path, interruption: Interruption) -> Result:
     """Compute and write, showing how far it is on stderr."""
     with _progress() as told:
-        result = experiment.compare(told)
+        result = experiment.compare(interruption.heeded(told))
         if not result.complete:
             print("adaptctl: interrupted; writing what was computed", file=sys.stderr)
         result.write(folder, lambda what, share: told("Recording, figures and report", share))
@@ -135,21 +133,3 @@ def _tell(result: Result, folder: Path) -> None:
     width = max(len(question) for question, _ in answers)
     print("\n".join(f"  {question:<{width}}  {answer}" for question, answer in answers))
     print(f"\nLook at it:  rerun {folder / 'recording.rrd'}\nRead it:     {folder / 'report.html'}")
-
-
-@contextmanager
-def _terminated_like_interrupted() -> Iterator[None]:
-    """Let a polite request to end (SIGTERM, as batch systems send) keep what was computed, as Ctrl-C does."""
-
-    def interrupt(number: int, frame: FrameType | None) -> NoReturn:
-        raise KeyboardInterrupt
-
-    try:
-        before = signal.signal(signal.SIGTERM, interrupt)
-    except ValueError:  # not in the main thread, where signals do not arrive
-        yield
-        return
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)

@@ -1,0 +1,56 @@
+"""An interruption that is not lost: a polite end keeps what was computed, whenever it comes."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, NoReturn
+
+if TYPE_CHECKING:
+    from types import FrameType
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+"""Ctrl-C, and what batch systems send before they kill."""
+
+
+class Interruption:
+    """Whether the user asked to end."""
+
+    def __init__(self) -> None:
+        self.asked = False
+
+    def heeded(self, progress: Callable[[str, float], object]) -> Callable[[str, float], None]:
+        """The same progress, which raises KeyboardInterrupt in the midst of a stage when one was asked for.
+
+        Python loses an exception that a signal raises inside a destructor or a callback of its own; this is
+        where it is found again. The end of a stage passes, for the stage may just have ended because of it.
+        """
+
+        def told(what: str, share: float) -> None:
+            if self.asked and share < 1.0:
+                raise KeyboardInterrupt
+            progress(what, share)
+
+        return told
+
+
+@contextmanager
+def interruptible() -> Iterator[Interruption]:
+    """Raise KeyboardInterrupt on any of SIGNALS, and remember that it came."""
+    interruption = Interruption()
+
+    def interrupt(number: int, frame: FrameType | None) -> NoReturn:
+        interruption.asked = True
+        raise KeyboardInterrupt
+
+    try:
+        before = {number: signal.signal(number, interrupt) for number in SIGNALS}
+    except ValueError:  # not in the main thread, where signals do not arrive
+        yield interruption
+        return
+    try:
+        yield interruption
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
