@@ -12,13 +12,20 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import pytest
 import yaml
 from comparisons import comparison
 
 import adaptctl
+import adaptctl.envs  # registers the environments
+from adaptctl import control
 from adaptctl.cli.basis import as_builtins
+from adaptctl.cli.main import COMMANDS
 from adaptctl.cli.main import _parser as command_line
+from adaptctl.control import AdaptationLaw, Controller
+from adaptctl.experiments import EXPERIMENTS
+from adaptctl.mechanism import builtin_names
 from adaptctl.recording.summary import summary
 from adaptctl.recording.trace import quantities
 
@@ -27,6 +34,7 @@ DOCUMENTS = sorted(
     [*ROOT.glob("*.md"), *ROOT.glob("*.cff"), *(p for p in ROOT.glob("docs/**/*.*") if "_build" not in p.parts)]
 )
 PAGES = [path for path in DOCUMENTS if path.suffix == ".md"]
+PACKED = {".py", ".toml", ".html", ".typed"}
 FENCE = re.compile(r"^```(\w*)[^\n]*\n(.*?)^```", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")
 MACHINE = re.compile(
@@ -140,6 +148,21 @@ def test_the_readme_shows_the_two_commands() -> None:
     assert {"make demo", "make test"} <= set(commands(ROOT / "README.md"))
 
 
+def test_what_can_be_chosen_by_name_is_documented() -> None:
+    laws = [name for name in control.__all__ if isinstance(getattr(control, name), type)]
+    choices = {
+        "robots.md": builtin_names(),
+        "cli.md": [entry.name for entry in EXPERIMENTS] + list(COMMANDS),
+        "environments.md": [name for name in gymnasium.registry if name.startswith("adaptctl/")],
+        "control.md": [name for name in laws if issubclass(getattr(control, name), AdaptationLaw | Controller)],
+    }
+    for page, names in choices.items():
+        text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+        bases = {"AdaptationLaw", "Controller", "Adaptive"}
+        missing = [name for name in names if name not in bases and not re.search(rf"`[^`]*\b{name}\b", text)]
+        assert not missing, f"docs/{page} does not mention {missing}"
+
+
 def first_column(heading: str, end: str) -> set[str]:
     """The names in the first column of the tables of a part of the page on the command line."""
     text = (ROOT / "docs" / "cli.md").read_text(encoding="utf-8")
@@ -174,6 +197,7 @@ def test_a_wheel_holds_the_package_as_real_files_and_nothing_else(tmp_path: Path
     (wheel,) = (tmp_path / "built").glob("*.whl")
     with zipfile.ZipFile(wheel) as archive:
         held = {name for name in archive.namelist() if ".dist-info/" not in name}
-    package = [path for path in (ROOT / "adaptctl").rglob("*") if path.suffix in {".py", ".toml", ".html", ".typed"}]
-    linked = [path for name in ("envs", "experiments") for path in (ROOT / "adaptctl" / name).glob("*.py")]
-    assert held == {path.relative_to(ROOT).as_posix() for path in package + linked}
+    folders = (ROOT / "adaptctl", ROOT / "envs", ROOT / "experiments")
+    files = [path for folder in folders for path in folder.rglob("*.*") if path.suffix in PACKED]
+    names = {path.relative_to(ROOT).as_posix().removeprefix("adaptctl/") for path in files}
+    assert held == {f"adaptctl/{name}" for name in names}
