@@ -2,12 +2,12 @@
 
 from gymnasium.envs.registration import register
 
-from adaptctl.envs.payload import Payload
 from adaptctl.envs.puma560 import Puma560TrackingEnv
 from adaptctl.envs.random_reference import random_sinusoids
 from adaptctl.envs.reward import RewardWeights
 from adaptctl.envs.semi_direct_drive import SemiDirectDriveTrackingEnv
 from adaptctl.envs.tracking import TrackingEnv
+from adaptctl.simulation.effects import Payload
 
 __all__ = [
     "Payload",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -15,17 +15,21 @@ from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.control.controller import Reference
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.envs.payload import Payload
 from adaptctl.envs.preview import Preview
 from adaptctl.envs.random_reference import Trajectory, drawn
 from adaptctl.envs.reward import RewardWeights
 from adaptctl.envs.torque_limits import finite_torque_limits
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.mechanism.pose import Array, frozen_array
-from adaptctl.simulation import Integrator, Plant, PlantState, RungeKutta4
+from adaptctl.simulation import Integrator, Plant, RungeKutta4
+from adaptctl.simulation.effects import Effect, Payload, PlantEffects
+from adaptctl.simulation.real_plant import RealPlant, RealPlantState
+from adaptctl.simulation.stiffness import substeps_for_friction
 
 if TYPE_CHECKING:
     from adaptctl.envs.render import Renderer
+
+_NO_NOISE = np.zeros(0)
 
 LARGEST_OBSERVATION = 1e6
 """Bound of every observation in its own unit: check_env wants a finite one, and no motion comes near it."""
@@ -39,7 +43,7 @@ class _Episode:
 
     parameters: Array
     preview: Preview
-    state: PlantState
+    state: RealPlantState
     step: int = 0
     clipped: int = 0
     over: bool = False
@@ -50,9 +54,10 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     ## Description
 
     A mechanism of r joints, driven by joint torques, is to follow a reference trajectory in joint space. The
-    physics are the equations of motion of rigid links without friction and without joint stops, integrated under
-    a torque that is held over each control period. The true inertial parameters are known and are in `info`, so
-    that an estimate can be judged.
+    physics are the equations of motion of rigid links, with the rotors and the friction that the mechanism's drives
+    have, without joint stops, integrated under a torque that is held over each control period. What real plants have
+    besides, such as delay, encoders or a payload that is dropped, is switched on by `effects`. The true inertial
+    parameters are known and are in `info`, so that an estimate can be judged.
 
     ```python
     import gymnasium
@@ -76,8 +81,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     | Slice         | Size | Observation                                                | Unit               |
     |---------------|------|------------------------------------------------------------|--------------------|
-    | `p`           | r    | positions                                                  | rad (m)            |
-    | `v`           | r    | velocities                                                 | rad/s (m/s)        |
+    | `p`           | r    | positions, as measured                                     | rad (m)            |
+    | `v`           | r    | velocities, as measured                                    | rad/s (m/s)        |
     | `reference_p` | r    | the reference's positions now                              | rad (m)            |
     | `reference_v` | r    | the reference's velocities now                             | rad/s (m/s)        |
     | `reference_a` | r    | the reference's accelerations now                          | rad/s^2 (m/s^2)    |
@@ -85,7 +90,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     ## Reward
 
-    At each step, with the errors e = p - reference p and e' = v - reference v after it:
+    At each step, with the true errors e = p - reference p and e' = v - reference v after it:
 
     *r = -(position sum(e^2) + velocity sum(e'^2) + torque sum((applied torque / limit)^2))*
 
@@ -106,10 +111,12 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     | Key              | Value                                                                      |
     |------------------|----------------------------------------------------------------------------|
     | `time`           | s since the reset                                                          |
-    | `parameters`     | (P,) the true inertial parameters, payload included                        |
-    | `applied_torque` | (r,) the torque of the last step within the limits                         |
+    | `parameters`     | (P,) the true inertial parameters now, payload included                    |
+    | `applied_torque` | (r,) the torque that reached the joints in the last step                   |
     | `energy`         | kinetic plus potential energy in J                                         |
-    | `clipped`        | how many steps since the reset had a torque clipped                        |
+    | `clipped`        | how many steps since the reset had an action clipped                       |
+    | `p`, `v`         | (r,) true positions and velocities, where sensors tell others              |
+    | `marks`          | with effects: what happened in the last step, by name: `payload` (kg held), `torque_limited`, `rate_limited` (1 or 0) |
 
     ## Arguments
 
@@ -119,13 +126,14 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     | `reference`      | `None`               | a `Reference`, the seed of a random one, or `None` or `"random"` for a new one at each reset |
     | `duration`       | 20.0                 | s                                                              |
     | `control_period` | 0.001                | s a torque is held                                             |
-    | `substeps`       | 1                    | integration steps a control period                             |
+    | `substeps`       | `None`               | integration steps a control period; `None` for as many as friction needs, else 1 |
     | `integrator`     | `RungeKutta4()`      | or `SemiImplicitEuler()`                                       |
     | `look_ahead`     | (0.05, 0.2)          | s; may be empty                                                |
     | `error_bound`    | 1.0                  | rad (m), one number or one a joint                             |
     | `reward_weights` | `RewardWeights()`    |                                                                |
     | `initial_error`  | 0.0                  | rad (m), one number or one a joint                             |
     | `torque_limits`  | `None`               | other limits than the mechanism's, one number or one a joint   |
+    | `effects`        | ()                   | of `adaptctl.simulation.effects`, in any order: `ControlDelay`, `TorqueLimit`, `TorqueRateLimit`, `ActuatorLag`, `Friction`, `PayloadHeld`, `Encoder`, `FilteredDifferences` |
     | `render_mode`    | `None`               | or `"rgb_array"`                                               |
 
     A random reference is one sinusoid a joint of 0.1 to 0.25 Hz and up to 0.5 rad (m), faded in over 2 s, within
@@ -158,19 +166,27 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         *,
         duration: float = 20.0,
         control_period: float = 1e-3,
-        substeps: int = 1,
+        substeps: int | None = None,
         integrator: Integrator | None = None,
         look_ahead: Sequence[float] = (0.05, 0.2),
         error_bound: ArrayLike = 1.0,
         reward_weights: RewardWeights | None = None,
         initial_error: ArrayLike = 0.0,
         torque_limits: ArrayLike | None = None,
+        effects: Iterable[Effect] | PlantEffects = (),
         render_mode: str | None = None,
     ) -> None:
         self.mechanism = robot if isinstance(robot, Mechanism) else load(robot)
         own = finite_torque_limits(self.mechanism) if torque_limits is None else torque_limits
         limits = _per_joint(own, self.mechanism.dof, "torque_limits")
-        self.plant = Plant(self.mechanism, float(control_period), substeps, integrator or RungeKutta4(), limits)
+        own_effects, period = PlantEffects.of(effects), float(control_period)
+        own_effects.require(self.mechanism.dof, tuple(link.name for link in self.mechanism.links), period)
+        if substeps is None:
+            substeps = substeps_for_friction(self.mechanism, own_effects.joints, period)
+        self.plant = Plant(
+            self.mechanism, period, substeps, integrator or RungeKutta4(), limits, friction=own_effects.joints
+        )
+        self.real_plant = RealPlant(self.plant, own_effects)
         self.control_period = self.plant.control_period
         self.steps = _steps(duration, self.control_period)
         self.look_ahead = _times_ahead(look_ahead)
@@ -202,8 +218,9 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         reference = drawn(given.get("trajectory", self._trajectory), self.mechanism, self.np_random)
         preview = Preview(reference, r, self.control_period, self.look_ahead)
         start = preview.row(0)
-        self.plant.compile()
-        self._episode = _Episode(parameters, preview, self.plant.init(start[:r] + error, start[r : 2 * r]))
+        self.real_plant.compile()
+        state = self.real_plant.init(start[:r] + error, start[r : 2 * r], self._noise(), self._now(parameters, 0))
+        self._episode = _Episode(parameters, preview, state)
         return self._observation(self._episode), self._info(self._episode, np.zeros(r))
 
     def step(self, action: ArrayLike) -> tuple[Array, float, bool, bool, dict[str, Any]]:
@@ -212,10 +229,11 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         if episode.over:
             raise ResetNeeded("the episode is over: call env.reset() before the next env.step(action)")
         torque = self._torque(action)
-        applied = self.plant.limited(torque)
-        episode.state = self.plant.step(episode.state, applied, episode.parameters)
+        parameters = self._now(episode.parameters, episode.step)
+        episode.state = self.real_plant.step(episode.state, torque, self._noise(), parameters)
+        applied = episode.state.applied
         episode.step += 1
-        episode.clipped += bool((applied != torque).any())
+        episode.clipped += episode.state.clipped
         reward, terminated = self._judged(episode, applied)
         truncated = episode.step >= self.steps
         episode.over = terminated or truncated
@@ -232,11 +250,11 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
             self._renderer = Renderer(self.mechanism)
         goal = episode.preview.row(episode.step)[: self.plant.dof]
-        return self._renderer.image(episode.state.p, goal, episode.step * self.control_period)
+        return self._renderer.image(episode.state.arm.p, goal, episode.step * self.control_period)
 
     def _judged(self, episode: _Episode, applied: Array) -> tuple[float, bool]:
         """The reward of the state reached, and whether an error passed its bound there."""
-        state, row, r = episode.state, episode.preview.row(episode.step), self.plant.dof
+        state, row, r = episode.state.arm, episode.preview.row(episode.step), self.plant.dof
         error = state.p - row[:r]
         terminated = bool((np.abs(error) > self.error_bound).any()) or not self.plant.may_work(state)
         relative = applied / self._limits
@@ -246,13 +264,35 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return np.concatenate((episode.state.p, episode.state.v, episode.preview.row(episode.step)))
 
     def _info(self, episode: _Episode, applied: Array) -> dict[str, Any]:
-        return {
+        parameters, arm = self._now(episode.parameters, episode.step), episode.state.arm
+        info: dict[str, Any] = {
             "time": episode.step * self.control_period,
-            "parameters": episode.parameters.copy(),  # Gymnasium: what is returned is the caller's to change
+            "parameters": parameters.copy(),  # Gymnasium: what is returned is the caller's to change
             "applied_torque": applied,
-            "energy": self.plant.energy(episode.state, episode.parameters),
+            "energy": self.plant.energy(arm, parameters),
             "clipped": episode.clipped,
         }
+        if self.real_plant.effects:
+            info |= {"p": arm.p.copy(), "v": arm.v.copy(), "marks": self._marks(episode)}
+        return info
+
+    def _marks(self, episode: _Episode) -> dict[str, float]:
+        marks = dict(zip(self.real_plant.marks, episode.state.marks.tolist(), strict=True))
+        if self.real_plant.effects.loads:
+            marks["payload"] = self.real_plant.payload(episode.step * self.control_period)
+        return marks
+
+    def _now(self, parameters: Array, step: int) -> Array:
+        """The true parameters at a step, what is held by then included."""
+        if not self.real_plant.effects.loads:
+            return parameters
+        return self.real_plant.parameters(parameters, step * self.control_period)
+
+    def _noise(self) -> Array:
+        """What the sensors' noise is made of; none is drawn where there are no sensors."""
+        if not self.real_plant.effects.sensors:
+            return _NO_NOISE
+        return self.np_random.standard_normal(2 * self.plant.dof)
 
     def _torque(self, action: ArrayLike) -> Array:
         try:

@@ -1,7 +1,8 @@
-"""The physical arm in time: integrators, the plant, and closed-loop runs."""
+"""The physical arm in time: integrators, the plant, its effects, and closed-loop runs."""
 
 from adaptctl.simulation.integrator import Acceleration, Integrator, RungeKutta4, SemiImplicitEuler
 from adaptctl.simulation.plant import Plant, PlantState
+from adaptctl.simulation.real_plant import RealPlant, RealPlantState
 from adaptctl.simulation.rollout import Rollout, rollout
 
 __all__ = [
@@ -9,6 +10,8 @@ __all__ = [
     "Integrator",
     "Plant",
     "PlantState",
+    "RealPlant",
+    "RealPlantState",
     "Rollout",
     "RungeKutta4",
     "SemiImplicitEuler",

@@ -19,6 +19,7 @@ from adaptctl.dynamics.continuation import NEAREST
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column, clip
+from adaptctl.simulation.effects import JointEffect
 from adaptctl.simulation.integrator import Integrator, RungeKutta4
 
 
@@ -37,7 +38,8 @@ class Plant:
     """A mechanism driven by torques in N m (N for a prismatic joint), each held over one control period.
 
     `control_period` is in s and is integrated in `substeps` equal steps; `torque_limits` (r,) bound every
-    joint's effort, infinity meaning none, the mechanism's own when not given. Joints have no stops.
+    joint's effort, infinity meaning none, the mechanism's own when not given. `friction` is what brakes the joints
+    besides the mechanism's own drives. Joints have no stops.
 
     The inertial parameters are an argument of `step`, so one plant serves an arm with any payload. Mechanisms
     of at most LARGEST_COMPILED links run as native code, longer ones in Python. Equal calls give equal bits.
@@ -48,6 +50,7 @@ class Plant:
     substeps: int = 1
     integrator: Integrator = RungeKutta4()  # noqa: RUF009  # frozen
     torque_limits: Array | None = None
+    friction: tuple[JointEffect, ...] = ()
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.control_period) and self.control_period > 0.0):
@@ -126,7 +129,10 @@ class Plant:
 
         def substep(q: Column, v: Column, torque: Column, parameters: Column) -> tuple[Column, Column]:
             def acceleration(q: Column, v: Column) -> Column:
-                return dynamics(q, v, torque, parameters)
+                braked = torque
+                for effect in self.friction:
+                    braked = braked - effect.torque(v)
+                return dynamics(q, v, braked, parameters)
 
             q, v = self.integrator.step(acceleration, q, v, dt, equations.rates)
             return equations.projected(q), v

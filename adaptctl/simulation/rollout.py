@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from time import perf_counter
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,9 +28,9 @@ class Rollout:
     time: Array
     """(T,) s"""
     p: Array
-    """(T, r) positions, rad or m"""
+    """(T, r) positions, rad or m: the true ones, where the environment tells them besides what it measures"""
     v: Array
-    """(T, r) velocities"""
+    """(T, r) velocities, likewise"""
     reference_p: Array
     """(T, r)"""
     reference_v: Array
@@ -58,6 +59,12 @@ class Rollout:
     """True when the environment ended the run early, an error bound having been passed."""
     info: dict[str, object] = field(default_factory=dict)
     """The environment's last info."""
+    measured_p: Array | None = None
+    """(T, r) positions as the controller was told them; None where those are the true ones"""
+    measured_v: Array | None = None
+    """(T, r) velocities, likewise"""
+    marks: Mapping[str, Array] = field(default_factory=dict)
+    """(T,) each: what happened, by name, as the environment and the controller's guards tell"""
 
     @property
     def error(self) -> Array:
@@ -86,8 +93,9 @@ def rollout(
 
     Any environment will do, wrapped or not, whose `env.unwrapped` has a `control_period` and
     `observation_slices` that name PARTS. `info` may tell `applied_torque`, `energy` (J), `clipped` (a count);
-    what it does not tell is taken as the torque commanded, NaN, and 0. `progress` is called about a hundred
-    times with the share done.
+    what it does not tell is taken as the torque commanded, NaN, and 0. It may tell true positions `p` and
+    velocities `v`, and `marks`, a mapping from names to numbers; so may the controller's state, as a NamedTuple
+    `marks`. `progress` is called about a hundred times with the share done.
 
     Ctrl-C ends the run but keeps what was computed, marked `complete=False`.
     Raises `InputError` for an environment that cannot be driven; what controller and environment raise passes.
@@ -126,7 +134,11 @@ class _ClosedLoop:
         self._state = controller.init(p, v)
         controller.step(self._state, p, v, reference)  # pure: it is compiled now, before the clock starts
         self.count, self.terminated, self.truncated = 0, False, False
-        self._samples = _Samples(self.steps or 1024, len(self._kept), p.size, _estimate(self._state).size)
+        self._true = "p" in self._info and "v" in self._info
+        self._marks = (*self._info.get("marks", ()), *getattr(_marks(self._state), "_fields", ()))
+        self._samples = _Samples(
+            self.steps or 1024, len(self._kept), p.size, _estimate(self._state).size, len(self._marks)
+        )
 
     def tick(self) -> None:
         """One control period."""
@@ -136,6 +148,8 @@ class _ClosedLoop:
         before, k = self._info, self.count
         samples = self._samples.with_room_for(k)
         np.take(self._observation, self._kept, out=samples.observation[k], mode="clip")
+        if self._true:
+            np.concatenate((before["p"], before["v"]), out=samples.state[k])
         samples.torque[k] = torque
         samples.applied[k] = info.get("applied_torque", torque)
         samples.estimate[k] = _estimate(state)
@@ -145,6 +159,8 @@ class _ClosedLoop:
             float(reward),
             info.get("clipped", 0) != before.get("clipped", 0),
         )
+        if self._marks:
+            samples.marks[k] = *info.get("marks", {}).values(), *(float(mark[0]) for mark in _marks(state))
         self._state, self._info = state, info
         self._observation = np.asarray(observation, dtype=np.float64)
         self.terminated, self.truncated = bool(terminated), bool(truncated)
@@ -154,10 +170,14 @@ class _ClosedLoop:
         """What happened so far."""
         samples, n, dof = self._samples, self.count, self._samples.torque.shape[1]
         columns = {name: samples.observation[:n, i * dof : (i + 1) * dof] for i, name in enumerate(PARTS)}
+        if self._true:
+            columns["measured_p"], columns["measured_v"] = columns["p"], columns["v"]
+            columns["p"], columns["v"] = samples.state[:n, :dof], samples.state[:n, dof:]
         columns |= {name: samples.scalars[:n, i] for i, name in enumerate(("time", "energy", "reward", "clipped"))}
         columns |= {name: getattr(samples, name)[:n] for name in ("torque", "applied", "estimate")}
         return Rollout(
             **{name: _frozen(values) for name, values in columns.items()},
+            marks=MappingProxyType({name: _frozen(samples.marks[:n, i]) for i, name in enumerate(self._marks)}),
             control_period=self.control_period,
             wall_time=wall_time,
             complete=complete,
@@ -173,8 +193,9 @@ class _ClosedLoop:
 class _Samples:
     """Memory for the samples of a run, made at once where its length is known."""
 
-    def __init__(self, capacity: int, observed: int, dof: int, estimates: int) -> None:
-        self.observation = np.empty((capacity, observed))
+    def __init__(self, capacity: int, observed: int, dof: int, estimates: int, marks: int) -> None:
+        self.observation, self.state = np.empty((capacity, observed)), np.empty((capacity, 2 * dof))
+        self.marks = np.empty((capacity, marks))
         self.torque, self.applied = np.empty((capacity, dof)), np.empty((capacity, dof))
         self.estimate, self.scalars = np.empty((capacity, estimates)), np.empty((capacity, 4))
 
@@ -220,6 +241,12 @@ def _known_steps(env: gymnasium.Env[Any, Any]) -> int | None:
 
 def _estimate(state: object) -> Array:
     return np.asarray(getattr(state, "estimate", ()), dtype=np.float64)
+
+
+def _marks(state: object) -> tuple[Any, ...]:
+    """What the guards of a controller tell."""
+    marks = getattr(state, "marks", ())
+    return marks if isinstance(marks, tuple) else ()
 
 
 def _frozen(values: Array) -> Array:

@@ -1,0 +1,41 @@
+"""Drives that follow a torque slowly."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+from adaptctl.mechanism.pose import Array
+from adaptctl.scalars import Column
+from adaptctl.simulation.effects.effect import ActuatorEffect, require_positive
+
+
+@dataclass(frozen=True)
+class ActuatorLag(ActuatorEffect):
+    """A drive's torque x follows what is asked, u, to first order: time_constant x' = u - x (s): a current loop.
+
+    Under a u held over a period x is an exponential. The joints get its mean over the period, so that the impulse
+    is exact: what is left out is of third order in the period.
+    """
+
+    time_constant: float
+
+    rank: ClassVar[int] = 3
+
+    def __post_init__(self) -> None:
+        require_positive(self.time_constant, "actuator lag", "s")
+
+    def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
+        """It fits any."""
+
+    def start(self, torque: Array, control_period: float) -> Array:
+        """The torque now (r,)."""
+        return torque
+
+    def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
+        """The mean over the period, and the torque at its end."""
+        ratio = control_period / self.time_constant
+        mean = -math.expm1(-ratio) / ratio
+        behind = memory - torque
+        return torque + mean * behind, torque + math.exp(-ratio) * behind

@@ -1,0 +1,53 @@
+"""Torques that arrive late."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from adaptctl.errors import InputError
+from adaptctl.mechanism.pose import Array
+from adaptctl.scalars import Column
+from adaptctl.simulation.effects.effect import ActuatorEffect
+
+BUFFER = 64
+"""Control periods of torques that are kept."""
+
+
+@dataclass(frozen=True)
+class ControlDelay(ActuatorEffect):
+    """A torque takes effect `ticks` control periods after it was commanded: computing and communication.
+
+    Sampling and hold alone delay by half a period; a controller that needs the period to compute delays by one
+    more (Astrom and Wittenmark, Computer-Controlled Systems, 1997, section 2.3). Before the first torque arrives,
+    the joints get what held them.
+    """
+
+    ticks: int
+
+    rank: ClassVar[int] = 0
+
+    def __post_init__(self) -> None:
+        if self.ticks != int(self.ticks) or self.ticks < 0:
+            raise InputError(f"control delay: expected a whole number of control periods, got {self.ticks}")
+        if self.ticks > BUFFER:
+            raise InputError(
+                f"control delay: {self.ticks} control periods are longer than the buffer, which holds {BUFFER}: "
+                "delay less, or lengthen the control period"
+            )
+
+    def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
+        """It fits any."""
+
+    def start(self, torque: Array, control_period: float) -> Array:
+        """The torques on their way (ticks r,), the oldest first."""
+        return np.tile(torque, self.ticks)
+
+    def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
+        """The oldest comes out, the newest goes in."""
+        if self.ticks == 0:
+            return torque, memory
+        dof = len(torque)
+        return Column(memory.of[:dof]), Column((*memory.of[dof:], *torque))

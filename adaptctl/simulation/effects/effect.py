@@ -1,0 +1,104 @@
+"""What an effect is: one way in which a plant is not ideal."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.errors import InputError
+from adaptctl.mechanism.pose import Array
+from adaptctl.scalars import Column
+
+
+class Effect(ABC):
+    """One way in which a plant is not ideal: a frozen dataclass of its own parameters.
+
+    Its equations are written over scalars of any kind. What changes over time is its memory, one column passed
+    in and out.
+    """
+
+    @abstractmethod
+    def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
+        """Raise `InputError` where the effect does not fit r joints, the links or a control period (s)."""
+
+
+class ActuatorEffect(Effect):
+    """What happens to a torque on its way from the controller to the joints."""
+
+    rank: ClassVar[int]
+    """Where it stands between controller and joint: lower ones come first."""
+    mark: ClassVar[str | None] = None
+    """What a rollout calls the periods in which it held a torque back; None where that is no event."""
+
+    @abstractmethod
+    def start(self, torque: Array, control_period: float) -> Array:
+        """The memory (m,) at rest, the joints having been held by a torque (r,)."""
+
+    @abstractmethod
+    def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
+        """What of a torque (r,) reaches the joints in one control period (s), and the memory after it."""
+
+
+class SensorEffect(Effect):
+    """What happens to positions and velocities on their way from the joints to the controller."""
+
+    rank: ClassVar[int]
+    """Where it stands between joint and controller: lower ones come first."""
+
+    @abstractmethod
+    def start(self, p: Array, v: Array, control_period: float) -> Array:
+        """The memory (m,) before the first measurement, of an arm that has moved like this (r,)."""
+
+    @abstractmethod
+    def measure(
+        self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
+    ) -> tuple[Column, Column, Column]:
+        """What is told of p and v (r,), and the memory after it; `noise` (2r,) is standard normal."""
+
+
+class JointEffect(Effect):
+    """A torque in the joints that depends on their velocities and takes energy out."""
+
+    @abstractmethod
+    def torque(self, v: Column) -> Column:
+        """What opposes the motion (r,), N m (N of a prismatic joint)."""
+
+    @abstractmethod
+    def steepest(self, dof: int) -> Array:
+        """The greatest slope of each joint's torque over its velocity (r,), N m s/rad: how stiff it is."""
+
+
+class LoadEffect(Effect):
+    """What changes the inertial parameters in mid-motion."""
+
+    @abstractmethod
+    def mass(self, time: float) -> float:
+        """The mass that is added at a time (s), kg."""
+
+    @abstractmethod
+    def loaded(self, parameters: Array, links: tuple[str, ...], time: float) -> Array:
+        """The inertial parameters (P,) with what is added at a time (s)."""
+
+
+def per_joint(values: ArrayLike, dof: int, what: str) -> Array:
+    """Numbers (r,) of at least zero, one for all joints or one each. Infinity is allowed."""
+    array = np.asarray(values, dtype=np.float64)
+    if array.shape not in ((), (dof,)):
+        raise InputError(f"{what}: expected a number or {dof} of them, got shape {array.shape}")
+    require_at_least_zero(array, what)
+    return np.broadcast_to(array, (dof,)).copy()
+
+
+def require_at_least_zero(values: ArrayLike, what: str) -> None:
+    """Refuse numbers below zero and NaN."""
+    if not np.all(np.asarray(values, dtype=np.float64) >= 0.0):
+        raise InputError(f"{what}: expected numbers of at least 0, got {np.asarray(values).tolist()}")
+
+
+def require_positive(value: float, what: str, unit: str) -> None:
+    """Refuse a number that is not positive and finite."""
+    if not (np.isfinite(value) and value > 0.0):
+        raise InputError(f"{what}: expected a positive number of {unit}, got {value}")

@@ -1,0 +1,59 @@
+"""Joints seen through encoders."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.errors import InputError
+from adaptctl.mechanism.pose import Array
+from adaptctl.scalars import Column, Scalar
+from adaptctl.simulation.effects.effect import SensorEffect, per_joint
+
+_WHOLE = 1.5 * 2.0**52
+"""Adding and subtracting it rounds a double below 2^51 to the nearest whole number, ties to even."""
+
+
+@dataclass(frozen=True, eq=False)
+class Encoder(SensorEffect):
+    """Positions in whole counts of `resolution` (rad, m), after Gaussian noise of standard deviation `noise`.
+
+    Velocities get Gaussian noise of standard deviation `velocity_noise` (rad/s, m/s), as of a tachometer; use
+    `FilteredDifferences` where they come from the positions. Each is one number or (r,), zero for none. An
+    encoder of n counts a turn behind a gear g has a resolution of 2 pi/(n g) at the joint.
+    """
+
+    resolution: ArrayLike = 0.0
+    noise: ArrayLike = 0.0
+    velocity_noise: ArrayLike = 0.0
+
+    rank: ClassVar[int] = 0
+
+    def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
+        """One number, or one a joint, each; finite."""
+        for name in ("resolution", "noise", "velocity_noise"):
+            if not np.isfinite(per_joint(getattr(self, name), dof, f"encoder: {name}")).all():
+                raise InputError(f"encoder: {name}: expected finite numbers, got {getattr(self, name)}")
+
+    def start(self, p: Array, v: Array, control_period: float) -> Array:
+        """Nothing is remembered."""
+        return np.zeros(0)
+
+    def measure(
+        self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
+    ) -> tuple[Column, Column, Column]:
+        """What is read."""
+        dof = len(p)
+        jitter, steps, shake = (
+            per_joint(values, dof, "encoder").tolist() for values in (self.noise, self.resolution, self.velocity_noise)
+        )
+        shaken = p + Column(jitter) * Column(noise.of[:dof])
+        read = Column(x if step == 0.0 else step * _rounded(x / step) for x, step in zip(shaken, steps, strict=True))
+        return read, v + Column(shake) * Column(noise.of[dof:]), memory
+
+
+def _rounded(x: Scalar) -> Scalar:
+    return (x + _WHOLE) - _WHOLE

@@ -1,0 +1,54 @@
+"""Velocities that nobody measures."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from adaptctl.errors import InputError
+from adaptctl.mechanism.pose import Array
+from adaptctl.scalars import Column
+from adaptctl.simulation.effects.effect import SensorEffect, require_positive
+
+
+@dataclass(frozen=True)
+class FilteredDifferences(SensorEffect):
+    """Velocities from the measured positions: backward differences through a first-order low-pass.
+
+        w_k = a w_(k-1) + (1 - a) (p_k - p_(k-1))/T_c,   a = exp(-2 pi cutoff T_c)
+
+    `cutoff` is in Hz. This is the derivative that controllers use in practice (Astrom and Hagglund, Advanced PID
+    Control, 2006, section 3.3); it is late by about T_c/2 + 1/(2 pi cutoff). An encoder's counts q make it jump by
+    (1 - a) q/T_c.
+    """
+
+    cutoff: float
+
+    rank: ClassVar[int] = 1
+
+    def __post_init__(self) -> None:
+        require_positive(self.cutoff, "filtered differences: cutoff", "Hz")
+
+    def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
+        """A cutoff that sampling can show."""
+        if self.cutoff >= 0.5 / control_period:
+            raise InputError(
+                f"filtered differences: a cutoff of {self.cutoff:g} Hz is not below half the sampling rate, "
+                f"{0.5 / control_period:g} Hz"
+            )
+
+    def start(self, p: Array, v: Array, control_period: float) -> Array:
+        """The last position (r,), and the filter's state (r,), which has settled."""
+        return np.concatenate((p - control_period * v, v))
+
+    def measure(
+        self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
+    ) -> tuple[Column, Column, Column]:
+        """The positions as they are, and the filtered differences."""
+        dof, kept = len(p), math.exp(-2.0 * math.pi * self.cutoff * control_period)
+        before, rate = Column(memory.of[:dof]), Column(memory.of[dof:])
+        after = kept * rate + ((1.0 - kept) / control_period) * (p - before)
+        return p, after, Column((*p, *after))

@@ -1,0 +1,64 @@
+"""Friction in the joints that the controller's model need not know."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.dynamics.drive import SLOW
+from adaptctl.errors import InputError
+from adaptctl.mechanism.pose import Array
+from adaptctl.scalars import Column, Scalar, sqrt
+from adaptctl.simulation.effects.effect import JointEffect, per_joint, require_positive
+
+
+@dataclass(frozen=True, eq=False)
+class Friction(JointEffect):
+    """Friction with Stribeck's minimum: it is greatest at the start and falls while the film builds up.
+
+        torque = viscous v + (coulomb + stribeck/(1 + (v/speed)^2)) sign(v)
+
+    (Hess and Soom 1990; Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2.2.) `stribeck` is how much
+    static friction exceeds Coulomb friction, `speed` (rad/s) where half of that is gone. `viscous` (N m s/rad),
+    `coulomb` and `stribeck` (N m) are one number or (r,). The sign is smoothed as that of a drive's Coulomb
+    friction is, so the arm creeps where a real one sticks.
+
+    It is in the plant alone, of the primary joints. What the mechanism's drives have is in the plant and in the
+    model, and can be adapted; this comes on top.
+    """
+
+    viscous: ArrayLike = 0.0
+    coulomb: ArrayLike = 0.0
+    stribeck: ArrayLike = 0.0
+    speed: float = 0.1
+
+    def __post_init__(self) -> None:
+        require_positive(self.speed, "friction: speed", "rad/s")
+
+    def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
+        """One number, or one a joint, each; finite."""
+        if not np.isfinite(self._each(dof)).all():
+            raise InputError("friction: expected finite numbers")
+
+    def torque(self, v: Column) -> Column:
+        """What opposes the motion."""
+        viscous, coulomb, stribeck = (Column(values.tolist()) for values in self._each(len(v)))
+        signs = Column(map(_sign, v))
+        film = Column(1.0 / (1.0 + (x / self.speed) * (x / self.speed)) for x in v)
+        return viscous * v + (coulomb + stribeck * film) * signs
+
+    def steepest(self, dof: int) -> Array:
+        """The slope at rest."""
+        viscous, coulomb, stribeck = self._each(dof)
+        return viscous + (coulomb + stribeck) / SLOW
+
+    def _each(self, dof: int) -> Array:
+        """The three (3, r)."""
+        names = ("viscous", "coulomb", "stribeck")
+        return np.array([per_joint(getattr(self, name), dof, f"friction: {name}") for name in names])
+
+
+def _sign(v: Scalar) -> Scalar:
+    return v / sqrt(v * v + SLOW * SLOW)

@@ -1,0 +1,48 @@
+"""A payload that comes and goes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from adaptctl.errors import InputError, NotFoundError
+from adaptctl.mechanism.pose import Array
+from adaptctl.simulation.effects.effect import LoadEffect
+from adaptctl.simulation.effects.payload import Payload
+
+
+@dataclass(frozen=True, eq=False)
+class PayloadHeld(LoadEffect):
+    """A payload held from `start` to `stop` (s): by the last link, or by the one that is named.
+
+    It is a `Payload`, a mass in kg, or a mapping with `mass`, `center` and `inertia`. When it is picked up it
+    already moves with the link, and when it is dropped it moves on: the arm's velocities do not jump.
+    """
+
+    payload: Payload | float | Mapping[str, Any]
+    start: float = 0.0
+    stop: float = math.inf
+    link: str | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "payload", Payload.of(self.payload))
+        if not (math.isfinite(self.start) and self.start < self.stop):
+            raise InputError(f"payload: expected a start before its stop, got {self.start} and {self.stop} s")
+
+    def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
+        """A link that exists."""
+        if self.link is not None and self.link not in links:
+            raise NotFoundError(f"payload: there is no link {self.link!r}; links: {', '.join(links)}")
+
+    def mass(self, time: float) -> float:
+        """Its mass while it is held."""
+        return Payload.of(self.payload).mass if self.start <= time < self.stop else 0.0
+
+    def loaded(self, parameters: Array, links: tuple[str, ...], time: float) -> Array:
+        """Its ten, added to those of its link while it is held."""
+        if not self.start <= time < self.stop:
+            return parameters
+        link = len(links) - 1 if self.link is None else links.index(self.link)
+        return Payload.of(self.payload).added_to(parameters, link)

@@ -1,0 +1,36 @@
+"""Drives whose torque cannot jump."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from numpy.typing import ArrayLike
+
+from adaptctl.mechanism.pose import Array
+from adaptctl.scalars import Column, clip
+from adaptctl.simulation.effects.effect import ActuatorEffect, per_joint
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueRateLimit(ActuatorEffect):
+    """A drive's torque changes by at most `rate` (N m/s, one number or (r,)): supply voltage over inductance."""
+
+    rate: ArrayLike
+
+    rank: ClassVar[int] = 2
+    mark: ClassVar[str | None] = "rate_limited"
+
+    def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
+        """One number, or one a joint."""
+        per_joint(self.rate, dof, "torque rate limit")
+
+    def start(self, torque: Array, control_period: float) -> Array:
+        """The torque now (r,)."""
+        return torque
+
+    def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
+        """The nearest torque within reach of the last one."""
+        steps = (per_joint(self.rate, len(torque), "torque rate limit") * control_period).tolist()
+        given = Column(clip(x, y - step, y + step) for x, y, step in zip(torque, memory, steps, strict=True))
+        return given, given

@@ -1,0 +1,164 @@
+"""A plant with what real ones have: effects between controller and joints, in the joints, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.compilation import compile_function
+from adaptctl.mechanism.pose import Array
+from adaptctl.scalars import Column, Scalar, absolute, maximum, where
+from adaptctl.simulation.effects import PlantEffects
+from adaptctl.simulation.plant import Plant, PlantState
+
+
+class RealPlantState(NamedTuple):
+    """The arm, what was measured of it (r,), and what its drives and sensors remember."""
+
+    arm: PlantState
+    p: Array
+    """(r,) measured positions"""
+    v: Array
+    """(r,) measured velocities"""
+    applied: Array
+    """(r,) N m, what reached the joints in the last period"""
+    clipped: bool
+    """whether the torque commanded in the last period was beyond the plant's limits"""
+    marks: Array
+    """(m,) 1 for each of `RealPlant.marks` that held a torque back in the last period"""
+    drives: Array
+    sensors: Array
+
+
+@dataclass(frozen=True, eq=False)
+class RealPlant:
+    """A plant behind its effects. Equal calls give equal bits: noise is an argument.
+
+    The effects within the joints must be the plant's own (`Plant.friction`): they act within its integration.
+    """
+
+    plant: Plant
+    effects: PlantEffects
+
+    def __post_init__(self) -> None:
+        links = tuple(link.name for link in self.plant.mechanism.links)
+        self.effects.require(self.plant.dof, links, self.plant.control_period)
+
+    @property
+    def marks(self) -> tuple[str, ...]:
+        """Names of what may hold a torque back."""
+        return tuple(effect.mark for effect in self.effects.actuators if effect.mark is not None)
+
+    def parameters(self, own: Array, time: float) -> Array:
+        """The inertial parameters (P,) at a time (s), what is held included."""
+        links = tuple(link.name for link in self.plant.mechanism.links)
+        for load in self.effects.loads:
+            own = load.loaded(own, links, time)
+        return own
+
+    def payload(self, time: float) -> float:
+        """The mass that is held at a time (s), kg."""
+        return sum(load.mass(time) for load in self.effects.loads)
+
+    def init(self, p: ArrayLike, v: ArrayLike, noise: Array, parameters: Array) -> RealPlantState:
+        """The state at time zero, the joints having been held still by the torque that gravity asks for."""
+        arm, period = self.plant.init(p, v), self.plant.control_period
+        held = np.zeros(self.plant.dof)
+        if self.effects.actuators:
+            held = self.plant.mechanism.with_parameters(parameters).inverse_dynamics(arm.p, held, held)
+        drives = _joined(effect.start(held, period) for effect in self.effects.actuators)
+        sensors = _joined(effect.start(arm.p, arm.v, period) for effect in self.effects.sensors)
+        measured = (arm.p, arm.v, sensors)
+        if self.effects.sensors:
+            measured = self._sense(arm.p, arm.v, noise, sensors)
+        p, v, sensors = measured
+        return RealPlantState(arm, p, v, held, False, np.zeros(len(self.marks)), drives, sensors)
+
+    def step(self, state: RealPlantState, torque: Array, noise: Array, parameters: Array) -> RealPlantState:
+        """One control period under a commanded torque (r,); `noise` (2r,) is standard normal.
+
+        Raises what `Plant.step` raises.
+        """
+        applied, drives, marks = self.plant.limited(torque), state.drives, state.marks
+        clipped = bool((applied != torque).any())
+        if self.effects.actuators:
+            applied, drives, marks = self._drive(applied, drives)
+        arm = self.plant.step(state.arm, applied, parameters)
+        p, v, sensors = arm.p, arm.v, state.sensors
+        if self.effects.sensors:
+            p, v, sensors = self._sense(p, v, noise, sensors)
+        return RealPlantState(arm, p, v, applied, clipped, marks, drives, sensors)
+
+    def compile(self) -> None:
+        """Compile now what would else be compiled when first used."""
+        self.plant.compile()
+        _ = self._drive, self._sense
+
+    @cached_property
+    def _drive(self) -> Callable[..., tuple[Array, Array, Array]]:
+        sizes = {"torque": self.plant.dof, "memory": sum(self._drive_sizes)}
+        return compile_function(self.drive_equation, sizes, name="drives")
+
+    @cached_property
+    def _sense(self) -> Callable[..., tuple[Array, Array, Array]]:
+        r = self.plant.dof
+        sizes = {"p": r, "v": r, "noise": 2 * r, "memory": sum(self._sensor_sizes)}
+        return compile_function(self.sense_equation, sizes, name="sensors")
+
+    def drive_equation(self, torque: Column, memory: Column) -> tuple[Column, Column, Column]:
+        """What reaches the joints (r,), the drives' memory, and marks (m,); over scalars of any kind."""
+        period, parts = self.plant.control_period, _split(memory, self._drive_sizes)
+        after: list[Column] = []
+        marks: list[Scalar] = []
+        for effect, part in zip(self.effects.actuators, parts, strict=True):
+            given, kept = effect.act(torque, part, period)
+            if effect.mark is not None:
+                marks.append(_differs(torque, given))
+            torque = given
+            after.append(kept)
+        return torque, Column(x for kept in after for x in kept), Column(marks)
+
+    def sense_equation(self, p: Column, v: Column, noise: Column, memory: Column) -> tuple[Column, Column, Column]:
+        """What is measured of p and v (r,), and the sensors' memory; over scalars of any kind."""
+        period, parts = self.plant.control_period, _split(memory, self._sensor_sizes)
+        after: list[Column] = []
+        for effect, part in zip(self.effects.sensors, parts, strict=True):
+            p, v, kept = effect.measure(p, v, noise, part, period)
+            after.append(kept)
+        return p, v, Column(x for kept in after for x in kept)
+
+    @cached_property
+    def _drive_sizes(self) -> list[int]:
+        blank, period = np.zeros(self.plant.dof), self.plant.control_period
+        return [len(effect.start(blank, period)) for effect in self.effects.actuators]
+
+    @cached_property
+    def _sensor_sizes(self) -> list[int]:
+        blank, period = np.zeros(self.plant.dof), self.plant.control_period
+        return [len(effect.start(blank, blank, period)) for effect in self.effects.sensors]
+
+
+def _joined(memories: Iterable[Array]) -> Array:
+    parts = list(memories)
+    return np.concatenate(parts) if parts else np.zeros(0)
+
+
+def _split(memory: Column, sizes: Sequence[int]) -> list[Column]:
+    parts, start = [], 0
+    for size in sizes:
+        parts.append(Column(memory.of[start : start + size]))
+        start += size
+    return parts
+
+
+def _differs(asked: Column, given: Column) -> Scalar:
+    """1 where any joint got another torque than was asked."""
+    largest: Any = 0.0
+    for x, y in zip(asked, given, strict=True):
+        largest = maximum(largest, absolute(x - y))
+    return where(largest > 0.0, 1.0, 0.0)

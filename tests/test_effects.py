@@ -1,0 +1,345 @@
+"""What real plants have: each effect by the law it follows, their order, and what they refuse."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from random_trees import random_chain, random_tree
+from scipy.integrate import solve_ivp
+
+from adaptctl.control import ComputedTorque
+from adaptctl.dynamics import Mechanism, load
+from adaptctl.dynamics.drive import SLOW
+from adaptctl.envs import TrackingEnv
+from adaptctl.errors import InputError, NotFoundError
+from adaptctl.mechanism.drive import Drive
+from adaptctl.mechanism.pose import Array
+from adaptctl.scalars import Column
+from adaptctl.simulation import Plant, rollout
+from adaptctl.simulation.effects import (
+    ActuatorEffect,
+    ActuatorLag,
+    ControlDelay,
+    Effect,
+    Encoder,
+    FilteredDifferences,
+    Friction,
+    Payload,
+    PayloadHeld,
+    PlantEffects,
+    TorqueLimit,
+    TorqueRateLimit,
+)
+from adaptctl.simulation.real_plant import RealPlant
+from adaptctl.simulation.stiffness import friction_rate, substeps_for_friction
+
+PERIOD = 1e-3
+ALL: list[Effect] = [
+    FilteredDifferences(80.0),
+    Encoder(1e-4, 2e-5, 1e-3),
+    PayloadHeld(1.5, 0.02, 0.05),
+    Friction(0.5, 1.0, 0.5),
+    ActuatorLag(4e-3),
+    TorqueRateLimit(5e3),
+    TorqueLimit(60.0),
+    ControlDelay(2),
+]
+
+
+@pytest.fixture(scope="module")
+def puma() -> Mechanism:
+    return load("puma560_geared")
+
+
+def acted(effect: ActuatorEffect, commands: Array, held: Array) -> Array:
+    """What comes out of an effect, a control period a row, over floats."""
+    memory, out = Column(effect.start(held, PERIOD).tolist()), []
+    for command in commands:
+        torque, memory = effect.act(Column(command.tolist()), memory, PERIOD)
+        out.append(torque.of)
+    return np.array(out, dtype=np.float64)
+
+
+@given(st.integers(0, 20), st.integers(0, 2**32 - 1))
+def test_a_delay_shifts_and_the_first_torques_are_those_that_held(ticks: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    commands, held = rng.normal(size=(30, 2)), rng.normal(size=2)
+    out = acted(ControlDelay(ticks), commands, held)
+    np.testing.assert_array_equal(out, np.concatenate((np.tile(held, (ticks, 1)), commands))[:30])
+
+
+@given(st.floats(1.0, 1e5), st.integers(0, 2**32 - 1))
+def test_a_limited_rate_is_never_passed_and_a_constant_torque_is_reached(rate: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    commands, held, step = rng.normal(scale=10.0, size=(40, 2)), rng.normal(size=2), rate * PERIOD
+    out = acted(TorqueRateLimit(rate), commands, held)
+    assert np.abs(np.diff(out, axis=0, prepend=held[None])).max() <= step * (1.0 + 1e-12) + 1e-12
+    close = np.abs(commands - np.concatenate((held[None], out))[:-1]) <= step
+    np.testing.assert_array_equal(out[close], commands[close])
+    away = math.ceil(np.abs(commands[0] - held).max() / step)
+    if away < 1000:
+        np.testing.assert_allclose(
+            acted(TorqueRateLimit(rate), np.tile(commands[0], (away + 1, 1)), held)[-1], commands[0]
+        )
+
+
+@settings(max_examples=20)
+@given(st.floats(1e-4, 0.1), st.integers(0, 2**32 - 1))
+def test_a_lag_is_the_first_order_equation_in_the_mean(time_constant: float, seed: int) -> None:
+    """The impulse of every period, and the torque at its end, against an integrator of differential equations."""
+    rng = np.random.default_rng(seed)
+    commands, held = rng.normal(size=(5, 1)), rng.normal(size=1)
+    effect = ActuatorLag(time_constant)
+    out, x = acted(effect, commands, held), held[0]
+    for u, mean in zip(commands[:, 0], out[:, 0], strict=True):
+        y = solve_ivp(
+            lambda t, y, u=u: [(u - y[0]) / time_constant, y[0]], (0, PERIOD), [x, 0.0], rtol=1e-10, atol=1e-13
+        ).y
+        x = y[0, -1]
+        assert mean * PERIOD == pytest.approx(y[1, -1], rel=1e-7, abs=1e-10)
+
+
+def test_a_torque_limit_clips() -> None:
+    out = acted(TorqueLimit([2.0, 5.0]), np.array([[3.0, 3.0], [-9.0, -9.0], [1.0, 5.0]]), np.zeros(2))
+    np.testing.assert_array_equal(out, [[2.0, 3.0], [-2.0, -5.0], [1.0, 5.0]])
+
+
+@given(st.floats(1e-6, 0.1), st.lists(st.floats(-100.0, 100.0), min_size=3, max_size=3))
+def test_an_encoder_counts_whole_steps(resolution: float, positions: list[float]) -> None:
+    p = Column(positions)
+    read, v, _ = Encoder(resolution).measure(p, p, Column.zeros(6), Column(()), PERIOD)
+    counts = np.array(read.of) / resolution
+    np.testing.assert_allclose(counts, np.rint(counts), atol=1e-6)
+    assert np.abs(np.array(read.of) - positions).max() <= 0.5 * resolution * (1.0 + 1e-9)
+    assert v.of == p.of
+
+
+def test_noise_has_the_deviation_asked_for(puma: Mechanism) -> None:
+    env = TrackingEnv(puma, 1, duration=1.0, effects=[Encoder(noise=1e-3, velocity_noise=[0.1] * 5 + [0.0])])
+    run = rollout(env, ComputedTorque(puma, 5.0), seed=3)
+    assert run.measured_p is not None
+    assert run.measured_v is not None
+    assert np.std(run.measured_p - run.p) == pytest.approx(1e-3, rel=0.05)
+    spread = np.std(run.measured_v - run.v, axis=0)
+    np.testing.assert_allclose(spread, [0.1] * 5 + [0.0], rtol=0.1, atol=1e-15)
+    assert abs(np.mean(run.measured_p - run.p)) < 1e-4
+
+
+@given(st.floats(1.0, 400.0), st.floats(-5.0, 5.0))
+def test_filtered_differences_of_a_ramp_are_its_slope(cutoff: float, slope: float) -> None:
+    effect, p = FilteredDifferences(cutoff), np.array([0.3])
+    memory = Column(effect.start(p, np.array([slope]), PERIOD).tolist())
+    for k in range(20):
+        at = Column((0.3 + slope * k * PERIOD,))
+        same, v, memory = effect.measure(at, Column((99.0,)), Column.zeros(2), memory, PERIOD)
+        assert same.of == at.of
+        assert v[0] == pytest.approx(slope, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("frequency", [5.0, 20.0, 80.0])
+def test_filtered_differences_have_the_gain_and_the_delay_of_their_transfer_function(frequency: float) -> None:
+    cutoff, z = 20.0, np.exp(2j * np.pi * frequency * PERIOD)
+    a = math.exp(-2.0 * math.pi * cutoff * PERIOD)
+    expected = (1.0 - a) / (1.0 - a / z) * (1.0 - 1.0 / z) / PERIOD
+    effect, out = FilteredDifferences(cutoff), []
+    memory = Column(effect.start(np.zeros(1), np.zeros(1), PERIOD).tolist())
+    for k in range(2000):
+        at = Column((float((z**k).imag),))
+        _, v, memory = effect.measure(at, at, Column.zeros(2), memory, PERIOD)
+        out.append(v[0])
+    k = np.arange(1000, 2000)
+    np.testing.assert_allclose(np.array(out)[1000:], (expected * z**k).imag, rtol=1e-6, atol=1e-6)
+
+
+@given(st.floats(0.0, 10.0), st.floats(0.0, 10.0), st.floats(0.0, 10.0), st.floats(-50.0, 50.0))
+def test_friction_takes_energy_out_and_is_odd(viscous: float, coulomb: float, stribeck: float, v: float) -> None:
+    friction = Friction(viscous, coulomb, stribeck, 0.1)
+    torque = friction.torque(Column((v,)))[0]
+    assert torque * v >= 0.0
+    assert friction.torque(Column((-v,)))[0] == -torque
+    assert abs(torque) <= friction.steepest(1)[0] * abs(v) * (1.0 + 1e-12)
+
+
+def test_friction_falls_from_static_to_coulomb_and_rises_again() -> None:
+    """Hess and Soom's curve, far above the smoothing."""
+    friction, speeds = Friction(2.0, 10.0, 5.0, speed=1.0), np.array([0.2, 1.0, 5.0, 1000.0])
+    expected = 2.0 * speeds + (10.0 + 5.0 / (1.0 + speeds**2)) * speeds / np.sqrt(speeds**2 + SLOW**2)
+    curve = np.array([friction.torque(Column((v,)))[0] for v in speeds.tolist()])
+    np.testing.assert_allclose(curve, expected, rtol=1e-12)
+    assert curve[1] < curve[0] + 2.0 * 0.8
+    assert curve[3] == pytest.approx(2010.0, rel=1e-6)
+
+
+def test_viscous_friction_brakes_a_rotor_exponentially() -> None:
+    """In a plant without gravity: v(t) = v_0 exp(-b t/I), by the effect and by the drive alike."""
+    spinner = random_chain(1, 1)
+    spinner = Mechanism(spinner.description.with_parameters(np.array([0, 0, 0, 0, 2.0, 0, 2.0, 0, 0, 2.0])))
+    inertia = float(spinner.mass_matrix(np.zeros((1, 1)))[0, 0, 0])
+    expected = 3.0 * math.exp(-0.7 * 0.5 / inertia)
+    for plant in (
+        Plant(spinner, 0.5, 50, friction=(Friction(0.7),)),
+        Plant(spinner.with_drives(Drive(viscous=0.7)), 0.5, 50),
+    ):
+        assert plant.step(plant.init([0.0], [3.0]), [0.0]).v[0] == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_drive_and_the_effect_are_the_same_friction() -> None:
+    tree = random_tree(3, 3).with_drives(Drive(rotor_inertia=1.0))
+    rubbing = tree.with_drives(Drive(1.0, 0.4, 0.3))
+    ours = Plant(tree, PERIOD, 2, friction=(Friction(0.4, 0.3),))
+    theirs = Plant(rubbing, PERIOD, 2)
+    p, v, torque = np.random.default_rng(0).normal(size=(3, 3))
+    np.testing.assert_allclose(
+        ours.step(ours.init(p, v), torque).v, theirs.step(theirs.init(p, v), torque).v, rtol=1e-12
+    )
+
+
+def test_the_steps_are_short_enough_for_friction() -> None:
+    """A rotor of 0.01 kg m^2 braked by 1 N m stops within 0.1 ms: 1 ms is too long a step, and it is not taken."""
+    spinner = random_chain(1, 1)
+    light = Mechanism(spinner.description.with_parameters(np.zeros(10))).with_drives(Drive(rotor_inertia=0.01))
+    friction = Friction(coulomb=1.0)
+    rate = 1.0 / (0.01 * SLOW)
+    assert friction_rate(light, [friction]) == pytest.approx(rate)
+    assert friction_rate(light.with_drives(Drive(0.01, coulomb=1.0))) == pytest.approx(rate)
+    steps = substeps_for_friction(light, [friction], PERIOD)
+    assert steps == math.ceil(rate * PERIOD / 2.5)
+    for count, settled in ((steps, True), (steps // 4, False)):
+        plant = Plant(light, PERIOD, count, friction=(friction,))
+        state = plant.init([0.0], [0.005])
+        for _ in range(100):
+            state = plant.step(state, [0.0])
+        assert (abs(state.v[0]) < 1e-6) == settled
+    assert substeps_for_friction(spinner, [], PERIOD) == 1
+    with pytest.raises(InputError, match="would need 400 integration steps: lower the friction, add the rotor"):
+        substeps_for_friction(light, [Friction(coulomb=1000.0)], 1e-4)
+
+
+def test_friction_of_what_has_no_inertia_is_refused() -> None:
+    nothing = Mechanism(random_chain(1, 1).description.with_parameters(np.zeros(10)))
+    with pytest.raises(InputError, match="the mass matrix is singular"):
+        substeps_for_friction(nothing, [Friction(1.0)], PERIOD)
+
+
+def test_friction_of_a_mechanism_with_loops_is_fast_where_its_links_are() -> None:
+    arm = load("semi_direct_drive")
+    slow, fast = (friction_rate(arm.with_drives(Drive(viscous=b))) for b in (1.0, 2.0))
+    assert fast == pytest.approx(2.0 * slow, rel=1e-9)
+    assert friction_rate(arm) == 0.0
+
+
+def test_a_payload_is_picked_up_and_dropped(puma: Mechanism) -> None:
+    """Before, while and after, the motion is that of an arm with the parameters of that time."""
+    payload = Payload(2.0, np.array([0.0, 0.0, 0.1]))
+    env = TrackingEnv(puma, 1, duration=0.1, effects=[PayloadHeld(payload, 0.02, 0.06)])
+    observation, info = env.reset(seed=0)
+    own, loaded = puma.inertial_parameters, payload.added_to(puma.inertial_parameters, 5)
+    plant, torque = Plant(puma, PERIOD), np.array([5.0, -30.0, 5.0, 0.5, 0.5, 0.5])
+    state = plant.init(observation[:6], observation[6:12])
+    for k in range(100):
+        held = 20 <= k < 60
+        np.testing.assert_array_equal(info["parameters"], loaded if held else own)
+        assert info["marks"] == {"payload": 2.0 if held else 0.0}
+        state = plant.step(state, torque, loaded if held else own)
+        observation, *_, info = env.step(torque)
+        np.testing.assert_array_equal(observation[:6], state.p)
+
+
+def test_native_code_is_the_equations_on_floats_and_arrays(puma: Mechanism) -> None:
+    plant = RealPlant(Plant(puma, PERIOD), PlantEffects.of(ALL))
+    state = plant.init(np.zeros(6), np.ones(6), np.zeros(12), puma.inertial_parameters)
+    rng = np.random.default_rng(0)
+    torque, noise = rng.normal(scale=80.0, size=(4, 6)), rng.normal(size=(4, 12))
+    p, v = rng.normal(size=(2, 4, 6))
+    drives, sensors = (np.tile(part, (4, 1)) for part in (state.drives, state.sensors))
+
+    def on_arrays(*arrays: Array) -> list[Column]:
+        return [Column(array.T) for array in arrays]
+
+    for native, equation, arguments in (
+        (plant._drive, plant.drive_equation, (torque, drives)),
+        (plant._sense, plant.sense_equation, (p, v, noise, sensors)),
+    ):
+        batch = equation(*on_arrays(*arguments))
+        for k in range(4):
+            rows = [argument[k] for argument in arguments]
+            floats = equation(*(Column(row.tolist()) for row in rows))
+            for got, one, many in zip(native(*rows), floats, batch, strict=True):
+                np.testing.assert_allclose(got, one.of, rtol=1e-12, atol=1e-13)
+                np.testing.assert_allclose(got, [np.broadcast_to(x, 4)[k] for x in many.of], rtol=1e-12, atol=1e-13)
+
+
+def test_everything_at_once_is_repeatable_whatever_the_order(puma: Mechanism) -> None:
+    law = ComputedTorque(puma, 5.0)
+    runs = [
+        rollout(TrackingEnv(puma, 1, duration=0.1, initial_error=0.05, effects=effects), law, seed=seed)
+        for effects, seed in ((ALL, 4), (ALL[::-1], 4), (ALL, 5))
+    ]
+    first, again, other = runs
+    for name in ("p", "measured_p", "measured_v", "torque", "applied"):
+        assert getattr(first, name).tobytes() == getattr(again, name).tobytes()
+        assert not np.array_equal(getattr(first, name), getattr(other, name))
+    assert tuple(first.marks) == ("torque_limited", "rate_limited", "payload")
+    np.testing.assert_array_equal(first.marks["payload"][[0, 30, 99]], [0.0, 1.5, 0.0])
+    assert first.marks["rate_limited"].max() == 1.0
+    assert np.abs(first.applied).max() <= 60.0
+    assert set(first.marks["torque_limited"]) <= {0.0, 1.0}
+    with pytest.raises(ValueError, match="read-only"):
+        first.marks["payload"][0] = 1.0
+
+
+def test_without_effects_what_is_measured_is_true(puma: Mechanism) -> None:
+    run = rollout(TrackingEnv(puma, 1, duration=0.01), ComputedTorque(puma, 5.0), seed=0)
+    assert run.measured_p is None
+    assert dict(run.marks) == {}
+    assert "p" not in run.info
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "message"),
+    [
+        (lambda: ControlDelay(65), InputError, "65 control periods are longer than the buffer, which holds 64"),
+        (lambda: ControlDelay(-1), InputError, "control delay: expected a whole number"),
+        (lambda: ControlDelay(1.5), InputError, "expected a whole number of control periods, got 1.5"),
+        (lambda: ActuatorLag(0.0), InputError, "actuator lag: expected a positive number of s, got 0"),
+        (lambda: FilteredDifferences(-3.0), InputError, "cutoff: expected a positive number of Hz"),
+        (lambda: Friction(speed=0.0), InputError, "friction: speed: expected a positive number"),
+        (lambda: PayloadHeld(1.0, 2.0, 1.0), InputError, "expected a start before its stop, got 2.0 and 1.0 s"),
+        (lambda: PayloadHeld(-1.0), InputError, "expected a mass of at least 0 kg"),
+        (lambda: PlantEffects.of([ControlDelay(1), ControlDelay(2)]), InputError, "ControlDelay is given 2 times"),
+        (lambda: PlantEffects.of([0.1]), InputError, r"expected plant effects, such as ControlDelay\(2\), got 0.1"),
+    ],
+)
+def test_what_cannot_be_is_refused(make: Any, error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("effect", "error", "message"),
+    [
+        (Friction(viscous=-1.0), InputError, "friction: viscous: expected numbers of at least 0, got -1"),
+        (
+            Friction(coulomb=[1.0, 2.0]),
+            InputError,
+            r"friction: coulomb: expected a number or 6 of them, got shape \(2,\)",
+        ),
+        (Friction(stribeck=math.inf), InputError, "friction: expected finite numbers"),
+        (TorqueRateLimit(math.nan), InputError, "torque rate limit: expected numbers of at least 0"),
+        (TorqueLimit([-1.0] * 6), InputError, "torque limit: expected numbers of at least 0"),
+        (Encoder(resolution=math.inf), InputError, "encoder: resolution: expected finite numbers"),
+        (Encoder(noise=-1e-3), InputError, "encoder: noise: expected numbers of at least 0"),
+        (FilteredDifferences(500.0), InputError, "500 Hz is not below half the sampling rate, 500 Hz"),
+        (PayloadHeld(1.0, link="hand"), NotFoundError, "there is no link 'hand'; links: link1, link2"),
+    ],
+)
+def test_what_does_not_fit_an_arm_is_refused(
+    puma: Mechanism, effect: Effect, error: type[Exception], message: str
+) -> None:
+    with pytest.raises(error, match=message):
+        TrackingEnv(puma, effects=[effect])
