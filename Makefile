@@ -15,6 +15,7 @@ help: ## list the targets
 
 demo: $(STAMP) ## an adaptive PUMA 560, from energies to a recording, in results/puma560-adaptive (or OUT=...)
 	$(BIN)/adaptctl experiment run puma560-adaptive --out $(OUT) --overwrite
+	@echo '(rerun is $(BIN)/rerun)'
 
 test: $(STAMP) ## the tests, and every example of README.md and docs/
 	$(BIN)/python -m pytest -n 2
