@@ -16,16 +16,22 @@ from adaptctl.control.adaptation import (
     mapped_gain,
 )
 from adaptctl.control.adaptive import Adaptive, AdaptiveState
+from adaptctl.control.adaptive_computed_torque import AdaptiveComputedTorque
 from adaptctl.control.computed_torque import ComputedTorque
 from adaptctl.control.controller import Controller, Reference, ReferencePoint
 from adaptctl.control.gains import Gains, sampled_gain, typical_inertia
 from adaptctl.control.lyapunov import lyapunov, sliding_variable
+from adaptctl.control.passivity import PassivityBased
+from adaptctl.control.passivity_integral import PassivityIntegral
+from adaptctl.control.pd_gravity import PDGravity
 from adaptctl.control.references import MinimumJerk, Sinusoids
 from adaptctl.control.slotine_li import SlotineLi
+from adaptctl.control.task_space import TaskSpaceSlotineLi
 
 __all__ = [
     "AdaptationLaw",
     "Adaptive",
+    "AdaptiveComputedTorque",
     "AdaptiveState",
     "BoundedGainForgetting",
     "Composite",
@@ -37,6 +43,9 @@ __all__ = [
     "Gradient",
     "MinimumJerk",
     "Natural",
+    "PDGravity",
+    "PassivityBased",
+    "PassivityIntegral",
     "PriorRanges",
     "Projection",
     "Reference",
@@ -44,6 +53,7 @@ __all__ = [
     "SigmaModification",
     "Sinusoids",
     "SlotineLi",
+    "TaskSpaceSlotineLi",
     "adaptation_gain",
     "limits",
     "lyapunov",

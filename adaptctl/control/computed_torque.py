@@ -4,27 +4,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from adaptctl.control.controller import Controller, ReferencePoint, home
+from adaptctl.control.controller import ReferencePoint
 from adaptctl.control.gains import per_joint
+from adaptctl.control.model_based import Followed, ModelBased, embedded
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
-from adaptctl.mechanism.pose import Array, frozen_array
+from adaptctl.identifiability import ReducedModel
+from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column
 
 
-class Followed(NamedTuple):
-    """The state of a law that remembers only where the loops, if any, are followed from."""
-
-    q: Any
-    """(n,) the tree's joints at the last tick"""
-
-
 @dataclass(frozen=True, eq=False)
-class ComputedTorque(Controller[Followed]):
+class ComputedTorque(ModelBased):
     """Inverse dynamics with a linear error loop (Luh, Walker and Paul 1980).
 
         torque = M(p) (a_d - 2 zeta omega e' - omega^2 e) + C(p, v) v + g(p)
@@ -43,32 +38,23 @@ class ComputedTorque(Controller[Followed]):
         object.__setattr__(self, "bandwidth", per_joint(self.bandwidth, self.dof, "bandwidth"))
         if not (np.isfinite(self.damping_ratio) and self.damping_ratio > 0.0):
             raise InputError(f"damping ratio: expected a positive number, got {self.damping_ratio}")
-        own = self.mechanism.inertial_parameters
-        given = frozen_array(own if self.parameters is None else self.parameters, own.shape, "parameters")
-        object.__setattr__(self, "parameters", given)
+        self._settle()
 
-    @property
-    def dof(self) -> int:
-        """Number of joints r."""
-        return self.mechanism.dof
-
-    @property
-    def home(self) -> Array:
-        """Positions (r,) where loops, if any, are known to close."""
-        return home(self.mechanism)
-
-    def start(self, p: Array, v: Array) -> Followed:
-        """The configuration at the start."""
-        return Followed(self.mechanism.configuration(p))
+    @classmethod
+    def on(
+        cls, model: ReducedModel, bandwidth: ArrayLike, damping_ratio: float = 1.0, parameters: ArrayLike | None = None
+    ) -> ComputedTorque:
+        """The same law with the parameters (k,) of a model, the true ones unless given."""
+        return cls(model.mechanism, np.asarray(bandwidth), damping_ratio, embedded(model, parameters))
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: Followed) -> tuple[Column, Followed]:
         """One tick."""
-        rate, stiffness, parameters = self._constants
+        rate, stiffness = self._constants
         q = self.mechanism.equations.closed(p, memory.q)
         a = reference.a - rate * (v - reference.v) - stiffness * (p - reference.p)
-        return self.mechanism.equations.inverse_dynamics(q, v, v, a, parameters), Followed(q)
+        return self.mechanism.equations.inverse_dynamics(q, v, v, a, self._parameters), Followed(q)
 
     @cached_property
-    def _constants(self) -> tuple[Column, Column, Column]:
+    def _constants(self) -> tuple[Column, Column]:
         rate, stiffness = 2.0 * self.damping_ratio * self.bandwidth, self.bandwidth**2
-        return Column(rate.tolist()), Column(stiffness.tolist()), Column(np.asarray(self.parameters).tolist())
+        return Column(rate.tolist()), Column(stiffness.tolist())

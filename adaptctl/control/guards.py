@@ -1,0 +1,232 @@
+"""What every controller needs before it may touch a motor: limits it knows, learning that waits, a safe stop."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.control.controller import Controller, ReferencePoint, leaves
+from adaptctl.errors import InputError
+from adaptctl.mechanism.pose import Array
+from adaptctl.scalars import Column, Scalar, absolute, clip, maximum, where
+from adaptctl.scalars.scalar import Condition
+
+LARGEST = float(np.finfo(np.float64).max)
+
+Parts = TypeVar("Parts", bound=tuple[Any, ...])
+
+
+class Marks(NamedTuple):
+    """What the guards did in a tick, each (1,), 1 or 0."""
+
+    torque_limited: Any
+    """a torque was beyond its limit"""
+    rate_limited: Any
+    """a torque would have changed too fast"""
+    frozen: Any
+    """nothing is learned from the period that begins, because its torque is not the law's"""
+    bounded: Any
+    """an estimate was brought back to its bounds"""
+    stopped: Any
+    """something was not finite, now or before: the arm is braked"""
+
+
+class GuardedState(NamedTuple):
+    """What the guarded law remembers, the last torque, and what the guards did."""
+
+    of: Any
+    torque: Any
+    """(r,) N m"""
+    begun: Any
+    """(1,) 1 after the first tick"""
+    marks: Marks
+
+    @property
+    def estimate(self) -> Any:
+        """The law's estimate, where it has one."""
+        return self.of.estimate
+
+
+@dataclass(frozen=True, eq=False)
+class Guarded(Controller[GuardedState]):
+    """A controller within limits that it knows.
+
+    Torques stay within `torque_limits` (N m) and change by at most `rate_limits` (N m/s) times `period` (s) from
+    one tick to the next, but for the first. While either holds the torque back, the error is not the estimate's
+    fault, and nothing is learned from that period (`freeze`): an integrator's anti-windup by conditional
+    integration (Astrom and Hagglund, Advanced PID Control, 2006, section 3.5). Estimates stay within
+    `estimate_bounds`, two of (k,). When a measurement, a reference, or anything that the law makes of them is not
+    finite, the arm is braked by `stop_damping` (N m s/rad; the law's own damping where it has one) from then on,
+    until `init`: gravity is not held, so a brake must. Numbers are scalars or one a joint.
+
+    What the guards do is in the state's `marks`, tick by tick.
+    """
+
+    of: Controller[Any]
+    torque_limits: ArrayLike = np.inf
+    rate_limits: ArrayLike = np.inf
+    estimate_bounds: tuple[ArrayLike, ArrayLike] | None = None
+    stop_damping: ArrayLike | None = None
+    freeze: bool = True
+    period: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("torque_limits", "rate_limits"):
+            object.__setattr__(self, name, _each(getattr(self, name), self.dof, name, positive=True))
+        own = getattr(self.of, "damping", None) if self.stop_damping is None else self.stop_damping
+        if own is None:
+            raise InputError(f"stop_damping: {type(self.of).__name__} has no damping of its own to brake by: give one")
+        object.__setattr__(self, "stop_damping", _each(own, self.dof, "stop_damping"))
+        if self.period is None:
+            object.__setattr__(self, "period", getattr(self.of, "period", None))
+        if np.isfinite(np.asarray(self.rate_limits)).any() and self.period is None:
+            raise InputError(f"period: {type(self.of).__name__} does not know its own, and limiting rates needs it")
+        if self.estimate_bounds is not None:
+            object.__setattr__(self, "estimate_bounds", _bounds(self.of, *self.estimate_bounds))
+
+    @property
+    def dof(self) -> int:
+        """Number of joints r."""
+        return self.of.dof
+
+    @property
+    def home(self) -> Array:
+        """Where the law can start."""
+        return self.of.home
+
+    @property
+    def reference_size(self) -> int:
+        """What the law asks of a reference."""
+        return self.of.reference_size
+
+    def start(self, p: Array, v: Array) -> GuardedState:
+        """The law's own memory, and nothing done yet."""
+        marks = Marks(*(np.zeros(1) for _ in Marks._fields))
+        return GuardedState(self.of.start(p, v), np.zeros(self.dof), np.zeros(1), marks)
+
+    def law(self, p: Column, v: Column, reference: ReferencePoint, memory: GuardedState) -> tuple[Column, GuardedState]:
+        """One tick of the law, on finite numbers only, and what is allowed of it."""
+        given = (p, v, *reference)
+        clean = [Column(where(_finite(x), x, 0.0) for x in column) for column in given]
+        torque, after = self.of.law(clean[0], clean[1], ReferencePoint(*clean[2:]), memory.of)
+        after, bounded = self._bounded(after)
+        sound = _sound((*given, torque, *leaves(after)))
+        stopped = where(sound, memory.marks.stopped[0], 1.0)
+        torque = _either(stopped > 0.5, -(self._stop_damping * clean[1]), torque)
+        after = _chosen(stopped > 0.5, memory.of, after)
+        limited = Column(map(clip, torque, -self._torque_limits, self._torque_limits))
+        applied = self._within_reach(limited, memory)
+        beyond, too_fast = _differ(torque, limited), _differ(limited, applied)
+        frozen = maximum(beyond, too_fast) if self.freeze else 0.0
+        after = _without_learning(frozen > 0.5, after) if self.freeze else after
+        marks = Marks(*(Column((mark,)) for mark in (beyond, too_fast, frozen, bounded, stopped)))
+        return applied, GuardedState(after, applied, Column((1.0,)), marks)
+
+    def _within_reach(self, torque: Column, memory: GuardedState) -> Column:
+        """The nearest torque that the rate allows; any is at the first tick."""
+        if self._steps is None:
+            return torque
+        reach = [where(memory.begun[0] > 0.5, step, LARGEST) for step in self._steps]
+        pairs = zip(torque, memory.torque, reach, strict=True)
+        return Column(clip(x, last - step, last + step) for x, last, step in pairs)
+
+    def _bounded(self, after: Any) -> tuple[Any, Any]:
+        """The memory with its estimate within the bounds, and whether it had to be brought there."""
+        if self.estimate_bounds is None:
+            return after, 0.0
+        lower, upper = (np.asarray(bound).tolist() for bound in self.estimate_bounds)
+        estimate = Column(map(clip, after.estimate, lower, upper))
+        return after._replace(estimate=estimate), _differ(after.estimate, estimate)
+
+    @cached_property
+    def _torque_limits(self) -> Column:
+        return Column(np.minimum(np.asarray(self.torque_limits), LARGEST).tolist())
+
+    @cached_property
+    def _stop_damping(self) -> Column:
+        return Column(np.asarray(self.stop_damping).tolist())
+
+    @cached_property
+    def _steps(self) -> list[float] | None:
+        """The largest change of each torque in a period; None where no rate is limited."""
+        if self.period is None or not np.isfinite(np.asarray(self.rate_limits)).any():
+            return None
+        return np.minimum(np.asarray(self.rate_limits) * self.period, LARGEST).tolist()
+
+
+def _each(values: ArrayLike, dof: int, what: str, *, positive: bool = False) -> Array:
+    """Numbers (r,), one for all joints or one each; limits may be infinite, and nothing may be NaN."""
+    array = np.asarray(values, dtype=np.float64)
+    fits = array > 0.0 if positive else (array >= 0.0) & np.isfinite(array)
+    if array.shape not in ((), (dof,)) or not np.all(fits):
+        wanted = "positive numbers" if positive else "finite numbers of at least 0"
+        raise InputError(f"{what}: expected {wanted}, one or {dof}, got {array.tolist()}")
+    each = np.broadcast_to(array, (dof,)).copy()
+    each.flags.writeable = False
+    return each
+
+
+def _bounds(law: Controller[Any], lower: ArrayLike, upper: ArrayLike) -> tuple[Array, Array]:
+    """Bounds (k,) of a law's estimate, which must start within them."""
+    estimate = getattr(law.start(law.home, np.zeros(law.dof)), "estimate", None)
+    if estimate is None:
+        raise InputError(f"estimate_bounds: {type(law).__name__} estimates nothing: leave them out")
+    low, high = (np.broadcast_to(np.asarray(bound, dtype=np.float64), np.shape(estimate)) for bound in (lower, upper))
+    if not np.all(low < high):
+        raise InputError("estimate_bounds: expected lower < upper for every parameter")
+    outside = np.flatnonzero((estimate < low) | (estimate > high))
+    if outside.size:
+        j = int(outside[0])
+        raise InputError(
+            f"estimate_bounds: the first estimate of parameter {j} is {estimate[j]:g}, outside [{low[j]:g}, "
+            f"{high[j]:g}]: start within the bounds, or widen them"
+        )
+    return low, high
+
+
+def _finite(x: Scalar) -> Condition:
+    return absolute(x) <= LARGEST
+
+
+def _sound(columns: Iterable[Column]) -> Condition:
+    """Whether all numbers are finite."""
+    spoilt: Any = 0.0
+    for column in columns:
+        for x in column:
+            spoilt = where(_finite(x), spoilt, 1.0)
+    return spoilt < 0.5
+
+
+def _differ(asked: Column, given: Column) -> Any:
+    """1 where any entry is another, else 0."""
+    other: Any = 0.0
+    for x, y in zip(asked, given, strict=True):
+        other = where(absolute(x - y) > 0.0, 1.0, other)
+    return other
+
+
+def _either(condition: Condition, yes: Column, no: Column) -> Column:
+    return Column(where(condition, x, y) for x, y in zip(yes, no, strict=True))
+
+
+def _chosen(condition: Condition, yes: Parts, no: Parts) -> Parts:
+    """One of two memories of a kind."""
+    pairs = zip(yes, no, strict=True)
+    return type(no)(*(_chosen(condition, a, b) if isinstance(a, tuple) else _either(condition, a, b) for a, b in pairs))
+
+
+def _without_learning(condition: Condition, memory: Parts) -> Parts:
+    """The memory whose laws take no time to have elapsed, where the condition holds: they learn nothing then."""
+    parts = []
+    for name, part in zip(getattr(memory, "_fields", range(len(memory))), memory, strict=True):
+        if isinstance(part, tuple):
+            part = _without_learning(condition, part)
+        elif name == "elapsed":
+            part = _either(condition, Column.zeros(len(part)), part)
+        parts.append(part)
+    return type(memory)(*parts)

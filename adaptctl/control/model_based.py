@@ -1,0 +1,59 @@
+"""What control laws with given parameters have in common."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.control.controller import Controller, home
+from adaptctl.dynamics import Mechanism
+from adaptctl.identifiability import ReducedModel
+from adaptctl.mechanism.pose import Array, frozen_array
+from adaptctl.scalars import Column
+
+
+class Followed(NamedTuple):
+    """The state of a law that remembers only where the loops, if any, are followed from."""
+
+    q: Any
+    """(n,) the tree's joints at the last tick"""
+
+
+class ModelBased(Controller[Followed]):
+    """A control law with parameters (P,), right or wrong, of a mechanism; its own unless given."""
+
+    mechanism: Mechanism
+    parameters: Array | None
+
+    def _settle(self) -> None:
+        """Check the parameters."""
+        own = self.mechanism.inertial_parameters
+        given = frozen_array(own if self.parameters is None else self.parameters, own.shape, "parameters")
+        object.__setattr__(self, "parameters", given)
+
+    @property
+    def dof(self) -> int:
+        """Number of joints r."""
+        return self.mechanism.dof
+
+    @property
+    def home(self) -> Array:
+        """Positions (r,) where loops, if any, are known to close."""
+        return home(self.mechanism)
+
+    def start(self, p: Array, v: Array) -> Followed:
+        """The configuration at the start."""
+        return Followed(self.mechanism.configuration(p))
+
+    @cached_property
+    def _parameters(self) -> Column:
+        return Column(np.asarray(self.parameters).tolist())
+
+
+def embedded(model: ReducedModel, parameters: ArrayLike | None) -> Array:
+    """All P parameters with the torques of fundamental ones (k,), the true ones unless given: zero where removed,
+    so that what they would have cost is never computed."""
+    return model.embed(model.fundamental_parameters if parameters is None else parameters)

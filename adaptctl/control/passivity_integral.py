@@ -1,0 +1,75 @@
+"""Passivity-based control with integral action."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from adaptctl.control.adaptation.law import AdaptationLaw
+from adaptctl.control.adaptive import AdaptiveState
+from adaptctl.control.controller import ReferencePoint
+from adaptctl.control.gains import per_joint
+from adaptctl.control.passivity import PassivityBased, Wanted
+from adaptctl.identifiability import ReducedModel
+from adaptctl.mechanism.pose import Array
+from adaptctl.scalars import Column
+
+
+class Integral(NamedTuple):
+    """What integral action remembers."""
+
+    integral: Any
+    """(r,) of the error so far, rad s"""
+    error: Any
+    """(r,) at the last tick"""
+
+
+@dataclass(frozen=True, eq=False)
+class PassivityIntegral(PassivityBased):
+    """Slotine and Li's law about the integral of the error (Slotine and Li 1991, section 9.2; the passivity of
+    the family: Ortega and Spong 1989).
+
+        e = p - p_d,  v_r = v_d - 2 Lambda e - Lambda^2 (integral of e),  s = v - v_r
+        torque = Y_r(p, v, v_r, a_r) estimate - K s
+
+    Guarantees: what `SlotineLi` does, V with this s; on s = 0 the error has both poles at -Lambda. A constant
+    disturbance leaves a constant s and no position error, adaptation or not; friction and an unknown payload at
+    rest are such.
+
+    Gives up: the integral overshoots, and winds up while torques are limited. It stands still in a period whose
+    `elapsed` is set to zero, as adaptation does.
+
+    Arguments as `SlotineLi`'s.
+    """
+
+    model: ReducedModel
+    bandwidth: Array
+    damping: Array
+    adaptation: AdaptationLaw[Any] | Array | None = None
+    initial: Array | None = None
+    period: float = 1e-3
+
+    def __post_init__(self) -> None:
+        for name in ("bandwidth", "damping"):
+            object.__setattr__(self, name, per_joint(getattr(self, name), self.dof, name))
+        self._settle()
+        self._require_carried(self.damping)
+
+    def wanted(self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState) -> Wanted:
+        """The reference's velocity, and back to it."""
+        twice, square = self._gains
+        before: Integral = memory.more
+        e, rate = p - reference.p, v - reference.v
+        integral = before.integral + (0.5 * memory.elapsed[0]) * (before.error + e)
+        v_r = reference.v - twice * e - square * integral
+        return Wanted(v_r, reference.a - twice * rate - square * e, Integral(integral, e))
+
+    def _more(self, p: Array, v: Array) -> Integral:
+        return Integral(np.zeros(self.dof), np.zeros(self.dof))
+
+    @cached_property
+    def _gains(self) -> tuple[Column, Column]:
+        return Column((2.0 * self.bandwidth).tolist()), Column((self.bandwidth**2).tolist())

@@ -1,0 +1,61 @@
+"""Proportional and derivative control with gravity compensated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.control.controller import ReferencePoint
+from adaptctl.control.gains import per_joint
+from adaptctl.control.model_based import Followed, ModelBased, embedded
+from adaptctl.dynamics import Mechanism
+from adaptctl.identifiability import ReducedModel
+from adaptctl.mechanism.pose import Array
+from adaptctl.scalars import Column
+
+
+@dataclass(frozen=True, eq=False)
+class PDGravity(ModelBased):
+    """torque = g(p) - Kp (p - p_d) - Kd (v - v_d) (Takegaki and Arimoto 1981).
+
+    Guarantees, with the true gravity: a p_d that stands still is reached from anywhere, as
+    v'Mv/2 + e'Kp e/2 falls by -v'Kd v; whatever the inertias.
+
+    Gives up: a moving reference is followed with the error that inertia and Coriolis forces make; a wrong
+    gravity leaves the error Kp^-1 times what is missing. Nothing learns.
+
+    `stiffness` is Kp (N m/rad) and `damping` Kd (N m s/rad), scalars or (r,); `parameters` (P,) are the
+    mechanism's own unless given.
+    """
+
+    mechanism: Mechanism
+    stiffness: Array
+    damping: Array
+    parameters: Array | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("stiffness", "damping"):
+            object.__setattr__(self, name, per_joint(getattr(self, name), self.dof, name))
+        self._settle()
+
+    @classmethod
+    def on(
+        cls, model: ReducedModel, stiffness: ArrayLike, damping: ArrayLike, parameters: ArrayLike | None = None
+    ) -> PDGravity:
+        """The same law with the parameters (k,) of a model, the true ones unless given."""
+        return cls(model.mechanism, np.asarray(stiffness), np.asarray(damping), embedded(model, parameters))
+
+    def law(self, p: Column, v: Column, reference: ReferencePoint, memory: Followed) -> tuple[Column, Followed]:
+        """One tick."""
+        stiffness, damping = self._constants
+        equations, rest = self.mechanism.equations, Column.zeros(self.dof)
+        q = equations.closed(p, memory.q)
+        gravity = equations.inverse_dynamics(q, rest, rest, rest, self._parameters)
+        return gravity - stiffness * (p - reference.p) - damping * (v - reference.v), Followed(q)
+
+    @cached_property
+    def _constants(self) -> tuple[Column, Column]:
+        return Column(self.stiffness.tolist()), Column(self.damping.tolist())

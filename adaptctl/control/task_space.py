@@ -1,0 +1,160 @@
+"""Slotine and Li's law for a point of the arm that is to follow a path in the world."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory
+from adaptctl.control.adaptive import AdaptiveState
+from adaptctl.control.controller import ReferencePoint
+from adaptctl.control.gains import per_joint
+from adaptctl.control.passivity import PassivityBased, Wanted
+from adaptctl.dynamics.jacobian import moving_point
+from adaptctl.dynamics.mass_matrix import solve_symmetric
+from adaptctl.errors import InputError
+from adaptctl.identifiability import ReducedModel
+from adaptctl.mechanism.pose import Array, frozen_array
+from adaptctl.scalars import Column, Dual, Vec
+
+
+class Goal(NamedTuple):
+    """Where the reference's loops are followed from, when it is given in joints."""
+
+    q: Any
+    """(n,)"""
+
+
+@dataclass(frozen=True, eq=False)
+class TaskSpaceSlotineLi(PassivityBased):
+    """Slotine and Li's law with the velocity it wants chosen for a point x(p) of a link (Slotine and Li 1987,
+    section on Cartesian control).
+
+        v_r = J# (x_d' - Lambda (x - x_d)) + (1 - J# J)(-posture_rate (p - posture)),  J# = J'(J J' + mu^2)^-1
+        a_r = its exact derivative in time, by dual numbers;  s = v - v_r
+        torque = Y_r(p, v, v_r, a_r) estimate - K s
+
+    x has m of the world's coordinates (`axes`) of the `tool` (3,), a point in the frame of `link`, the last one
+    when not given. With m < r the rest of the motion is drawn to `posture`, the mechanism's home when not given.
+    `singularity` is mu in m: zero inverts J itself (m = r) or takes the least motion (m < r).
+
+    Guarantees: s goes to zero with V as for `SlotineLi`, whatever J. Where J has full rank and mu is zero,
+    x' - x_d' + Lambda (x - x_d) = J s, so the point goes to its path.
+
+    Gives up: orientations. Near a singularity v_r grows without bound when mu is zero; with mu the point lags
+    behind where J's singular values are not large against mu.
+
+    The reference point has m numbers each, x_d, x_d', x_d''; with `reference_in_joints` it has joints (r,), as
+    an environment tells them, and the point is to be where that arm has it. `bandwidth` is Lambda (1/s), a
+    number or (m,); other arguments as `SlotineLi`'s.
+    """
+
+    model: ReducedModel
+    bandwidth: Array
+    damping: Array
+    adaptation: AdaptationLaw[Any] | Array | None = None
+    initial: Array | None = None
+    period: float = 1e-3
+    link: str | None = None
+    tool: Array | None = None
+    axes: tuple[int, ...] = (0, 1, 2)
+    singularity: float = 0.0
+    posture: Array | None = None
+    posture_rate: float = 1.0
+    reference_in_joints: bool = False
+
+    def __post_init__(self) -> None:
+        axes = tuple(self.axes)
+        if not axes or list(axes) != sorted(set(axes)) or not set(axes) <= {0, 1, 2}:
+            raise InputError(f"task space: axes: expected some of 0, 1, 2 (x, y, z), rising, got {list(axes)}")
+        if len(axes) > self.dof:
+            raise InputError(f"task space: {self.dof} joints cannot move a point along {len(axes)} axes: choose fewer")
+        object.__setattr__(self, "axes", axes)
+        object.__setattr__(self, "bandwidth", per_joint(self.bandwidth, len(axes), "bandwidth"))
+        object.__setattr__(self, "damping", per_joint(self.damping, self.dof, "damping"))
+        for name, size, default in (("tool", 3, np.zeros(3)), ("posture", self.dof, self.home)):
+            given = getattr(self, name)
+            object.__setattr__(self, name, frozen_array(default if given is None else given, (size,), name))
+        for name in ("singularity", "posture_rate"):
+            if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
+                raise InputError(f"task space: {name}: expected at least 0, got {getattr(self, name)}")
+        self._require_link()
+        self._settle()
+        self._require_carried(self.damping)
+
+    @property
+    def reference_size(self) -> int:
+        """m, or r where the reference is given in joints."""
+        return self.dof if self.reference_in_joints else len(self.axes)
+
+    def wanted(self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState) -> Wanted:
+        """The velocity wanted and its derivative along the motion."""
+        goal, rate, more = self._goal(reference, memory)
+        rates = self.model.mechanism.equations.rates(q, v)
+        v_r = self._velocity(_moving(q, rates), _moving(p, v), goal, rate)
+        return Wanted(Column(x.value for x in v_r), Column(x.slope for x in v_r), more)
+
+    def point(self, q: Column) -> tuple[Column, list[Column]]:
+        """x (m,) and the rows of J (m, r) at configuration q (n,)."""
+        equations = self.model.mechanism.equations
+        moving = moving_point(equations.links, q, self._link, Vec(*np.asarray(self.tool).tolist()))
+        units = [Column(float(i == j) for j in range(self.dof)) for i in range(self.dof)]
+        columns = [tuple(moving.velocity(equations.rates(q, unit))) for unit in units]
+        position = tuple(moving.position)
+        return Column(position[i] for i in self.axes), [Column(column[i] for column in columns) for i in self.axes]
+
+    def _more(self, p: Array, v: Array) -> Any:
+        return Goal(self.model.mechanism.configuration(p)) if self.reference_in_joints else NoMemory()
+
+    def _goal(self, reference: ReferencePoint, memory: AdaptiveState) -> tuple[Column, Column, Any]:
+        """Where the point is to be, its velocity there, both with their derivatives, and the memory."""
+        if not self.reference_in_joints:
+            return _moving(reference.p, reference.v), _moving(reference.v, reference.a), NoMemory()
+        equations = self.model.mechanism.equations
+        q = equations.closed(reference.p, memory.more.q)
+        position, rows = self.point(_moving(q, equations.rates(q, reference.v)))
+        velocity = _moving(reference.v, reference.a)
+        return position, Column(row @ velocity for row in rows), Goal(q)
+
+    def _velocity(self, q: Column, p: Column, goal: Column, rate: Column) -> Column:
+        """v_r (r,)."""
+        position, rows = self.point(q)
+        home = Column(np.asarray(self.posture).tolist())
+        free = -(self.posture_rate * (p - home)) if len(self.axes) < self.dof else Column.zeros(self.dof)
+        task = rate - self._bandwidth * (position - goal) - Column(row @ free for row in rows)
+        return free + _damped(rows, task, self.singularity**2)
+
+    def _require_link(self) -> None:
+        names = [link.name for link in self.model.mechanism.links]
+        if self.link is not None and self.link not in names:
+            raise InputError(f"task space: there is no link {self.link!r}; links: {', '.join(names)}")
+
+    @cached_property
+    def _link(self) -> int:
+        names = [link.name for link in self.model.mechanism.links]
+        return len(names) - 1 if self.link is None else names.index(self.link)
+
+    @cached_property
+    def _bandwidth(self) -> Column:
+        return Column(self.bandwidth.tolist())
+
+
+def _moving(values: Column, slopes: Column) -> Column:
+    """Numbers with their derivatives in time."""
+    return Column(map(Dual, values, slopes))
+
+
+def _damped(rows: Sequence[Column], task: Column, square: float) -> Column:
+    """J'(J J' + mu^2)^-1 task."""
+    gram = [[a @ b for b in rows] for a in rows]
+    for i in range(len(rows)):
+        gram[i][i] = gram[i][i] + square
+    weights = solve_symmetric(gram, task)
+    total = weights[0] * rows[0]
+    for weight, row in zip(weights.of[1:], rows[1:], strict=True):
+        total = total + weight * row
+    return total
