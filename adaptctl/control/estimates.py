@@ -1,0 +1,44 @@
+"""Parameter estimates that outlast a run: what one controller learnt, another may start from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.errors import FileError
+from adaptctl.files import read_json, write_json
+from adaptctl.identifiability import ReducedModel
+from adaptctl.mechanism.pose import Array, frozen_array
+
+SCHEMA = "adaptctl/estimate/1"
+
+
+class _Saved(msgspec.Struct, forbid_unknown_fields=True):
+    schema: Literal["adaptctl/estimate/1"]
+    mechanism: str
+    parameters: dict[str, float]
+
+
+def save_estimate(path: str | Path, model: ReducedModel, estimate: ArrayLike) -> None:
+    """Write an estimate (k,) of the model's parameters as JSON, by name. Raises `InputError` on a wrong shape."""
+    values = frozen_array(estimate, (len(model.names),), "estimate")
+    parameters = dict(zip(model.names, values.tolist(), strict=True))
+    write_json(path, {"schema": SCHEMA, "mechanism": model.mechanism.name, "parameters": parameters})
+
+
+def load_estimate(path: str | Path, model: ReducedModel) -> Array:
+    """An estimate (k,) that `save_estimate` wrote, in the order of the model's parameters.
+
+    Raises `FileError` for a file that is no estimate, or whose parameters are not the model's.
+    """
+    saved = read_json(path, _Saved).parameters
+    missing = [name for name in model.names if name not in saved]
+    foreign = [name for name in saved if name not in model.names]
+    if missing or foreign:
+        wrong = f"{missing[0]!r} is missing" if missing else f"{foreign[0]!r} is not among them"
+        raise FileError(f"{path}: the parameters are not the {len(model.names)} of {model.mechanism.name}: {wrong}")
+    return np.array([saved[name] for name in model.names])
