@@ -19,6 +19,7 @@ from adaptctl.control.adaptive import Adaptive, AdaptiveState
 from adaptctl.control.adaptive_computed_torque import AdaptiveComputedTorque
 from adaptctl.control.computed_torque import ComputedTorque
 from adaptctl.control.controller import Controller, Reference, ReferencePoint
+from adaptctl.control.estimates import load_estimate, save_estimate
 from adaptctl.control.gains import Gains, sampled_gain, typical_inertia
 from adaptctl.control.lyapunov import lyapunov, sliding_variable
 from adaptctl.control.passivity import PassivityBased
@@ -56,9 +57,11 @@ __all__ = [
     "TaskSpaceSlotineLi",
     "adaptation_gain",
     "limits",
+    "load_estimate",
     "lyapunov",
     "mapped_gain",
     "sampled_gain",
+    "save_estimate",
     "sliding_variable",
     "typical_inertia",
 ]
