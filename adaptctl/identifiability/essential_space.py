@@ -11,7 +11,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identifiability.certificate import ROUND_OFF, Certificate, leftovers
 from adaptctl.identifiability.null_space import null_residual, unscaled_bases
-from adaptctl.identifiability.numerical_rank import singular_values
+from adaptctl.identifiability.numerical_rank import singular_values, triangle
 from adaptctl.identifiability.right_angles import near_right_angles
 from adaptctl.identifiability.sampled_regressors import energetic_names, energy_differences, torque_rows
 from adaptctl.identifiability.sampling import States, random_states
@@ -142,5 +142,4 @@ def _space(
 
 def _right_vectors(matrix: Array) -> Array:
     """All right singular vectors, a vector a column, however few the rows."""
-    wide = matrix.shape[0] < matrix.shape[1]
-    return np.linalg.svd(matrix, full_matrices=wide)[2].T
+    return np.linalg.svd(triangle(matrix))[2].T

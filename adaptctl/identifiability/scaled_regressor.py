@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from adaptctl.dynamics import Mechanism
-from adaptctl.identifiability.numerical_rank import NumericalRank
+from adaptctl.identifiability.numerical_rank import NumericalRank, singular_values, triangle
 from adaptctl.identifiability.sampled_regressors import energetic_names, energies
 from adaptctl.identifiability.sampling import States, characteristic_length
 from adaptctl.identifiability.scaling import column_scales
@@ -17,11 +17,10 @@ from adaptctl.mechanism.pose import Array
 
 @dataclass(frozen=True, eq=False)
 class ScaledRegressor:
-    """Singular values (P,) and right vectors (P, P), a vector a column, of a regressor times `scales` (P,)."""
+    """A regressor times `scales` (P,), as the triangle R (P, P) of its QR factors."""
 
     scales: Array
-    singular_values: Array
-    vectors: Array
+    triangle: Array
 
     @classmethod
     def of_energies(cls, mechanism: Mechanism, states: States) -> ScaledRegressor:
@@ -36,8 +35,17 @@ class ScaledRegressor:
 
     @classmethod
     def _factored(cls, regressor: Array, scales: Array) -> ScaledRegressor:
-        _, values, right = np.linalg.svd(regressor * scales, full_matrices=False)
-        return cls(scales, values, right.T)
+        return cls(scales, triangle(regressor * scales))
+
+    @cached_property
+    def singular_values(self) -> Array:
+        """The singular values (P,), falling."""
+        return singular_values(self.triangle)
+
+    @cached_property
+    def vectors(self) -> Array:
+        """The right vectors (P, P), a vector a column."""
+        return np.linalg.svd(self.triangle)[2].T
 
     @cached_property
     def decision(self) -> NumericalRank:
