@@ -53,3 +53,7 @@ class LoopError(InputError):
 
 class SingularityError(AdaptctlError):
     """A loop is at or near a configuration where its primary joints no longer determine the others."""
+
+
+class MissingExtraError(AdaptctlError, ImportError):
+    """Something needs packages that are not installed: the message has the command that installs them."""

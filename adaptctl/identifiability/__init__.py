@@ -1,6 +1,7 @@
 """Offline: which inertial parameters a motion depends on, and which smallest set is enough."""
 
 from adaptctl.identifiability.certificate import Certificate, Leftover
+from adaptctl.identifiability.consistency import Lift, nearest_consistent
 from adaptctl.identifiability.essential_space import EssentialSpace, essential_space
 from adaptctl.identifiability.fundamental_basis import FundamentalBasis, fundamental_basis
 from adaptctl.identifiability.priority import Priority
@@ -14,6 +15,7 @@ __all__ = [
     "EssentialSpace",
     "FundamentalBasis",
     "Leftover",
+    "Lift",
     "NearRightAngle",
     "Priority",
     "ReducedModel",
@@ -21,6 +23,7 @@ __all__ = [
     "States",
     "essential_space",
     "fundamental_basis",
+    "nearest_consistent",
     "random_states",
     "reduce",
     "states_within_limits",

@@ -1,0 +1,161 @@
+"""From fundamental parameters back to rigid bodies: the lift, where there is one."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.errors import AdaptctlError, InputError, MissingExtraError
+from adaptctl.identifiability.reduced_model import ReducedModel
+from adaptctl.mechanism.inertia import PARAMETERS, pseudo_inertia
+from adaptctl.mechanism.pose import Array, frozen_array
+
+if TYPE_CHECKING:
+    import cvxpy
+
+REALISABLE = 1e-6
+"""Relative distance below which fundamental parameters count as realisable: the solver's accuracy."""
+SLACK = 1e-3
+"""Share by which the distance may be exceeded to come nearer to the prior, where nothing is realisable."""
+
+_UNITS = np.stack([pseudo_inertia(unit) for unit in np.eye(len(PARAMETERS))])
+"""(10, 4, 4): the pseudo-inertia of each unit parameter."""
+
+
+@dataclass(frozen=True, eq=False)
+class Lift:
+    """Full parameters that rigid bodies have, and how near they come to the fundamental ones asked for."""
+
+    parameters: Array
+    """(P,) physically consistent"""
+    fundamental: Array
+    """(k,) beta of these"""
+    wanted: Array
+    """(k,) beta asked for"""
+
+    @cached_property
+    def distance(self) -> float:
+        """|beta - wanted| / |wanted|, in SI units."""
+        return float(np.linalg.norm(self.fundamental - self.wanted)) / _size(self.wanted)
+
+    @property
+    def realisable(self) -> bool:
+        """Whether rigid bodies have the fundamental parameters asked for."""
+        return self.distance < REALISABLE
+
+
+def nearest_consistent(model: ReducedModel, beta: ArrayLike, prior: ArrayLike | None = None) -> Lift:
+    """Of the physically consistent full parameters with fundamental ones beta (k,), the nearest to a prior (P,).
+
+    Fundamental parameters fix k of P numbers only; many sets of rigid bodies have the same, or none. Nearest is
+    meant by the Bregman divergence sum_i tr(P_i prior^-1 P_i) - log det P_i of the links' pseudo-inertias, which
+    depends on no units and no frames (Lee, Wensing and Park 2020); the prior must be consistent, and is the
+    mechanism's own when not given. Where no rigid bodies have beta, the nearest realisable ones take its place,
+    in the least squares of SI units, and of the bodies that come as near but for a thousandth those nearest to
+    the prior: ask `realisable` and `distance`. Rotor inertia and friction stay positive.
+
+    A semidefinite programme of 10 unknowns a link. Raises `MissingExtraError` without the extra `consistency`,
+    `InputError` for a prior that no rigid bodies have.
+    """
+    wanted = frozen_array(beta, (len(model.columns),), "fundamental parameters")
+    own = model.mechanism.inertial_parameters
+    known = frozen_array(own if prior is None else prior, own.shape, "prior")
+    bodies = _Bodies(model, known)
+    nearest = bodies.nearest(wanted)
+    away = Lift(nearest, model.regrouping @ nearest, wanted)
+    parameters = bodies.likeliest(wanted, None if away.realisable else away.distance * (1.0 + SLACK))
+    return Lift(parameters, model.regrouping @ parameters, wanted)
+
+
+class _Bodies:
+    """The unknowns: each pseudo-inertia is G X G' with the prior's G G', so that X is 1 at the prior."""
+
+    def __init__(self, model: ReducedModel, prior: Array) -> None:
+        self._cp = _solver()
+        self._regrouping, self._drives = model.regrouping, prior[_tens(model) :]
+        self._prior_roots = _roots(model, prior)
+        self._relative = [self._cp.Variable((4, 4), PSD=True) for _ in self._prior_roots]
+        self._share = self._cp.Variable(len(self._drives), nonneg=True) if len(self._drives) else None
+
+    @property
+    def _parameters(self) -> cvxpy.Expression:
+        cp, parts = self._cp, []
+        for X, root in zip(self._relative, self._prior_roots, strict=True):
+            parts.append(_as_ten(root) @ cp.vec(X, order="F"))
+        if self._share is not None:
+            parts.append(cp.multiply(self._drives, self._share))
+        return cp.hstack(parts)
+
+    def nearest(self, wanted: Array) -> Array:
+        """Parameters (P,) whose fundamental ones are nearest; at the cone's edge, where none are realisable."""
+        away = self._cp.norm((self._regrouping @ self._parameters - wanted) / _size(wanted))
+        return self._solved(away, [])
+
+    def likeliest(self, wanted: Array, within: float | None) -> Array:
+        """Of the parameters with these fundamental ones, or as near as `within`, the nearest to the prior."""
+        cp = self._cp
+        away = (self._regrouping @ self._parameters - wanted) / _size(wanted)
+        divergence = sum(cp.trace(X) - cp.log_det(X) for X in self._relative)
+        if self._share is not None:
+            divergence = divergence + cp.sum(self._share - cp.log(self._share))
+        return self._solved(divergence, [away == 0 if within is None else cp.norm(away) <= within])
+
+    def _solved(self, goal: Any, constraints: list[Any]) -> Array:
+        cp = self._cp
+        problem = cp.Problem(cp.Minimize(goal), constraints)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of lower accuracy: the lift tells its distance itself
+            problem.solve(solver=cp.CLARABEL)
+        if problem.status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
+            raise AdaptctlError(f"consistency: the semidefinite programme ended as {problem.status!r}")
+        return np.asarray(self._parameters.value, dtype=np.float64)
+
+
+def _solver() -> Any:
+    try:
+        import clarabel  # noqa: F401  # the solver, through cvxpy
+        import cvxpy
+    except ImportError as error:
+        raise MissingExtraError(
+            "physical consistency is decided by a semidefinite programme, which needs cvxpy and Clarabel: "
+            "pip install 'adaptctl[consistency]'"
+        ) from error
+    return cvxpy
+
+
+def _size(beta: Array) -> float:
+    """|beta|, and 1 where that is zero."""
+    return float(np.linalg.norm(beta)) or 1.0
+
+
+def _tens(model: ReducedModel) -> int:
+    return 10 * len(model.mechanism.description.bodies)
+
+
+def _roots(model: ReducedModel, prior: Array) -> list[Array]:
+    """Each link's Cholesky factor G (4, 4) of the prior's pseudo-inertia."""
+    roots: list[Array] = []
+    for i, body in enumerate(model.mechanism.description.bodies):
+        matrix = pseudo_inertia(prior[10 * i : 10 * i + 10])
+        smallest = float(np.linalg.eigvalsh(matrix)[0])
+        if not smallest > 0.0:
+            raise InputError(
+                f"prior: no rigid body has the ten of {model.mechanism.links[body].name}: its pseudo-inertia has "
+                f"the eigenvalue {smallest:.3g}; give consistent parameters, such as a rough guess of the links"
+            )
+        roots.append(np.asarray(np.linalg.cholesky(matrix), dtype=np.float64))
+    for name, value in zip(model.mechanism.parameter_names[_tens(model) :], prior[_tens(model) :], strict=True):
+        if not value > 0.0:
+            raise InputError(f"prior: {name}: expected a positive number, got {value:g}")
+    return roots
+
+
+def _as_ten(root: Array) -> Array:
+    """The matrix (10, 16) that takes X, column by column, to the ten of the pseudo-inertia G X G'."""
+    to_ten = np.linalg.pinv(_UNITS.reshape(10, 16).T)
+    return np.asarray(to_ten @ np.kron(root, root))
