@@ -101,7 +101,7 @@ def fundamental_basis(
     order = (priority or Priority()).indices(space.parameter_names)
     removed = removable(space.scaled_null_basis, order, tolerance)
     columns = tuple(sorted(set(range(len(order))) - set(removed)))
-    scaled_condition = float(np.linalg.cond(space.scaled_null_basis[list(removed)]))
+    scaled_condition = _condition(space.scaled_null_basis[list(removed)])
     _require_conditioned(space, removed, scaled_condition)
     _require_rank(space, columns)
     return FundamentalBasis(
@@ -110,10 +110,15 @@ def fundamental_basis(
         parameter_names=space.parameter_names,
         columns=columns,
         regrouping=_regrouping(space, columns, removed),
-        condition=float(np.linalg.cond(space.null_basis[list(removed)])),
+        condition=_condition(space.null_basis[list(removed)]),
         scaled_condition=scaled_condition,
         gap=space.certificate.gap,
     )
+
+
+def _condition(block: Array) -> float:
+    """The condition of a square block; 1 where nothing is removed."""
+    return float(np.linalg.cond(block)) if block.size else 1.0
 
 
 def _regrouping(space: EssentialSpace, columns: Sequence[int], removed: Sequence[int]) -> Array:

@@ -17,6 +17,8 @@ def unscaled_bases(scaled_null_basis: Array, scales: Array) -> tuple[Array, Arra
     1e-15 of what they could be, against 2e-14, 6e-13 and 6e-10 when V2 comes from the singular value
     decomposition of the unscaled H.
     """
+    if scaled_null_basis.shape[1] == 0:
+        return scaled_null_basis, np.eye(len(scales))
     vectors = scaled_null_basis * scales[:, None]
     order = np.argsort(-np.abs(vectors).max(axis=1), kind="stable")
     sorted_basis, *_ = scipy.linalg.qr(vectors[order], mode="full", pivoting=True)
@@ -28,5 +30,7 @@ def unscaled_bases(scaled_null_basis: Array, scales: Array) -> tuple[Array, Arra
 
 def null_residual(regressor: Array, null_basis: Array, scales: Array) -> float:
     """The largest torque of any null vector, over the largest that a vector of its size could make."""
+    if null_basis.shape[1] == 0:
+        return 0.0
     largest = np.abs(regressor * scales).max() * np.abs(null_basis / scales[:, None]).max(axis=0)
     return float((np.abs(regressor @ null_basis).max(axis=0) / largest).max())
