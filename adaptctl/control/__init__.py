@@ -21,6 +21,7 @@ from adaptctl.control.computed_torque import ComputedTorque
 from adaptctl.control.controller import Controller, Reference, ReferencePoint
 from adaptctl.control.estimates import load_estimate, save_estimate
 from adaptctl.control.gains import Gains, sampled_gain, typical_inertia
+from adaptctl.control.guards import Guarded, GuardedState
 from adaptctl.control.lyapunov import lyapunov, sliding_variable
 from adaptctl.control.passivity import PassivityBased
 from adaptctl.control.passivity_integral import PassivityIntegral
@@ -42,6 +43,8 @@ __all__ = [
     "EModification",
     "Gains",
     "Gradient",
+    "Guarded",
+    "GuardedState",
     "MinimumJerk",
     "Natural",
     "PDGravity",

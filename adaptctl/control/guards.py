@@ -123,6 +123,7 @@ class Guarded(Controller[GuardedState]):
         applied = self._within_reach(limited, memory)
         beyond, too_fast = _differ(torque, limited), _differ(limited, applied)
         frozen = maximum(beyond, too_fast) if self.freeze else 0.0
+        after = _told(after, applied)
         after = _without_learning(frozen > 0.5, after) if self.freeze else after
         marks = Marks(*(Column((mark,)) for mark in (beyond, too_fast, frozen, bounded, stopped)))
         return applied, GuardedState(after, applied, Column((1.0,)), marks)
@@ -218,6 +219,14 @@ def _chosen(condition: Condition, yes: Parts, no: Parts) -> Parts:
     """One of two memories of a kind."""
     pairs = zip(yes, no, strict=True)
     return type(no)(*(_chosen(condition, a, b) if isinstance(a, tuple) else _either(condition, a, b) for a, b in pairs))
+
+
+def _told(memory: Parts, applied: Column) -> Parts:
+    """The memory of a law that remembers its torque, with the one that is applied."""
+    if "torque" not in getattr(memory, "_fields", ()):
+        return memory
+    replaced: Parts = memory._replace(torque=applied)  # type: ignore[attr-defined]
+    return replaced
 
 
 def _without_learning(condition: Condition, memory: Parts) -> Parts:

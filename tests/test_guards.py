@@ -1,0 +1,215 @@
+"""Guards: within limits they are not there; beyond, torques are held, learning waits, and what is not finite stops."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from random_trees import random_chain
+
+from adaptctl.control import ComputedTorque, Controller, Guarded, ReferencePoint, SlotineLi, adaptation_gain
+from adaptctl.control.controller import LARGEST_COMPILED, home
+from adaptctl.dynamics import Mechanism, load
+from adaptctl.envs import TrackingEnv
+from adaptctl.errors import InputError, NonFiniteError
+from adaptctl.identifiability import ReducedModel
+from adaptctl.mechanism.pose import Array
+from adaptctl.scalars import Column
+from adaptctl.simulation import rollout
+
+BOUND = 0.3
+DAMPING = np.array([20.0, 40.0, 15.0, 2.0, 2.0, 2.0])
+
+
+@pytest.fixture(scope="module")
+def puma() -> Mechanism:
+    return load("puma560_geared")
+
+
+@pytest.fixture(scope="module")
+def law(puma: Mechanism) -> SlotineLi:
+    model = ReducedModel.full(puma)
+    return SlotineLi(model, 8.0, DAMPING, adaptation_gain(model))
+
+
+@pytest.fixture(scope="module")
+def held(law: SlotineLi) -> Guarded:
+    return Guarded(law, torque_limits=30.0, rate_limits=5e3)
+
+
+def ticks(controller: Controller[Any], inputs: Array) -> tuple[Array, list[Any]]:
+    """Torques and states on rows of (5, r): p, v and the reference's three."""
+    state, torques, states = controller.init(*inputs[0, :2]), [], []
+    for p, v, *reference in inputs:
+        torque, state = controller.step(state, p, v, ReferencePoint(*reference))
+        torques.append(torque)
+        states.append(state)
+    return np.array(torques), states
+
+
+def smooth(seed: int, count: int = 20, scale: float = 0.05) -> Array:
+    rng = np.random.default_rng(seed)
+    return 0.3 * rng.normal(size=(5, 6)) + scale * np.cumsum(rng.normal(size=(count, 5, 6)), axis=0)
+
+
+def test_guards_that_never_act_change_nothing(law: SlotineLi) -> None:
+    bare, states = ticks(law, smooth(0))
+    torques, guarded = ticks(Guarded(law, 1e9, 1e12, estimate_bounds=(-1e9, 1e9)), smooth(0))
+    np.testing.assert_allclose(torques, bare, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(guarded[-1].estimate, states[-1].estimate, rtol=1e-12, atol=1e-15)
+    assert all(mark[0] == 0.0 for state in guarded for mark in state.marks)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_torques_are_the_nearest_within_limits_and_reach(law: SlotineLi, held: Guarded, seed: int) -> None:
+    torques, states = ticks(held, smooth(seed))
+    asked = np.array([law.step(law.init(x[0], x[1]), x[0], x[1], ReferencePoint(*x[2:]))[0] for x in smooth(seed)[:1]])
+    np.testing.assert_allclose(torques[0], np.clip(asked[0], -30.0, 30.0), rtol=1e-9, atol=1e-9)
+    assert np.abs(torques).max() <= 30.0
+    assert np.abs(np.diff(torques, axis=0)).max() <= 5.0 * (1.0 + 1e-12)
+    for torque, state in zip(torques, states, strict=True):
+        np.testing.assert_array_equal(state.torque, torque)
+        np.testing.assert_array_equal(state.of.torque, torque)  # composite laws predict from what was applied
+        frozen = max(state.marks.torque_limited[0], state.marks.rate_limited[0])
+        assert state.marks.frozen[0] == frozen
+        assert state.of.elapsed[0] == (0.0 if frozen else law.period)
+
+
+def test_nothing_is_learned_from_a_period_with_another_torque(law: SlotineLi) -> None:
+    inputs = smooth(1)
+    _, waiting = ticks(Guarded(law, torque_limits=1e-3), inputs)
+    np.testing.assert_array_equal(waiting[-1].estimate, law.initial)
+    _, learning = ticks(Guarded(law, torque_limits=1e-3, freeze=False), inputs)
+    assert np.abs(learning[-1].estimate).max() > 0.0
+    assert all(state.marks.frozen[0] == 0.0 for state in learning)
+
+
+@pytest.mark.parametrize("what", range(5))
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_what_is_not_finite_brakes_from_then_on(held: Guarded, law: SlotineLi, what: int, bad: float) -> None:
+    inputs = smooth(2, scale=1e-3)
+    inputs[7, what, 3] = bad
+    torques, states = ticks(held, inputs)
+    stopped = np.array([state.marks.stopped[0] for state in states])
+    np.testing.assert_array_equal(stopped, np.arange(20) >= 7)
+    braking = -DAMPING * np.where(np.isfinite(inputs[:, 1]), inputs[:, 1], 0.0)
+    np.testing.assert_allclose(torques[15:], braking[15:], rtol=1e-12)  # within reach by then
+    assert np.isfinite(torques).all()
+    for state in states[7:]:
+        np.testing.assert_array_equal(state.estimate, states[6].estimate)
+    again, fresh = ticks(held, smooth(2, scale=1e-3))
+    np.testing.assert_array_equal(again[:7], torques[:7])
+    assert fresh[-1].marks.stopped[0] == 0.0
+
+
+def test_a_law_that_overflows_is_stopped_too(held: Guarded) -> None:
+    inputs = smooth(3)
+    inputs[4, 1] = 1e200  # finite, but its square is not: at the latest when the next tick learns from it
+    _, states = ticks(held, inputs)
+    stopped = [float(state.marks.stopped[0]) for state in states]
+    assert stopped in ([0.0] * 4 + [1.0] * 16, [0.0] * 5 + [1.0] * 15)
+    assert all(np.isfinite(state.estimate).all() for state in states)
+
+
+def test_a_start_must_be_finite(held: Guarded) -> None:
+    with pytest.raises(NonFiniteError, match="Guarded: p: expected finite numbers"):
+        held.init(np.full(6, np.nan), np.zeros(6))
+
+
+@pytest.fixture(scope="module")
+def bounded(law: SlotineLi) -> Guarded:
+    return Guarded(law, estimate_bounds=(-BOUND, BOUND))
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_estimates_stay_within_their_bounds(law: SlotineLi, bounded: Guarded, seed: int) -> None:
+    _, states = ticks(bounded, smooth(seed))
+    _, free = ticks(law, smooth(seed))
+    estimates = np.array([state.estimate for state in states])
+    assert np.abs(estimates).max() <= BOUND
+    marked = any(state.marks.bounded[0] for state in states)
+    assert marked == bool(max(np.abs(state.estimate).max() for state in free) > BOUND)
+
+
+def test_a_rollout_has_the_marks(puma: Mechanism, law: SlotineLi) -> None:
+    env = TrackingEnv(puma, 1, duration=0.2, initial_error=0.1)
+    run = rollout(env, Guarded(law, torque_limits=np.full(6, 40.0), rate_limits=1e4), seed=0)
+    assert tuple(run.marks) == ("torque_limited", "rate_limited", "frozen", "bounded", "stopped")
+    assert 0.0 < run.marks["frozen"].mean() < 1.0
+    held = np.isclose(np.abs(run.torque), 40.0).any(axis=1)
+    assert np.all(run.marks["torque_limited"][held] == 1.0)
+    still = np.abs(np.diff(run.estimate, axis=0)).max(axis=1) == 0.0
+    np.testing.assert_array_equal(still, run.marks["frozen"][:-1] == 1.0)
+
+
+def test_loops_and_laws_that_estimate_nothing_can_be_guarded() -> None:
+    arm = load("semi_direct_drive")
+    guarded = Guarded(ComputedTorque(arm, 5.0), torque_limits=1.0, stop_damping=2.0)
+    p, v = home(arm), np.array([0.1, -0.2, 0.3])
+    state = guarded.init(p, v)
+    torque, state = guarded.step(state, p, v, ReferencePoint(p + 1.0, v, v))
+    assert np.abs(torque).max() == 1.0
+    torque, state = guarded.step(state, p, np.full(3, np.nan), ReferencePoint(p, v, v))
+    np.testing.assert_array_equal(torque, 0.0)
+    torque, state = guarded.step(state, p, v, ReferencePoint(p, v, v))
+    np.testing.assert_allclose(torque, -2.0 * v)
+    assert not hasattr(state, "estimate")
+
+
+def test_long_mechanisms_are_guarded_in_python() -> None:
+    chain = random_chain(0, LARGEST_COMPILED + 1)
+    guarded = Guarded(ComputedTorque(chain, 5.0), stop_damping=1.0)
+    n = chain.dof
+    state = guarded.init(np.zeros(n), np.ones(n))
+    spoilt = ReferencePoint(np.full(n, np.inf), np.zeros(n), np.zeros(n))
+    torque, state = guarded.step(state, np.zeros(n), np.ones(n), spoilt)
+    np.testing.assert_array_equal(torque, -1.0)
+    assert state.marks.stopped[0] == 1.0
+
+
+def test_the_law_runs_on_arrays_of_samples(held: Guarded) -> None:
+    """The guards branch by `where` alone: a batch is the ticks side by side."""
+    inputs = [smooth(seed)[0] for seed in range(4)]
+    inputs[2][0, 0] = np.nan
+    start = held.init(np.zeros(6), np.zeros(6))
+    from adaptctl.control.controller import leaves, like
+
+    batch = [Column(np.array([x[i] for x in inputs]).T) for i in range(5)]
+    memory = like(start, [Column(np.tile(part[:, None], 4)) for part in leaves(start)])
+    torque, after = held.law(batch[0], batch[1], ReferencePoint(*batch[2:]), memory)
+    for k, x in enumerate(inputs):
+        one, state = held.step(start, x[0], x[1], ReferencePoint(*x[2:]))
+        np.testing.assert_allclose([np.broadcast_to(entry, 4)[k] for entry in torque], one, rtol=1e-9, atol=1e-9)
+        assert np.broadcast_to(after.marks.stopped[0], 4)[k] == state.marks.stopped[0]
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"torque_limits": 0.0}, "torque_limits: expected positive numbers, one or 6, got 0.0"),
+        ({"torque_limits": [1.0, 2.0]}, "torque_limits: expected positive numbers, one or 6"),
+        ({"rate_limits": np.nan}, "rate_limits: expected positive numbers"),
+        ({"stop_damping": -1.0}, "stop_damping: expected finite numbers of at least 0"),
+        ({"estimate_bounds": (1.0, 2.0)}, r"first estimate of parameter 0 is 0, outside \[1, 2\]: start within"),
+        ({"estimate_bounds": (1.0, -1.0)}, "estimate_bounds: expected lower < upper"),
+    ],
+)
+def test_guards_that_cannot_be_are_refused(law: SlotineLi, settings: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        Guarded(law, **settings)
+
+
+def test_what_a_law_does_not_know_must_be_given(puma: Mechanism) -> None:
+    law = ComputedTorque(puma, 5.0)
+    with pytest.raises(InputError, match="stop_damping: ComputedTorque has no damping of its own"):
+        Guarded(law)
+    with pytest.raises(InputError, match="period: ComputedTorque does not know its own"):
+        Guarded(law, rate_limits=1.0, stop_damping=1.0)
+    with pytest.raises(InputError, match="estimate_bounds: ComputedTorque estimates nothing"):
+        Guarded(law, estimate_bounds=(-1.0, 1.0), stop_damping=1.0)
+    assert Guarded(law, rate_limits=1.0, stop_damping=1.0, period=1e-3).period == 1e-3
