@@ -201,16 +201,17 @@ class Mechanism:
         return columns
 
 
-def load(source: str | Path, *, floating_base: bool = False) -> Mechanism:
+def load(source: str | Path, *, floating_base: bool = False, snap: bool = False) -> Mechanism:
     """A mechanism by a built-in's name (`puma560`, ...) or from a file (.toml, .urdf).
 
-    With `floating_base`, a URDF file's root link floats instead of being fixed to the ground.
+    With `floating_base`, a URDF file's root link floats instead of being fixed to the ground. With `snap`, angles
+    between joint axes that are within 1e-3 rad of right ones are made exact.
     Raises `FileError` or `NotFoundError` with what was wrong and what would be right, `LoopError` where loops do
     not fit together.
     """
     from adaptctl.mechanism.sources import read
 
-    mechanism = Mechanism(read(source, floating_base=floating_base))
+    mechanism = Mechanism(read(source, floating_base=floating_base, snap=snap))
     try:
         _ = mechanism.continuation  # Closes the loops, so that a wrong file is named here and not later.
     except LoopError as error:

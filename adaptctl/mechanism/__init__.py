@@ -4,9 +4,11 @@ from typing import TYPE_CHECKING, Any
 
 from adaptctl.mechanism.denavit_hartenberg import read_denavit_hartenberg
 from adaptctl.mechanism.description import GROUND, Description, Joint, JointKind, Limits, Link, depth_first
+from adaptctl.mechanism.floating_base import with_floating_base
 from adaptctl.mechanism.loops import Closure, ClosureKind, Condition, Coupling, Loops
 from adaptctl.mechanism.mechanism_file import read_mechanism_file
 from adaptctl.mechanism.pose import Pose
+from adaptctl.mechanism.snapping import snapped
 from adaptctl.mechanism.sources import builtin_names, read
 from adaptctl.mechanism.urdf import read_urdf
 
@@ -33,7 +35,9 @@ __all__ = [
     "read_denavit_hartenberg",
     "read_mechanism_file",
     "read_urdf",
+    "snapped",
     "to_pinocchio",
+    "with_floating_base",
 ]
 
 

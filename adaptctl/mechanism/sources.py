@@ -20,6 +20,7 @@ from adaptctl.mechanism.description import Description
 from adaptctl.mechanism.inertia import pseudo_inertia
 from adaptctl.mechanism.mechanism_file import read_mechanism_file
 from adaptctl.mechanism.pose import Array
+from adaptctl.mechanism.snapping import snapped
 from adaptctl.mechanism.urdf import read_urdf
 
 Reader = Callable[[str | Path], Description]
@@ -53,10 +54,11 @@ def builtin_names() -> tuple[str, ...]:
     )
 
 
-def read(source: str | Path, *, floating_base: bool = False) -> Description:
+def read(source: str | Path, *, floating_base: bool = False, snap: bool = False) -> Description:
     """The mechanism of a built-in's name or of a file, which is read by its suffix.
 
-    With `floating_base`, a URDF file's root link floats instead of being fixed to the ground (`floating`).
+    With `floating_base`, a URDF file's root link floats instead of being fixed to the ground (`floating`). With
+    `snap`, angles within 1e-3 rad of right ones are made exact (`snapped`).
     Raises NotFoundError for a name that is neither, FileError for a file that cannot be used.
     Warns (PhysicalConsistencyWarning) of links that no rigid body can be.
     """
@@ -69,7 +71,7 @@ def read(source: str | Path, *, floating_base: bool = False) -> Description:
     else:
         description, remark = _reader(source)(source), ""
     _warn_of_inconsistency(description, remark)
-    return description
+    return snapped(description) if snap else description
 
 
 def _read_floating(source: str | Path) -> Description:

@@ -1,0 +1,84 @@
+"""Right angles that files rounded: named, and made exact on request."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from random_trees import random_tree
+from robot_files import urdf
+
+from adaptctl.dynamics import Mechanism, load
+from adaptctl.dynamics.kinematics import link_poses
+from adaptctl.identifiability import essential_space
+from adaptctl.identifiability.right_angles import near_right_angles
+from adaptctl.mechanism import Description, Joint, Link, Pose, read, snapped
+from adaptctl.mechanism.pose import rotation_about
+
+
+@pytest.mark.filterwarnings("ignore::adaptctl.errors.SimplificationWarning")
+@pytest.mark.parametrize("name", ["so100.urdf", "so101.urdf"])
+def test_a_tilt_of_six_microradians_makes_38_of_36(name: str) -> None:
+    """The first axis is not quite vertical in these files; gravity then tells two more parameters."""
+    found = essential_space(load(urdf(name)))
+    assert found.rank == 38
+    assert found.certificate.relative_smallest < 1e-3
+    (first, *_) = found.certificate.near_right_angles
+    assert (first.parent, first.child) == ("gravity", "shoulder_pan")
+    assert 1e-6 < abs(first.miss) < 1e-5
+    assert "or snap it" in str(first)
+    exact = essential_space(load(urdf(name), snap=True))
+    assert exact.rank == 36
+    assert exact.certificate.near_right_angles == ()
+    assert exact.certificate.relative_smallest > 1e-2
+
+
+@pytest.mark.filterwarnings("ignore::adaptctl.errors.SimplificationWarning")
+@pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
+@pytest.mark.parametrize("name", ["icub.urdf", "romeo_laas_small.urdf", "tiago_pro.urdf", "xarm7.urdf"])
+def test_real_files_are_straight_afterwards_and_hardly_moved(name: str) -> None:
+    before = read(urdf(name))
+    after = snapped(before)
+    assert len(near_right_angles(before)) >= 6
+    assert near_right_angles(after, exact=1e-15) == ()
+    assert [link.name for link in after.links] == [link.name for link in before.links]
+    np.testing.assert_array_equal(after.inertial_parameters, before.inertial_parameters)
+    p = np.random.default_rng(0).uniform(-1, 1, Mechanism(before).dof)
+    places = [link_poses(Mechanism(description), p).translations for description in (before, after)]
+    assert np.abs(places[0] - places[1]).max() < 1e-4
+
+
+@pytest.mark.parametrize("name", ["puma560_measured", "semi_direct_drive", "semi_direct_drive_parallelogram"])
+def test_what_is_exact_stays(name: str) -> None:
+    assert snapped(read(name)) == read(name)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 6))
+def test_ordinary_angles_stay(seed: int, links: int) -> None:
+    tree = random_tree(seed, links).description
+    if not near_right_angles(tree, exact=0.0):
+        assert snapped(tree, 1e-9) == tree
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.floats(1e-8, 9e-4), st.integers(0, 3))
+def test_a_joint_turned_a_little_off_is_turned_back(seed: int, miss: float, quarter: int) -> None:
+    """In frames that are nowhere near right angles themselves."""
+    rng = np.random.default_rng(seed)
+    axis = rng.normal(size=3)
+    axis /= np.linalg.norm(axis)
+    across = np.cross(axis, rng.normal(size=3))
+    across /= np.linalg.norm(across)
+    first = Link("a", -1, Joint("one", axis=axis), Pose.identity(), Pose.identity())
+    turned = rotation_about(across, quarter * np.pi / 2 + miss) @ rotation_about(axis, 0.4)
+    second = Link("b", 0, Joint("two", axis=axis), Pose(turned, np.zeros(3)), Pose.identity())
+    off = Description("off", (first, second), np.zeros(3))
+    (found,) = near_right_angles(off)
+    assert abs(found.miss) == pytest.approx(miss, rel=1e-5)
+    straight = snapped(off)
+    assert near_right_angles(straight, exact=1e-15) == ()
+    assert np.abs(straight.links[1].near.rotation - turned).max() < 1.1 * miss
+    again = snapped(straight).links[1].near.rotation
+    np.testing.assert_allclose(again, straight.links[1].near.rotation, rtol=0, atol=1e-15)
