@@ -2,25 +2,82 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from adaptctl.control import Adaptive, Controller, Reference, ReferencePoint
-from adaptctl.dynamics import Mechanism
+from adaptctl.control import Adaptive, Controller, Gains, PriorRanges, Reference, ReferencePoint, Sinusoids
+from adaptctl.control.controller import home
+from adaptctl.dynamics import Mechanism, load
+from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
+from adaptctl.mechanism.inertia import from_center_of_mass
 from adaptctl.mechanism.pose import Array
 from adaptctl.simulation import Plant
 
 Disturbance = Callable[[float], Array]
 """A time (s) to torques (r,) that act besides the controller's, N m."""
 
+RANGES = PriorRanges(mass=2.0, first_moment=1.0, inertia=0.3)
+ELBOW = np.array([0.0, -0.6, 0.8, 0.0, 0.5, 0.0])
+"""A posture in which a PUMA's elbow is bent, rad."""
+
+
+@lru_cache
+def arm(name: str) -> Mechanism:
+    """A built-in, whether or not rigid bodies have its parameters."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return load(name)
+
+
+@lru_cache
+def reduced(name: str) -> ReducedModel:
+    return ReducedModel(arm(name), fundamental_basis(essential_space(arm(name))))
+
+
+@lru_cache
+def full(name: str) -> ReducedModel:
+    return ReducedModel.full(arm(name))
+
+
+@lru_cache
+def gains(name: str, bandwidth: float = 8.0, ratio: float = 4.0) -> Gains:
+    return Gains.from_bandwidth(arm(name), bandwidth, ratio)
+
+
+@lru_cache
+def plant(mechanism: Mechanism, period: float) -> Plant:
+    return Plant(mechanism, period, torque_limits=np.full(mechanism.dof, np.inf))
+
+
+def posture(mechanism: Mechanism) -> Array:
+    return home(mechanism) if mechanism.description.loops is not None else ELBOW[: mechanism.dof]
+
+
+def swinging(mechanism: Mechanism, seed: int = 0, amplitude: float = 0.3) -> Sinusoids:
+    """Sinusoids about a posture, one a joint, drawn by seed."""
+    rng = np.random.default_rng(seed)
+    r = mechanism.dof
+    frequency, phase = rng.uniform(0.3, 1.0, r), rng.uniform(-np.pi, np.pi, r)
+    return Sinusoids(posture(mechanism), np.full(r, amplitude), frequency, phase, start_time=0.3)
+
+
+def loaded(mechanism: Mechanism, mass: float) -> Array:
+    """The parameters with a point mass of so many kg in the last link's frame, 5 cm off its origin."""
+    parameters, last = mechanism.inertial_parameters.copy(), 10 * (len(mechanism.description.bodies) - 1)
+    parameters[last : last + 10] += from_center_of_mass(mass, [0.05, 0.0, 0.0], np.zeros((3, 3)))
+    return parameters
+
 
 @dataclass(frozen=True)
 class Loop:
     """A run of T periods: states before each torque, and the torques."""
 
+    period: float
     time: Array
     p: Array
     v: Array
@@ -41,26 +98,30 @@ def loop(
     mechanism: Mechanism,
     reference: Reference,
     duration: float,
-    period: float,
+    period: float = 1e-3,
     *,
     off: float | Array = 0.1,
     disturbance: Disturbance | None = None,
-    parameters: Callable[[float], Array] | None = None,
+    noise: float = 0.0,
+    parameters: Array | None = None,
 ) -> Loop:
-    """The controller on the mechanism from the reference's start, `off` in every joint."""
-    plant = Plant(mechanism, period, torque_limits=np.full(mechanism.dof, np.inf))
+    """The controller on the mechanism from the reference's start, `off` in every joint.
+
+    `noise` (rad/s) is the deviation of what is measured of velocities; `parameters` (P,) are the true ones.
+    """
     time = np.arange(round(duration / period)) * period
-    points = reference(time)
-    state = plant.init(points.p[0] + off, points.v[0])
+    points, rng, body = reference(time), np.random.default_rng(0), plant(mechanism, period)
+    state = body.init(points.p[0] + off, points.v[0])
     memory = controller.init(state.p, state.v)
     rows: list[tuple[Array, Array, Array, Any]] = []
     for k, t in enumerate(time):
-        torque, memory = controller.step(memory, state.p, state.v, ReferencePoint(*(part[k] for part in points)))
+        measured = state.v + noise * rng.normal(size=mechanism.dof) if noise else state.v
+        torque, memory = controller.step(memory, state.p, measured, ReferencePoint(*(part[k] for part in points)))
         rows.append((state.p, state.v, torque, memory))
         acting = torque if disturbance is None else torque + disturbance(t)
-        state = plant.step(state, acting, None if parameters is None else parameters(t))
+        state = body.step(state, acting, parameters)
     p, v, torques, states = zip(*rows, strict=True)
-    return Loop(time, np.array(p), np.array(v), np.array(torques), list(states))
+    return Loop(period, time, np.array(p), np.array(v), np.array(torques), list(states))
 
 
 def kinetic(mechanism: Mechanism, run: Loop) -> Array:
@@ -68,10 +129,19 @@ def kinetic(mechanism: Mechanism, run: Loop) -> Array:
     return 0.5 * np.einsum("ti,tij,tj->t", run.s, mechanism.mass_matrix(run.p), run.s)
 
 
-def lyapunov_function(controller: Adaptive, mechanism: Mechanism, run: Loop) -> Array:
-    """V (T,): the kinetic term and the adaptation law's distance."""
+def distance(controller: Adaptive, run: Loop, parameters: Array) -> Array:
+    """The parameters' term of V (T,)."""
     law, model = controller.adaptation_law, controller.model
-    assert law is not None
-    distance = law.distance(model, run.estimate, model.regrouping @ mechanism.inertial_parameters)
-    assert distance is not None
-    return kinetic(mechanism, run) + distance
+    found = None if law is None else law.distance(model, run.estimate, model.regrouping @ parameters)
+    assert found is not None
+    return found
+
+
+def integral(run: Loop, values: Array) -> Array:
+    """The integral (T,) of samples by the trapezium."""
+    return np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]))]) * run.period
+
+
+def dissipated(run: Loop, damping: Array) -> Array:
+    """The integral (T,) of s'Ks."""
+    return integral(run, (run.s**2 * damping).sum(axis=1))

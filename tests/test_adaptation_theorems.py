@@ -1,0 +1,288 @@
+"""Adaptation laws: V falls by what is dissipated, over gains, payloads and references, on a tree and on a loop."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sampled_loops import (
+    RANGES,
+    Loop,
+    arm,
+    dissipated,
+    distance,
+    full,
+    gains,
+    integral,
+    kinetic,
+    loaded,
+    loop,
+    reduced,
+    swinging,
+)
+
+from adaptctl.control import (
+    AdaptationLaw,
+    Adaptive,
+    BoundedGainForgetting,
+    Composite,
+    EModification,
+    Gradient,
+    Natural,
+    Projection,
+    SigmaModification,
+    SlotineLi,
+    adaptation_gain,
+    mapped_gain,
+)
+from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.arrays import column, stacked_rows
+from adaptctl.dynamics.momentum import momentum_terms
+from adaptctl.mechanism.pose import Array
+
+ARMS = ["puma560_arm3", "semi_direct_drive"]
+BODIES = ["puma560_geared", "semi_direct_drive"]
+"""Arms whose links some rigid bodies are."""
+
+
+def rise(V: Array) -> float:
+    """The largest rise of V from one period to the next, over V(0)."""
+    return float(np.diff(V).max() / V[0])
+
+
+def imbalance(V: Array, lost: Array) -> float:
+    """|V + what was dissipated - V(0)| over V(0), at the end."""
+    return float(abs(V[-1] + lost[-1] - V[0]) / V[0])
+
+
+def slotine_li(name: str, adaptation: AdaptationLaw, **options: object) -> SlotineLi:
+    return SlotineLi(reduced(name), 8.0, gains(name).damping, adaptation, **options)  # type: ignore[arg-type]
+
+
+def own_gain(name: str, rate: float = 0.3) -> Array:
+    return adaptation_gain(reduced(name), RANGES, rate)
+
+
+def prediction_errors(run: Loop, controller: Adaptive, true: Array) -> Array:
+    """W error (T, r), from the filters' memory: F[lambda H + N] is what it is after the next sample, undone."""
+    law, model = controller.adaptation_law, controller.model
+    assert isinstance(law, Composite | BoundedGainForgetting)
+    mechanism, rate = model.mechanism, law.cutoff * run.period
+    keep = np.exp(-rate)
+    old = (1.0 - keep) / rate - keep
+    found = momentum_terms(mechanism.equations, column(mechanism.configuration(run.p)), column(run.v), model.columns)
+    momentum, forces = (stacked_rows(rows, run.p.shape[:-1]) for rows in found)
+    memories = [s.learning.filtered if isinstance(law, BoundedGainForgetting) else s.learning for s in run.states]
+    ahead = np.array([memory.regressor for memory in memories]).reshape(momentum.shape)
+    filtered = (ahead - old * (law.cutoff * momentum + forces)) / keep
+    rows = law.cutoff * momentum - filtered
+    return np.einsum("tij,tj->ti", rows, run.estimate - true)
+
+
+@settings(max_examples=6, deadline=None)
+@given(
+    name=st.sampled_from(ARMS),
+    bandwidth=st.floats(4.0, 12.0),
+    rate=st.floats(0.02, 0.4),
+    mass=st.floats(0.0, 2.0),
+    seed=st.integers(0, 100),
+)
+def test_gradient(name: str, bandwidth: float, rate: float, mass: float, seed: int) -> None:
+    mechanism, model = arm(name), reduced(name)
+    law = SlotineLi(model, bandwidth, gains(name).damping, own_gain(name, rate))
+    true = loaded(mechanism, mass)
+    run = loop(law, mechanism, swinging(mechanism, seed), 0.5, parameters=true)
+    V = kinetic(mechanism.with_parameters(true), run) + distance(law, run, true)
+    assert rise(V) < 1e-6
+    assert imbalance(V, dissipated(run, law.damping)) < 1e-2
+
+
+@settings(max_examples=6, deadline=None)
+@given(
+    name=st.sampled_from(ARMS),
+    weight=st.floats(1e-3, 10.0),
+    cutoff=st.floats(5.0, 50.0),
+    mass=st.floats(0.0, 2.0),
+    seed=st.integers(0, 100),
+)
+def test_composite(name: str, weight: float, cutoff: float, mass: float, seed: int) -> None:
+    """V falls as -s'Ks - eps'R eps; the implicit rule takes a little more than that."""
+    mechanism = arm(name)
+    law = slotine_li(name, Composite(own_gain(name), weight, cutoff))
+    true = loaded(mechanism, mass)
+    run = loop(law, mechanism, swinging(mechanism, seed), 0.5, parameters=true)
+    V = kinetic(mechanism.with_parameters(true), run) + distance(law, run, true)
+    missed = prediction_errors(run, law, law.model.regrouping @ true)
+    lost = dissipated(run, law.damping) + integral(run, weight * (missed**2).sum(axis=1))
+    assert rise(V) < 1e-5
+    assert V[-1] - V[0] < -0.9 * lost[-1]
+
+
+@settings(max_examples=4, deadline=None)
+@given(weight=st.floats(1e-3, 1.0), forgetting=st.floats(0.0, 5.0), bound=st.floats(1.0, 10.0), seed=st.integers(0, 99))
+def test_bounded_gain_forgetting(weight: float, forgetting: float, bound: float, seed: int) -> None:
+    """V with the covariance itself falls, and the covariance stays positive and within its bound."""
+    name, mechanism = "puma560_arm3", arm("puma560_arm3")
+    adaptation = BoundedGainForgetting(own_gain(name), weight, forgetting=forgetting, bound=bound)
+    law = slotine_li(name, adaptation)
+    run = loop(law, mechanism, swinging(mechanism, seed), 0.5)
+    covariances = np.array([adaptation.covariance(state.learning) for state in run.states])
+    relative = covariances / np.sqrt(adaptation.gain) / np.sqrt(adaptation.gain)[:, None]
+    assert np.linalg.eigvalsh(relative)[:, 0].min() > 0.0
+    assert np.trace(relative, axis1=1, axis2=2).max() <= bound * len(adaptation.gain) * (1.0 + 1e-12)
+    error = run.estimate - law.model.fundamental_parameters
+    V = kinetic(mechanism, run) + 0.5 * np.einsum(
+        "ti,ti->t", error, np.linalg.solve(covariances, error[..., None])[..., 0]
+    )
+    missed = prediction_errors(run, law, law.model.fundamental_parameters)
+    lost = dissipated(run, law.damping) + integral(run, 0.5 * weight * (missed**2).sum(axis=1))
+    assert rise(V) < 1e-5
+    assert V[-1] - V[0] < -0.9 * lost[-1]
+
+
+@settings(max_examples=5, deadline=None)
+@given(
+    name=st.sampled_from(BODIES),
+    rate=st.floats(0.002, 0.05),
+    mass=st.floats(0.0, 2.0),
+    wrong=st.floats(0.5, 2.0),
+    seed=st.integers(0, 100),
+)
+def test_natural(name: str, rate: float, mass: float, wrong: float, seed: int) -> None:
+    mechanism, model = arm(name), full(name)
+    law = SlotineLi(model, 8.0, gains(name).damping, Natural(rate), initial=wrong * mechanism.inertial_parameters)
+    true = loaded(mechanism, mass)
+    run = loop(law, mechanism, swinging(mechanism, seed), 0.4, parameters=true)
+    V = kinetic(mechanism.with_parameters(true), run) + distance(law, run, true)
+    assert rise(V) < 1e-5
+    assert imbalance(V, dissipated(run, law.damping)) < 1e-2
+
+
+def laws_on(name: str) -> dict[str, tuple[Adaptive, float]]:
+    """Laws whose V falls by exactly -s'Ks, at two periods each."""
+    found = {}
+    for period in (1e-3, 2.5e-4):
+        damping, initial = gains(name).damping, 1.5 * arm(name).inertial_parameters
+        found[f"gradient {period}"] = SlotineLi(reduced(name), 8.0, damping, own_gain(name), period=period), period
+        found[f"natural {period}"] = SlotineLi(full(name), 8.0, damping, Natural(0.02), initial, period), period
+    return found  # type: ignore[return-value]
+
+
+@pytest.mark.parametrize("law", ["gradient", "natural"])
+def test_a_held_torque_costs_one_order(law: str) -> None:
+    name, mechanism = "semi_direct_drive", arm("semi_direct_drive")
+    misses = []
+    for period in (1e-3, 2.5e-4):
+        controller, _ = laws_on(name)[f"{law} {period}"]
+        run = loop(controller, mechanism, swinging(mechanism), 0.4, period)
+        V = kinetic(mechanism, run) + distance(controller, run, mechanism.inertial_parameters)
+        misses.append(imbalance(V, dissipated(run, gains(name).damping)))
+    assert misses[0] / misses[1] == pytest.approx(4.0, rel=0.3)
+
+
+@pytest.mark.parametrize("law", [Gradient, Composite])
+def test_reduced_and_full_adaptation_are_one_controller(law: type[Gradient] | type[Composite]) -> None:
+    name, mechanism = "semi_direct_drive", arm("semi_direct_drive")
+    everything = adaptation_gain(full(name), RANGES, 0.1)
+    pairs = ((full(name), everything), (reduced(name), mapped_gain(reduced(name), everything)))
+    torques = [
+        loop(SlotineLi(model, 8.0, gains(name).damping, law(gain)), mechanism, swinging(mechanism), 0.3).torque
+        for model, gain in pairs
+    ]
+    assert np.abs(torques[0] - torques[1]).max() < 1e-8 * np.abs(torques[0]).max()
+
+
+@pytest.mark.parametrize(("name", "excess"), [("puma560_arm3", 5.0), ("semi_direct_drive", 3.0)])
+def test_the_trapezium_holds_v_where_euler_lets_it_rise(name: str, excess: float) -> None:
+    """Euler needs T_c lambda_max(K^-1 Y Gamma Y') < 1; the trapezium still holds V at some times that."""
+    mechanism, model, damping = arm(name), reduced(name), gains(name).damping
+    reference = swinging(mechanism)
+    points = reference(np.linspace(0.0, 1.0, 200))
+    gain = own_gain(name)
+    scaled = model.slotine_li_regressor(points.p, points.v, points.v, points.a) * np.sqrt(gain)
+    largest = 1e-3 * np.linalg.norm(scaled / np.sqrt(damping)[:, None], ord=2, axis=(1, 2)).max() ** 2
+    highest = {}
+    for euler, size in ((False, excess), (True, excess), (True, 0.5)):
+        law = slotine_li(name, Gradient(size / largest * gain, euler))
+        run = loop(law, mechanism, reference, 2.0, off=0.01)
+        V = kinetic(mechanism, run) + distance(law, run, mechanism.inertial_parameters)
+        highest[euler, size] = V.max() / V[0]
+    assert highest[False, excess] < 1.001
+    assert highest[True, 0.5] < 1.001
+    assert highest[True, excess] > 1.5
+
+
+class Unchecked(SlotineLi):
+    """The law with whatever damping."""
+
+    def _require_carried(self, damping: object) -> None:
+        pass
+
+
+def growth(mechanism: Mechanism, name: str, sampled_gain: float) -> float:
+    """How many times larger s is after 0.15 s, at rest, with T_c lambda_max(M^-1 K) as given."""
+    reference = swinging(mechanism, amplitude=0.0)
+    M = mechanism.mass_matrix(reference.center)
+    largest = np.linalg.eigvals(np.linalg.solve(M, np.diag(np.diag(M)))).real.max()
+    damping = np.diag(M) * sampled_gain / (1e-3 * largest)
+    law = Unchecked(reduced(name), 0.1, damping, initial=reduced(name).fundamental_parameters)
+    s = np.abs(loop(law, mechanism, reference, 0.15, off=1e-4).s).max(axis=1)
+    return float(s[-10:].max() / s[0])
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_a_hold_is_stable_up_to_two(name: str) -> None:
+    assert growth(arm(name), name, 1.9) < 1e-3
+    assert growth(arm(name), name, 2.0) < 3.0
+    assert growth(arm(name), name, 2.1) > 1e3
+
+
+def shaken(mechanism: Mechanism, size: float) -> object:
+    """A disturbance torque of a given size at every joint, N m."""
+    frequencies = np.linspace(1.0, 3.0, mechanism.dof)
+    return lambda t: size * np.sin(2.0 * np.pi * frequencies * t)
+
+
+@settings(max_examples=5, deadline=None)
+@given(name=st.sampled_from(ARMS), rate=st.floats(0.05, 2.0), size=st.floats(0.0, 10.0), seed=st.integers(0, 100))
+def test_sigma_modification_keeps_its_bound(name: str, rate: float, size: float, seed: int) -> None:
+    """V' <= -c V + b with c = min(sigma, min lambda(M^-1 K)) and b = sigma V_prior + d'K^-1d/2."""
+    mechanism, model, K = arm(name), reduced(name), gains(name).damping
+    law = slotine_li(name, SigmaModification(own_gain(name), rate))
+    run = loop(law, mechanism, swinging(mechanism, seed), 1.0, disturbance=shaken(mechanism, size))  # type: ignore[arg-type]
+    V = kinetic(mechanism, run) + distance(law, run, mechanism.inertial_parameters)
+    beta = model.fundamental_parameters
+    b = rate * 0.5 * (beta**2 / own_gain(name)).sum() + 0.5 * size**2 * (1.0 / K).sum()
+    slowest = 1.0 / np.linalg.eigvalsh(mechanism.mass_matrix(run.p) / np.sqrt(np.outer(K, K))).max()
+    assert V.max() <= max(V[0], b / min(rate, slowest)) * (1.0 + 1e-3)
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_e_modification_leaves_the_truth_in_peace(name: str) -> None:
+    """On the trajectory with true estimates the leak is silent; sigma's is not."""
+    mechanism, true = arm(name), reduced(name).fundamental_parameters
+    moved = {}
+    for law in (EModification, SigmaModification):
+        controller = slotine_li(name, law(own_gain(name), rate=0.5), initial=true)
+        run = loop(controller, mechanism, swinging(mechanism), 2.0, off=0.0)
+        moved[law] = np.abs(run.estimate - true).max()
+    assert moved[EModification] < 0.05 * moved[SigmaModification]
+
+
+@settings(max_examples=4, deadline=None)
+@given(size=st.floats(5.0, 50.0), seed=st.integers(0, 100))
+def test_projection_keeps_its_bounds_and_v(size: float, seed: int) -> None:
+    name, mechanism, model = "puma560_arm3", arm("puma560_arm3"), reduced("puma560_arm3")
+    beta = model.fundamental_parameters
+    lower, upper = np.minimum(beta - 0.1, -0.2), np.maximum(beta + 0.1, 0.2)
+    law = slotine_li(name, Projection(Gradient(own_gain(name)), lower, upper))
+    run = loop(law, mechanism, swinging(mechanism, seed), 0.5)
+    V = kinetic(mechanism, run) + distance(law, run, mechanism.inertial_parameters)
+    assert rise(V) < 1e-6
+    shaky = loop(law, mechanism, swinging(mechanism, seed), 0.5, disturbance=shaken(mechanism, size))  # type: ignore[arg-type]
+    for estimate in (run.estimate, shaky.estimate):
+        assert np.all((estimate >= lower) & (estimate <= upper))
+    free = slotine_li(name, Gradient(own_gain(name)))
+    loose = loop(free, mechanism, swinging(mechanism, seed), 0.5, disturbance=shaken(mechanism, size)).estimate  # type: ignore[arg-type]
+    assert not np.all((loose >= lower) & (loose <= upper))
