@@ -22,7 +22,8 @@ LONGEST = 300_000
 
 def setting(default: Any, meaning: str, *, symbol: str = "", low: float = -math.inf, high: float = math.inf) -> Any:
     """A field of an experiment: its default, what it means, and the bounds, inclusive, of every number in it."""
-    metadata = {"meaning": meaning, "symbol": symbol, "low": low, "high": high}
+    told = f"{symbol}: {meaning}" if symbol else meaning
+    metadata = {"meaning": meaning, "low": low, "high": high, "help": told}
     return field(default=default, metadata=metadata)
 
 

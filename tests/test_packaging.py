@@ -20,8 +20,7 @@ from comparisons import comparison
 import adaptctl
 import adaptctl.envs  # registers the environments
 from adaptctl.cli.basis import as_builtins
-from adaptctl.cli.main import COMMANDS
-from adaptctl.cli.main import _parser as command_line
+from adaptctl.cli.main import app
 from adaptctl.experiments import EXPERIMENTS
 from adaptctl.mechanism import builtin_names
 from adaptctl.recording.summary import summary
@@ -127,7 +126,7 @@ def test_commands_that_are_shown_are_understood(page: Path) -> None:
     for line in commands(page):
         program, *arguments = shlex.split(line)
         if Path(program).name == "adaptctl":
-            command_line().parse_args(arguments)
+            app.parse_args(arguments)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
@@ -149,7 +148,7 @@ def test_the_readme_shows_the_two_commands() -> None:
 def test_what_can_be_chosen_by_name_is_documented() -> None:
     choices = {
         "robots.md": builtin_names(),
-        "cli.md": [entry.name for entry in EXPERIMENTS] + list(COMMANDS),
+        "cli.md": [entry.name for entry in EXPERIMENTS] + [name for name in app if not name.startswith("-")],
         "environments.md": [name for name in gymnasium.registry if name.startswith("adaptctl/")],
     }
     for page, names in choices.items():

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import argparse
-import json
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
 
 if TYPE_CHECKING:
     from adaptctl.dynamics import Mechanism
@@ -15,54 +15,38 @@ if TYPE_CHECKING:
 SCHEMA = "adaptctl/basis/1"
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The command's arguments."""
-    parser.add_argument("robot", metavar="ROBOT", help="a built-in robot's name, or a .urdf or .toml file")
-    parser.add_argument(
-        "--priority",
-        type=Path,
-        metavar="FILE",
-        help="TOML file that says which parameters to remove first (default: the rule of Sheu and Walker's Table 4)",
-    )
-    parser.add_argument(
-        "--energy-error",
-        type=float,
-        metavar="PERCENT",
-        help="also tell how many components keep the energy's error below this, within the joints' limits",
-    )
-    parser.add_argument("--json", action="store_true", help="print JSON instead of tables")
-    parser.add_argument("--out", type=Path, metavar="FILE", help="also save the basis, as JSON that adaptctl can load")
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Do it; 0 when done. Raises `AdaptctlError` for whatever is wrong."""
-    return run_basis(arguments.robot, arguments.priority, arguments.energy_error, arguments.json, arguments.out)
-
-
-def run_basis(
-    robot: str,
-    priority: Path | None = None,
-    energy_error: float | None = None,
-    as_json: bool = False,
-    out: Path | None = None,
-) -> int:
-    """Find the basis of a robot, print it on standard output, and save it where asked."""
+def basis(
+    robot: Annotated[str, Parameter(help="A built-in robot's name, or a .urdf or .toml file.")],
+    /,
+    *,
+    priority: Annotated[
+        Path | None,
+        Parameter(metavar="FILE", help="TOML file that says which parameters to remove first; else Table 4's rule."),
+    ] = None,
+    energy_error: Annotated[
+        float | None,
+        Parameter(
+            metavar="PERCENT",
+            help="Also tell how many components keep the energy's error below this, within the joints' limits.",
+        ),
+    ] = None,
+    json: Annotated[bool, Parameter(help="Print JSON instead of tables.")] = False,
+    out: Annotated[
+        Path | None, Parameter(metavar="FILE", help="Also save the basis, as JSON that adaptctl can load.")
+    ] = None,
+) -> None:
+    """Find the independent inertial parameters of a robot."""
     from adaptctl.dynamics import load
     from adaptctl.identifiability import Priority, essential_space, fundamental_basis
 
     mechanism = load(robot)
     order = Priority.default(mechanism) if priority is None else Priority.read(priority, mechanism)
     space = essential_space(mechanism)
-    basis = fundamental_basis(space, order)
+    found = fundamental_basis(space, order)
     reduction = None if energy_error is None else _reduction(mechanism, energy_error)
     if out is not None:
-        basis.save(out)
-    if as_json:
-        json.dump(as_builtins(mechanism, space, basis, reduction), sys.stdout, indent=2, allow_nan=False)
-        sys.stdout.write("\n")
-    else:
-        _print(mechanism, space, basis, reduction)
-    return 0
+        found.save(out)
+    (_print_json if json else _print)(mechanism, space, found, reduction)
 
 
 def as_builtins(
@@ -104,6 +88,15 @@ def _reduction(mechanism: Mechanism, energy_error: float) -> Reduction:
 
     states = states_within_limits(mechanism, 2 * len(mechanism.parameter_names) + 1)
     return reduce(essential_space(mechanism, states=states), mechanism, energy_error=energy_error)
+
+
+def _print_json(
+    mechanism: Mechanism, space: EssentialSpace, basis: FundamentalBasis, reduction: Reduction | None
+) -> None:
+    import json
+
+    json.dump(as_builtins(mechanism, space, basis, reduction), sys.stdout, indent=2, allow_nan=False)
+    sys.stdout.write("\n")
 
 
 def _print(mechanism: Mechanism, space: EssentialSpace, basis: FundamentalBasis, reduction: Reduction | None) -> None:

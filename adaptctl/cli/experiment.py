@@ -2,95 +2,68 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import Field
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import App, Parameter
 
 from adaptctl.cli.interruption import Interruption, interruptible
-from adaptctl.experiments import EXPERIMENTS, Entry, find
+from adaptctl.experiments import EXPERIMENTS, find
 
 if TYPE_CHECKING:
     from adaptctl.experiments.experiment import Experiment
     from adaptctl.recording import Result
 
 DONE, INTERRUPTED = 0, 130
-NOT_SETTINGS = ("name", "out", "overwrite", "run")
+
+app = App(name="experiment")
+run = App(name="run", help="Run an experiment, and keep what it made.")
+app.command(run)
+for entry in EXPERIMENTS:
+    run.command(f"{__name__}:{entry.name}", name=entry.name, help=f"{entry.summary}.")
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """`list`, and `run` with a flag for every setting of the experiment that is named."""
-    actions = parser.add_subparsers(title="actions", metavar="ACTION", required=True)
-    listing = actions.add_parser("list", help="name the experiments", description="The experiments there are.")
-    listing.set_defaults(run=list_experiments)
-    running = actions.add_parser("run", help="run an experiment", description="Run an experiment.")
-    names = running.add_subparsers(title="experiments", metavar="EXPERIMENT", required=True)
+@app.command(name="list")
+def list_experiments() -> None:
+    """Name the experiments."""
+    width = max(len(entry.name) for entry in EXPERIMENTS)
     for entry in EXPERIMENTS:
-        names.add_parser(entry.name, help=entry.summary, fill=partial(_add_settings, entry))
+        print(f"{entry.name:<{width}}  {entry.summary}")
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Run the experiment that was named, with its settings, and write its folder."""
+def __getattr__(name: str) -> Callable[..., int]:
+    """The command that runs the experiment of that name, which is imported only now."""
+    if name not in (entry.name for entry in EXPERIMENTS):
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from adaptctl.experiments.experiment import text
+
+    kind = find(name)
+    default = kind()
+
+    def command(*, settings: Any = default, out: Path = Path("results") / name, overwrite: bool = False) -> int:
+        return run_experiment(settings, out, overwrite)
+
+    command.__annotations__ = {
+        "settings": Annotated[kind, Parameter(name="*", group="Settings", show_default=text)],
+        "out": Annotated[Path, Parameter(metavar="DIR", group="Output", help="Folder to write.")],
+        "overwrite": Annotated[bool, Parameter(group="Output", help="Write into a folder that is not empty.")],
+        "return": int,
+    }
+    return command
+
+
+def run_experiment(experiment: Experiment, out: Path, overwrite: bool) -> int:
+    """Run it and write its folder."""
     from adaptctl.recording import prepare_folder
 
-    kind = find(arguments.name)
-    chosen = {name: value for name, value in vars(arguments).items() if name not in NOT_SETTINGS}
-    experiment = kind(**chosen)
-    folder = prepare_folder(arguments.out or Path("results") / arguments.name, arguments.overwrite)
+    folder = prepare_folder(out, overwrite)
     with interruptible() as interruption:
         result = _computed(experiment, folder, interruption)
     _tell(result, folder)
     return DONE if result.complete else INTERRUPTED
-
-
-def list_experiments(arguments: argparse.Namespace) -> int:
-    """Name the experiments, one a line."""
-    width = max(len(entry.name) for entry in EXPERIMENTS)
-    for entry in EXPERIMENTS:
-        print(f"{entry.name:<{width}}  {entry.summary}")
-    return DONE
-
-
-def _add_settings(entry: Entry, parser: argparse.ArgumentParser) -> None:
-    """The experiment's fields as flags; only now is it imported."""
-    from adaptctl.experiments.experiment import settings
-
-    kind = find(entry.name)
-    parser.description = f"{entry.summary}."
-    parser.set_defaults(name=entry.name, run=run)
-    output = parser.add_argument_group("output")
-    output.add_argument("--out", metavar="DIR", help=f"folder to write (default: results/{entry.name})")
-    output.add_argument("--overwrite", action="store_true", help="write into a folder that is not empty")
-    chosen = parser.add_argument_group("settings")
-    for field in settings(kind):
-        chosen.add_argument(f"--{field.name.replace('_', '-')}", **_flag(field))
-
-
-def _flag(field: Field[Any]) -> dict[str, Any]:
-    """What argparse needs to know of a setting."""
-    from adaptctl.experiments.experiment import text
-
-    default: Any = field.default
-    many = isinstance(default, tuple)
-    kind = type(default[0] if many else default)
-    metavar = {int: "N", float: "X", str: "NAME"}[kind]
-    symbol = f"{field.metadata['symbol']}: " if field.metadata["symbol"] else ""
-    described = f"{symbol}{field.metadata['meaning']} (default: {text(default)})".replace("%", "%%")
-    flag = {"dest": field.name, "default": default, "metavar": metavar, "help": described, "type": kind}
-    return flag | ({"nargs": "+", "action": _Tuple} if many else {})
-
-
-class _Tuple(argparse.Action):
-    """Several numbers after a flag, as a tuple."""
-
-    def __call__(
-        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, option: str | None = None
-    ) -> None:
-        setattr(namespace, self.dest, tuple(values))
 
 
 def _computed(experiment: Experiment, folder: Path, interruption: Interruption) -> Result:

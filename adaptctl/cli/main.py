@@ -2,40 +2,50 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from functools import partial
-from importlib import import_module
-from typing import NamedTuple, NoReturn, Protocol, TextIO
+from typing import TextIO
 
-from adaptctl.cli.parser import Parser
+from cyclopts import App, ArgumentCollection, CycloptsError, Parameter
+
 from adaptctl.errors import AdaptctlError, InputError, PhysicalConsistencyWarning, SimplificationWarning
 
 DONE, FAILED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 
-class Command(Protocol):
-    """The module of a subcommand."""
+def version() -> str:
+    """What --version says; asked for only then, for it takes a while to find."""
+    import adaptctl
 
-    add_arguments: Callable[[argparse.ArgumentParser], None]
-    run: Callable[[argparse.Namespace], int]
-
-
-class Entry(NamedTuple):
-    """A subcommand in the list; its module is imported when it is asked for."""
-
-    summary: str
-    module: str
+    return f"adaptctl {adaptctl.__version__}"
 
 
-COMMANDS = {
-    "basis": Entry("the independent inertial parameters of a robot", "adaptctl.cli.basis"),
-    "experiment": Entry("list experiments and run them", "adaptctl.cli.experiment"),
-}
+def whole_numbers(app: App, commands: tuple[str, ...], arguments: ArgumentCollection) -> None:
+    """Refuse 1.5 where a whole number is meant; cyclopts would round it."""
+    for argument in arguments:
+        for token in argument.tokens if argument.hint is int else ():
+            if not token.value.strip().removeprefix("-").isdecimal():
+                raise InputError(f"{argument.name}: expected a whole number, got {token.value!r}")
+
+
+app = App(
+    name="adaptctl",
+    help="Adaptive control of robot mechanisms on their fundamental inertial parameters.",
+    help_format="plaintext",
+    default_parameter=Parameter(negative=(), consume_multiple=True),
+    config=whole_numbers,
+    version=version,
+    print_error=False,
+    exit_on_error=False,
+    suppress_keyboard_interrupt=False,
+    result_action="return_value",
+)
+# Named, not given: a command's module is imported when it is asked for.
+app.command("adaptctl.cli.basis:basis", name="basis", help="The independent inertial parameters of a robot.")
+app.command("adaptctl.cli.experiment:app", name="experiment", help="List experiments and run them.")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -43,53 +53,35 @@ def main(argv: Sequence[str] | None = None) -> int:
     given = list(sys.argv[1:] if argv is None else argv)
     with _warnings_as_notes():
         try:
-            arguments = _parser().parse_args(given)
-            return int(arguments.run(arguments))
+            _require_command(given)
+            return int(app(given) or DONE)
+        except CycloptsError as error:
+            return _complain(_reason(error), WRONG_INPUT)
         except InputError as error:
             return _complain(error, WRONG_INPUT)
         except (AdaptctlError, OSError, MemoryError) as error:
             return _failed(error)
         except KeyboardInterrupt:
             return _complain("interrupted", INTERRUPTED)
-        except SystemExit as end:  # --help and --version
-            return int(end.code or 0)
 
 
-def _parser() -> Parser:
-    parser = Parser(
-        prog="adaptctl",
-        description="Adaptive control of robot mechanisms on their fundamental inertial parameters.",
-    )
-    parser.add_argument("--version", action=_Version, help="show the version")
-    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for name, entry in COMMANDS.items():
-        commands.add_parser(
-            name, help=entry.summary, description=_sentence(entry.summary), fill=partial(_fill, entry.module)
-        )
-    return parser
+def _require_command(given: Sequence[str]) -> None:
+    """Refuse a line that ends before it says what to do; cyclopts would show the help and call it done."""
+    chain, apps, rest = app.parse_commands(given)
+    if not rest and apps[-1].default_command is None:
+        known = ", ".join(name for name in apps[-1] if not name.startswith("-"))
+        raise InputError(f"a command is missing: {known}; see {_called(chain)} --help")
 
 
-def _fill(module: str, parser: argparse.ArgumentParser) -> None:
-    command: Command = import_module(module)
-    parser.set_defaults(run=command.run)
-    command.add_arguments(parser)
+def _reason(error: CycloptsError) -> object:
+    """What was wrong with the command line, in our words where we refused it."""
+    if isinstance(error.__cause__, InputError):
+        return error.__cause__
+    return f"{error} See {_called(error.command_chain or ())} --help"
 
 
-def _sentence(text: str) -> str:
-    return f"{text[:1].upper()}{text[1:]}."
-
-
-class _Version(argparse.Action):
-    """Says the version; asks for it only then, for it takes a while to find."""
-
-    def __init__(self, option_strings: Sequence[str], dest: str, **rest: str | None) -> None:
-        super().__init__(option_strings, argparse.SUPPRESS, nargs=0, help=rest.get("help"))
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
-        import adaptctl
-
-        print(f"adaptctl {adaptctl.__version__}")
-        parser.exit(DONE)
+def _called(chain: Sequence[str]) -> str:
+    return " ".join(("adaptctl", *chain))
 
 
 def _failed(error: BaseException) -> int:
