@@ -37,6 +37,12 @@ EXPERIMENTS = (
         "SemiDirectDriveAdaptive",
     ),
     Entry(
+        "two-arms",
+        "Two PUMAs hold one rod, a mechanism with a loop of twelve links, and learn its 70 parameters",
+        "adaptctl.experiments.two_arms",
+        "TwoArms",
+    ),
+    Entry(
         "adaptive",
         "The same for any arm: a built-in robot or a file of yours",
         "adaptctl.experiments.adaptive",

@@ -53,6 +53,10 @@ class Learning(ClosedLoop):
     def purpose(self) -> str:
         """What is asked, in a paragraph."""
 
+    def mechanism(self) -> Mechanism:
+        """What is driven: the robot, unless a subclass makes more of it."""
+        return load(self.robot)
+
     @abstractmethod
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
         """The environment that everybody drives."""
@@ -76,7 +80,7 @@ class Learning(ClosedLoop):
     def compare(self, progress: Progress) -> Comparison:
         """The offline stage, the contest, the findings."""
         progress(OFFLINE, 0.0)
-        mechanism = load(self.robot)
+        mechanism = self.mechanism()
         env = self.environment(mechanism)
         space = essential_space(mechanism, seed=self.seed)
         basis = fundamental_basis(space)

@@ -64,7 +64,12 @@ class StatedTask(Learning):
             duration=self.duration,
             control_period=self.control_period,
             initial_error=self.initial_error,
+            torque_limits=self.torque_limits(mechanism),
         )
+
+    def torque_limits(self, mechanism: Mechanism) -> Array | None:
+        """The limits (r,) of the joints' torques, in N m; None for the mechanism's own."""
+        return None
 
     def gains(self, mechanism: Mechanism) -> Gains:
         """Lambda and K as set."""

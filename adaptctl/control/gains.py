@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NoReturn
 
 import numpy as np
@@ -43,8 +44,15 @@ def sampled_configurations(mechanism: Mechanism, samples: int = 200, seed: int =
 
 def typical_inertia(mechanism: Mechanism) -> Array:
     """The median over configurations of each joint's own inertia, M's diagonal (r,), in kg m^2 or kg."""
+    return np.median(np.diagonal(_mass_matrices(mechanism), axis1=-2, axis2=-1), axis=0)
+
+
+@lru_cache(maxsize=8)
+def _mass_matrices(mechanism: Mechanism) -> Array:
+    """M (samples, r, r) at the sampled configurations, kept: with loops these take seconds to reach."""
     mass_matrices = mechanism.mass_matrix(sampled_configurations(mechanism))
-    return np.median(np.diagonal(mass_matrices, axis1=-2, axis2=-1), axis=0)
+    mass_matrices.flags.writeable = False
+    return mass_matrices
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,8 +79,7 @@ class Gains:
 def sampled_gain(mechanism: Mechanism, damping: ArrayLike, period: float) -> float:
     """T_c max_q lambda_max(M(q)^-1 K): 2 is the limit of stability of a torque held over the period T_c (s)."""
     root = np.sqrt(per_joint(damping, mechanism.dof, "damping"))
-    mass_matrices = mechanism.mass_matrix(sampled_configurations(mechanism))
-    eigenvalues = np.linalg.eigvalsh(mass_matrices / (root[:, None] * root))
+    eigenvalues = np.linalg.eigvalsh(_mass_matrices(mechanism) / (root[:, None] * root))
     smallest = float(eigenvalues.min())
     return period / smallest if smallest > 0.0 else np.inf
 

@@ -208,8 +208,10 @@ def _camera(comparison: Comparison, parts: Skeleton) -> tuple[Array, Array]:
     every = thinned(len(rollout.time), 200)
     origins = link_poses(comparison.mechanism, rollout.reference_p[every]).translations
     center = (origins.reshape(-1, 3).min(axis=0) + origins.reshape(-1, 3).max(axis=0)) / 2.0
-    outward = origins[:, parts.tip_link, :2].mean(axis=0)
+    feet = np.array([link.near.translation for link in comparison.mechanism.links if link.parent < 0])
+    outward = feet[-1] - feet[0] if len(feet) > 1 else origins[:, parts.tip_link].mean(axis=0)
     azimuth = float(np.arctan2(outward[1], outward[0])) - 1.1
     away = np.array([np.cos(azimuth), np.sin(azimuth), 0.4])
     target = center - np.array([0.0, 0.0, 0.15 * parts.reach])
-    return target + 1.4 * parts.reach * away, target
+    apart = float(np.linalg.norm(feet.max(axis=0) - feet.min(axis=0)))
+    return target + 1.4 * max(parts.reach, apart + 0.5 * parts.reach) * away, target

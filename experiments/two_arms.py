@@ -1,0 +1,113 @@
+"""Two arms that hold one rod, end to end: several robots as one mechanism with a loop."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from adaptctl.dynamics import Mechanism, load
+from adaptctl.errors import InputError
+from adaptctl.experiments.experiment import setting
+from adaptctl.experiments.stated_task import StatedTask
+from adaptctl.mechanism import Pose
+from adaptctl.mechanism.joined import joined
+from adaptctl.mechanism.loops import Closure, ClosureKind, Loops
+from adaptctl.mechanism.pose import Array, rotation_about
+from adaptctl.recording import Setting
+from adaptctl.scalars import Column
+
+if TYPE_CHECKING:
+    import gymnasium
+
+ROD = 0.3
+"""m from hand to hand"""
+APART = 1.1
+"""m from base to base, face to face"""
+LEFT = (-2.25, -2.36, -0.33, 0.375, 1.436, -0.08)
+RIGHT = (2.455, -2.233, -0.116, 1.624, -1.103, -2.392)
+"""rad: where two PUMA 560 hold the rod, far from their singularities. The right arm's joints need only be near."""
+
+
+@dataclass(frozen=True)
+class TwoArms(StatedTask):
+    """The contest of `Learning` on two arms welded to one rod: twelve links, six freedoms, a loop of six rows.
+
+    The left arm's joints are the coordinates. A torque in them is what both arms' motors give together, however it
+    is shared between them: the motion is the same.
+    """
+
+    name: ClassVar[str] = "two-arms"
+    title: ClassVar[str] = "Two arms and a rod: learning to track as one mechanism"
+    joints: ClassVar[int] = 6
+    environment_id: ClassVar[str] = "adaptctl/Tracking-v0"
+
+    robot: str = setting(
+        "puma560_geared", "each of the two arms: a PUMA 560 (puma560_geared, puma560_measured) or one of its size"
+    )
+    damping: tuple[float, ...] = setting(
+        (250.0, 250.0, 120.0, 70.0, 50.0, 5.0), "damping of each joint, N m s", symbol="K", low=1e-3, high=1e4
+    )
+    inertia_range: float = setting(1.0, "prior range of inertias, kg m^2", low=1e-3, high=1e3)
+    center: tuple[float, ...] = setting(LEFT, "centre of the reference, rad", low=-10.0, high=10.0)
+    amplitude: tuple[float, ...] = setting((0.1,) * 6, "amplitude of the reference, rad", low=0.0, high=3.2)
+    frequency: tuple[float, ...] = setting(
+        (0.1, 0.125, 0.15, 0.175, 0.2, 0.225), "frequency of the reference, Hz", low=0.0, high=5.0
+    )
+    initial_error: float = setting(0.05, "initial error of every joint, rad or m", low=-1.0, high=1.0)
+
+    @property
+    def purpose(self) -> str:
+        """What is asked."""
+        return (
+            "Two PUMAs stand face to face and hold one rod. Together they are one mechanism of twelve links with a "
+            "closed loop, which moves with six degrees of freedom. Nobody tells the controller a single mass, centre "
+            "of mass or inertia of either arm. The parameters that the motion depends on are found from energies "
+            "alone; then Slotine and Li's adaptive controller starts with estimates of zero and adapts only those, "
+            "in the left arm's joints. Torques are what the motors of both arms give together in these; they may be "
+            f"shared in any way. Every controller starts {self.initial_error:g} rad off in every one of them."
+        )
+
+    def mechanism(self) -> Mechanism:
+        """The two arms and their rod."""
+        return two_arms(self.robot)
+
+    def torque_limits(self, mechanism: Mechanism) -> Array:
+        """What the motors of both arms can give in the left one's joints, at the reference configuration."""
+        limits = np.array([link.joint.limits.effort for link in mechanism.links])
+        if not np.isfinite(limits).all():
+            raise InputError(f"robot: {self.robot} has joints without a torque limit: give each an effort")
+        return np.abs(_slopes(mechanism)) @ limits
+
+    def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
+        """The rod too."""
+        yield from super().reference_settings(env)
+        yield Setting("rod", f"{ROD:g} m", f"from hand to hand, between bases {APART:g} m apart; part of both hands")
+        yield Setting("torque limits", "of both arms' motors together", "in the left arm's joints, at the centre")
+
+
+def two_arms(robot: str) -> Mechanism:
+    """Two of an arm of six joints, face to face, with a rod welded to both hands.
+
+    The rod has no parameters of its own: its ten are among those of both hands, which they are regrouped into.
+    """
+    arm = load(robot).description
+    if len(arm.links) != len(LEFT) or arm.loops is not None:
+        raise InputError(f"robot: {robot} has {len(arm.links)} links, two arms need one of six without loops")
+    stands = {"left": Pose.identity(), "right": Pose(rotation_about((0, 0, 1), np.pi), np.array([APART, 0.0, 0.0]))}
+    joints = {side: [f"{side}.{link.joint.name}" for link in arm.links] for side in stands}
+    reference = dict(zip(joints["left"] + joints["right"], LEFT + RIGHT, strict=True))
+    left, right = (f"{side}.{arm.links[-1].name}" for side in stands)
+    grip = Pose(rotation_about((1, 0, 0), np.pi), np.array([0.0, 0.0, ROD]))
+    rod = Closure("rod", left, right, grip, Pose.identity(), ClosureKind.WELD)
+    loops = Loops(tuple(joints["left"]), (rod,), reference=reference)
+    return Mechanism(joined("two_arms", {side: (arm, stand) for side, stand in stands.items()}, loops))
+
+
+def _slopes(mechanism: Mechanism) -> Array:
+    """dU/dp at the reference (r, n), transposed: how every joint of the tree follows each primary one."""
+    home = Column(np.asarray(mechanism.configuration(LEFT)).tolist())
+    units = np.eye(mechanism.dof).tolist()
+    return np.array([list(mechanism.equations.rates(home, Column(unit))) for unit in units], dtype=np.float64)
