@@ -54,4 +54,4 @@ def stacked(entries: Sequence[Any], samples: tuple[int, ...]) -> Array:
 def stacked_rows(rows: Sequence[Sequence[Any] | Column], samples: tuple[int, ...]) -> Array:
     """Rows of scalars gathered as (..., rows, columns)."""
     flat = stacked([entry for row in rows for entry in row], samples)
-    return flat.reshape(*samples, len(rows), -1)
+    return flat.reshape(*samples, len(rows), len(rows[0]) if rows else 0)

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adaptctl.compilation import Kernel, compile_function
-from adaptctl.dynamics.arrays import column, stacked, stacked_rows
 from adaptctl.dynamics.loop_equations import LoopEquations
 from adaptctl.errors import SingularityError
 from adaptctl.mechanism.pose import Array
@@ -73,14 +72,15 @@ class Continuation:
 
         Near a fold it goes as the square root of the distance to it, so 0.05 is near.
         """
-        smallest, sign = self._block(q)
-        reference, side = self._reference_block
-        found = (sign == side) & (self._gap(q) < LOST)
-        return np.where(found, smallest / reference, 0.0)
+        gap, smallest, sign = self._look(q)
+        _, reference, side = self._at_reference
+        return np.where((sign == side) & (gap < LOST), smallest / reference, 0.0)
 
     def require_regular(self, q: Array) -> None:
         """Refuse configurations (..., n) near or beyond a singularity, with the worst of them."""
         regularity = np.ravel(self.regularity(q))
+        if regularity.size == 0:
+            return
         worst = int(regularity.argmin())
         if not regularity[worst] >= NEAREST:
             p = np.reshape(q, (-1, q.shape[-1]))[worst, self.primary]
@@ -95,35 +95,48 @@ class Continuation:
         return max(1, int(np.ceil(longest / LARGEST_STEP)))
 
     def _closed(self, p: Array, q: Array) -> Array:
-        """The closed configuration at p, from one nearby: along the tangent first, then by Newton's steps."""
-        ahead = stacked(self.equations.rates(column(q), column(p - q[..., self.primary])).of, p.shape[:-1])
-        return stacked(self.equations.closed(column(p), column(q + ahead)).of, p.shape[:-1])
+        """The closed configurations at p, from ones nearby."""
+        return self._mapped(self._native_closed, p, q)[0]
 
-    def _gap(self, q: Array) -> Array:
-        """The largest closure residual (...), m or rad."""
-        residual = self.equations.residual(column(q))
-        return np.abs(stacked(residual.of, q.shape[:-1])).max(axis=-1)
-
-    def _block(self, q: Array) -> tuple[Array, Array]:
-        if q.ndim == 1:  # once a control period
-            block = self._native_block(q).reshape(-1, len(self.equations.closing.dependent))
-        else:
-            block = stacked_rows(self.equations.dependent_block(column(q)), q.shape[:-1])
-        if not np.isfinite(block).all():
-            block = np.where(np.isfinite(block), block, 0.0)
+    def _look(self, q: Array) -> tuple[Array, Array, Array]:
+        """The largest closure residual (...), and the dependent block's smallest singular value and sign."""
+        residual, block = self._mapped(self._native_look, q)
+        size = len(self.equations.closing.dependent)
+        block = np.nan_to_num(block).reshape(*q.shape[:-1], size, size)
         smallest = np.asarray(np.linalg.svd(block, compute_uv=False)[..., -1], dtype=np.float64)
-        return smallest, np.sign(np.linalg.det(block))
+        return np.abs(residual).max(axis=-1), smallest, np.sign(np.linalg.det(block))
+
+    @staticmethod
+    def _mapped(kernel: Kernel, *arrays: Array) -> list[Array]:
+        """A kernel over all samples of arrays (..., n)."""
+        samples = np.broadcast_shapes(*(array.shape[:-1] for array in arrays))
+        flat = [np.broadcast_to(array, (*samples, array.shape[-1])).reshape(-1, array.shape[-1]) for array in arrays]
+        return [out.reshape(*samples, -1) for out in kernel.map(*flat)]
 
     @cached_property
-    def _native_block(self) -> Kernel:
-        def block(q: Column) -> Column:
-            return Column(entry for column in self.equations.dependent_block(q) for entry in column)
+    def _native_closed(self) -> Kernel:
+        """Along the tangent first, then by Newton's steps. Native, since it is done hundreds of times."""
+        primary = self.primary
 
-        return compile_function(block, {"q": len(self.reference)})
+        def closed(p: Column, q: Column) -> tuple[Column]:
+            ahead = self.equations.rates(q, p - Column(q[i] for i in primary))
+            return (self.equations.closed(p, q + ahead),)
+
+        return compile_function(closed, {"p": len(primary), "q": len(self.reference)})
 
     @cached_property
-    def _reference_block(self) -> tuple[Array, Array]:
-        return self._block(self.reference)
+    def _native_look(self) -> Kernel:
+        """The residual and the dependent block, column by column, whose singular values are its transpose's."""
+
+        def look(q: Column) -> tuple[Column, Column]:
+            block = self.equations.dependent_block(q)
+            return self.equations.residual(q), Column(entry for column in block for entry in column)
+
+        return compile_function(look, {"q": len(self.reference)})
+
+    @cached_property
+    def _at_reference(self) -> tuple[Array, Array, Array]:
+        return self._look(self.reference)
 
     @property
     def _start(self) -> Array:

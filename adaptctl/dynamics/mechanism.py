@@ -167,10 +167,19 @@ class Mechanism:
         return stacked_rows(self.equations.mass_matrix(self._tree(p), self._parameters), samples)
 
     def to_pinocchio(self) -> pinocchio.Model:
-        """The same mechanism as a Pinocchio model, built depth first."""
+        """The same mechanism as a Pinocchio model, built depth first; with loops, its tree's, loops left open."""
         from adaptctl.mechanism.pinocchio_model import to_pinocchio
 
         return to_pinocchio(self.description)
+
+    def to_pinocchio_constraints(self) -> list[pinocchio.RigidConstraintModel]:
+        """The loops as Pinocchio's constraint models, for `to_pinocchio()`'s model; none for a tree.
+
+        Raises `InputError` where joints follow others, for which Pinocchio has no such model.
+        """
+        from adaptctl.mechanism.pinocchio_constraints import to_pinocchio_constraints
+
+        return to_pinocchio_constraints(self.description, self.to_pinocchio())
 
     @classmethod
     def from_pinocchio(cls, model: pinocchio.Model) -> Mechanism:

@@ -19,6 +19,8 @@ POINTS = 65
 """along a line at which conditions are looked at"""
 
 MOST_DRAWS = 100
+FEWEST = 100
+"""positions in one draw: following a few takes as long"""
 
 
 def positions_on_branch(mechanism: Mechanism, positions: Array, generator: np.random.Generator) -> Array:
@@ -51,14 +53,14 @@ def reachable_positions(mechanism: Mechanism, samples: int, draw: Callable[[int]
         return draw(samples)
     kept = np.empty((0, mechanism.dof))
     for _ in range(MOST_DRAWS):
-        p = draw(samples)
+        p = draw(max(samples, FEWEST))
         p = p[mechanism.description.within_conditions(p)]
         p = p[continuation.progress(p, REGULAR) >= 1.0]
         kept = np.concatenate([kept, p[_tree_within_limits(mechanism, continuation.follow(p))]])
         if len(kept) >= samples:
             return kept[:samples]
     raise InputError(
-        f"{mechanism.name}: of {MOST_DRAWS * samples} positions within the primary joints' limits only {len(kept)} "
+        f"{mechanism.name}: of {MOST_DRAWS * max(samples, FEWEST)} positions within the primary joints' limits only {len(kept)} "
         "keep the conditions and let the loops close; narrow the limits, or add conditions that leave out the rest"
     )
 

@@ -13,6 +13,7 @@ from adaptctl.mechanism.sources import builtin_names, read
 from adaptctl.mechanism.urdf import read_urdf
 
 if TYPE_CHECKING:
+    from adaptctl.mechanism.pinocchio_constraints import to_pinocchio_constraints
     from adaptctl.mechanism.pinocchio_model import from_pinocchio, to_pinocchio
 
 __all__ = [
@@ -37,6 +38,7 @@ __all__ = [
     "read_urdf",
     "snapped",
     "to_pinocchio",
+    "to_pinocchio_constraints",
     "with_floating_base",
 ]
 
@@ -47,4 +49,8 @@ def __getattr__(name: str) -> Any:
         from adaptctl.mechanism import pinocchio_model
 
         return getattr(pinocchio_model, name)
+    if name == "to_pinocchio_constraints":
+        from adaptctl.mechanism.pinocchio_constraints import to_pinocchio_constraints
+
+        return to_pinocchio_constraints
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
