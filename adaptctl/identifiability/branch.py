@@ -52,16 +52,17 @@ def reachable_positions(mechanism: Mechanism, samples: int, draw: Callable[[int]
     if continuation is None:
         return draw(samples)
     kept = np.empty((0, mechanism.dof))
+    batch = max(samples, FEWEST)
     for _ in range(MOST_DRAWS):
-        p = draw(max(samples, FEWEST))
+        p = draw(batch)
         p = p[mechanism.description.within_conditions(p)]
         p = p[continuation.progress(p, REGULAR) >= 1.0]
         kept = np.concatenate([kept, p[_tree_within_limits(mechanism, continuation.follow(p))]])
         if len(kept) >= samples:
             return kept[:samples]
     raise InputError(
-        f"{mechanism.name}: of {MOST_DRAWS * max(samples, FEWEST)} positions within the primary joints' limits only {len(kept)} "
-        "keep the conditions and let the loops close; narrow the limits, or add conditions that leave out the rest"
+        f"{mechanism.name}: of {MOST_DRAWS * batch} positions within the primary joints' limits only {len(kept)} keep "
+        "the conditions and let the loops close; narrow the limits, or add conditions that leave out the rest"
     )
 
 
