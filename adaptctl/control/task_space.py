@@ -12,14 +12,18 @@ import numpy as np
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory
 from adaptctl.control.adaptive import AdaptiveState
 from adaptctl.control.controller import ReferencePoint
-from adaptctl.control.gains import per_joint
+from adaptctl.control.gains import per_joint, sampled_configurations
 from adaptctl.control.passivity import PassivityBased, Wanted
+from adaptctl.dynamics.arrays import column, stacked_rows
 from adaptctl.dynamics.jacobian import moving_point
 from adaptctl.dynamics.mass_matrix import solve_symmetric
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.mechanism.pose import Array, frozen_array
 from adaptctl.scalars import Column, Dual, Vec
+
+UNREACHED = 1e-6
+"""A Jacobian's smallest singular value over its largest, below which it is singular everywhere."""
 
 
 class Goal(NamedTuple):
@@ -83,6 +87,7 @@ class TaskSpaceSlotineLi(PassivityBased):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
                 raise InputError(f"task space: {name}: expected at least 0, got {getattr(self, name)}")
         self._require_link()
+        self._require_reach()
         self._settle()
         self._require_carried(self.damping)
 
@@ -132,6 +137,18 @@ class TaskSpaceSlotineLi(PassivityBased):
         names = [link.name for link in self.model.mechanism.links]
         if self.link is not None and self.link not in names:
             raise InputError(f"task space: there is no link {self.link!r}; links: {', '.join(names)}")
+
+    def _require_reach(self) -> None:
+        """Without damping some configuration must let the point move along every axis."""
+        mechanism = self.model.mechanism
+        p = sampled_configurations(mechanism)
+        _, rows = self.point(column(mechanism.configuration(p)))
+        values = np.linalg.svd(stacked_rows(rows, p.shape[:-1]), compute_uv=False)
+        if self.singularity == 0.0 and float((values[:, -1] / values[:, 0]).max()) < UNREACHED:
+            raise InputError(
+                f"task space: the joints move the point of {mechanism.links[self._link].name} along fewer than "
+                f"{len(self.axes)} axes: choose fewer axes, or a link farther out"
+            )
 
     @cached_property
     def _link(self) -> int:

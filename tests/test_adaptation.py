@@ -1,0 +1,272 @@
+"""Adaptation laws one by one: what each keeps whatever happens, what freezes, and what is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from sampled_loops import RANGES, arm, full, gains, loop, posture, reduced, swinging
+
+from adaptctl.control import (
+    AdaptationLaw,
+    BoundedGainForgetting,
+    Composite,
+    DeadZone,
+    EModification,
+    Gradient,
+    Natural,
+    Projection,
+    ReferencePoint,
+    SigmaModification,
+    SlotineLi,
+    adaptation_gain,
+    limits,
+    lyapunov,
+)
+from adaptctl.control.adaptation.natural import moved_body
+from adaptctl.control.controller import leaves
+from adaptctl.errors import InputError, NotFoundError
+from adaptctl.identifiability import ReducedModel
+from adaptctl.mechanism.inertia import from_pseudo_inertia, pseudo_inertia
+from adaptctl.mechanism.pose import Array
+
+NAMES = ["puma560_arm3", "semi_direct_drive"]
+
+
+def gain(name: str) -> Array:
+    return adaptation_gain(reduced(name), RANGES, 0.3)
+
+
+def widely(name: str) -> tuple[Array, Array]:
+    k = len(reduced(name).columns)
+    return np.full(k, -0.5), np.full(k, 0.5)
+
+
+LAWS: dict[str, Callable[[str], AdaptationLaw]] = {
+    "gradient": lambda name: Gradient(gain(name)),
+    "euler": lambda name: Gradient(gain(name), euler=True),
+    "matrix": lambda name: Gradient(np.diag(gain(name))),
+    "sigma": lambda name: SigmaModification(gain(name), 0.2),
+    "e": lambda name: EModification(gain(name), 0.5, np.ones(len(gain(name)))),
+    "dead zone": lambda name: DeadZone(gain(name), 0.01),
+    "projection": lambda name: Projection(Composite(gain(name), 0.1), *widely(name)),
+    "composite": lambda name: Composite(gain(name), 0.1),
+    "bounded-gain forgetting": lambda name: BoundedGainForgetting(gain(name), 0.1),
+}
+
+
+def on(name: str, law: AdaptationLaw | None, **options: object) -> SlotineLi:
+    return SlotineLi(reduced(name), 8.0, gains(name).damping, law, **options)  # type: ignore[arg-type]
+
+
+def natural(name: str) -> SlotineLi:
+    initial = 1.3 * arm(name).inertial_parameters
+    return SlotineLi(full(name), 8.0, gains(name).damping, Natural(0.02), initial)
+
+
+def second_tick(controller: SlotineLi, name: str, elapsed: float) -> tuple[list[Array], list[Array]]:
+    """The leaves of what a tick gives, natively and on floats, a tick after the first."""
+    r = arm(name).dof
+    p, v = posture(arm(name)) + 0.1, np.linspace(-1.0, 1.0, r)
+    point = ReferencePoint(posture(arm(name)), np.full(r, 0.3), np.full(r, -0.5))
+    _, state = controller.step(controller.init(p, v), p, v, point)
+    state = state._replace(elapsed=np.array([elapsed]))
+    torque, after = controller.step(state, p + 1e-3 * v, 0.99 * v, point)
+    plain = controller._on_floats(p + 1e-3 * v, 0.99 * v, *point, *leaves(state))
+    return [torque, *leaves(after)], plain
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("law", LAWS)
+def test_native_code_and_floats_learn_alike(name: str, law: str) -> None:
+    controller = on(name, LAWS[law](name), initial=np.linspace(-0.4, 0.4, len(gain(name))))
+    for native, plain in zip(*second_tick(controller, name, controller.period), strict=True):
+        np.testing.assert_allclose(native, plain, rtol=0, atol=1e-11 * max(np.abs(plain).max(initial=0.0), 1.0))
+
+
+def test_natural_adaptation_is_the_same_natively() -> None:
+    controller = natural("semi_direct_drive")
+    for native, plain in zip(*second_tick(controller, "semi_direct_drive", controller.period), strict=True):
+        np.testing.assert_allclose(native, plain, rtol=0, atol=1e-11 * max(np.abs(plain).max(initial=0.0), 1.0))
+
+
+@pytest.mark.parametrize("law", [law for law in LAWS if law != "dead zone"])
+def test_nothing_is_learned_from_a_period_that_does_not_count(law: str) -> None:
+    name = "puma560_arm3"
+    initial = np.linspace(-0.4, 0.4, len(gain(name)))
+    controller = on(name, LAWS[law](name), initial=initial)
+    frozen, counted = (second_tick(controller, name, elapsed)[0][1] for elapsed in (0.0, controller.period))
+    np.testing.assert_array_equal(frozen, initial)
+    assert np.abs(counted - initial).max() > 1e-6
+
+
+def test_a_bare_gain_is_gradient_adaptation() -> None:
+    name, reference = "puma560_arm3", swinging(arm("puma560_arm3"))
+    runs = [loop(on(name, law), arm(name), reference, 0.2) for law in (gain(name), Gradient(gain(name)))]  # type: ignore[arg-type]
+    np.testing.assert_array_equal(runs[0].torque, runs[1].torque)
+
+
+def test_the_dead_zone_stands_still_within() -> None:
+    """Within the zone no digit moves; outside it learns."""
+    name, mechanism = "puma560_arm3", arm("puma560_arm3")
+    run = loop(on(name, DeadZone(gain(name), 0.2)), mechanism, swinging(mechanism), 3.0)
+    between = 0.5 * (run.s[1:] + run.s[:-1])
+    within = ((between / 0.2) ** 2).sum(axis=1) <= 1.0
+    moved = np.abs(np.diff(run.estimate, axis=0)).max(axis=1) > 0.0
+    np.testing.assert_array_equal(moved, ~within)
+    assert within.any()
+    assert moved.any()
+
+
+def test_a_dead_zone_for_a_disturbance_holds_it() -> None:
+    """Where s'Ks <= d'K^-1 d the disturbance may win: the zone of `against` is exactly that."""
+    K, torque = np.array([10.0, 20.0, 5.0]), np.array([1.0, 2.0, 0.5])
+    zone = DeadZone.against(np.ones(3), K, torque)
+    s = np.random.default_rng(0).normal(size=(1000, 3))
+    np.testing.assert_allclose(
+        ((s / zone.width) ** 2).sum(axis=1), (s**2 * K).sum(axis=1) / (torque**2 / K).sum(), rtol=1e-12
+    )
+
+
+consistent = arrays(np.float64, (4, 4), elements=st.floats(-1.0, 1.0)).map(
+    lambda G: from_pseudo_inertia((np.eye(4) + 0.5 * G) @ (np.eye(4) + 0.5 * G).T + 1e-3 * np.eye(4))
+)
+
+
+@settings(max_examples=300)
+@given(ten=consistent, slope=arrays(np.float64, (10,), elements=st.floats(-10.0, 10.0)))
+def test_a_body_stays_a_body_whatever_the_slope(ten: Array, slope: Array) -> None:
+    moved = np.array(moved_body(ten.tolist(), slope.tolist()))
+    eigenvalues = np.linalg.eigvalsh(pseudo_inertia(moved))
+    assert eigenvalues[0] > -1e-12 * eigenvalues[-1]
+    assert np.linalg.slogdet(pseudo_inertia(moved))[0] == 1.0
+
+
+@settings(max_examples=50)
+@given(ten=consistent, slope=arrays(np.float64, (10,), elements=st.floats(-1.0, 1.0)))
+def test_a_small_step_follows_the_geodesic_to_second_order(ten: Array, slope: Array) -> None:
+    from scipy.linalg import expm, sqrtm
+
+    P = pseudo_inertia(ten)
+    L = np.zeros((4, 4))
+    basis = np.array([pseudo_inertia(unit) for unit in np.eye(10)]).reshape(10, 16)
+    L = (np.linalg.pinv(basis) @ slope).reshape(4, 4)
+    root = np.real(sqrtm(P))
+    misses = []
+    for step in (1e-2, 5e-3):
+        geodesic = root @ expm(-step * root @ L @ root) @ root
+        moved = pseudo_inertia(np.array(moved_body(ten.tolist(), (step * slope).tolist())))
+        misses.append(np.abs(moved - geodesic).max())
+    assert misses[1] <= misses[0] / 7.0 + 1e-14
+
+
+def test_natural_adaptation_keeps_every_body_a_body_when_shaken() -> None:
+    """40 N m of disturbance, noise, and a rate at which the estimate moves a lot."""
+    name = "puma560_geared"
+    mechanism = arm(name)
+    law = SlotineLi(full(name), 8.0, gains(name).damping, Natural(0.05), mechanism.inertial_parameters)
+    size = np.array([40.0, 40.0, 40.0, 4.0, 4.0, 4.0])
+    run = loop(
+        law,
+        mechanism,
+        swinging(mechanism),
+        1.0,
+        disturbance=lambda t: size * np.sin(20.0 * t + np.arange(6)),
+        noise=0.01,
+    )
+    bodies = run.estimate[:, :60].reshape(-1, 6, 10)[::10]
+    smallest = min(np.linalg.eigvalsh(pseudo_inertia(ten))[0] for bodies_now in bodies for ten in bodies_now)
+    assert smallest > 0.0
+    assert np.abs(run.estimate[-1] - run.estimate[0]).max() > 0.1
+    assert run.estimate[:, 60:].min() > 0.0
+
+
+def test_the_truth_is_at_no_distance_and_everything_else_at_some() -> None:
+    name = "semi_direct_drive"
+    model, true = full(name), arm(name).inertial_parameters
+    law = Natural(0.1)
+    estimates = np.array([true, 1.1 * true, 2.0 * true])
+    found = law.distance(model, estimates, true)
+    assert found[0] == pytest.approx(0.0, abs=1e-9)
+    assert 0.0 < found[1] < found[2]
+    assert np.isinf(law.distance(model, true, -true))
+
+
+K = len(reduced("puma560_arm3").columns)
+ONES = np.ones(K)
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: on("puma560_arm3", Gradient(np.ones(30))), "30 parameters, of which the basis keeps 15"),
+        (lambda: on("puma560_arm3", Gradient(np.ones(4))), "adaptation gain: expected 15 numbers, .* got 4"),
+        (lambda: Gradient(-ONES), "positive"),
+        (lambda: SigmaModification(ONES, -1.0), "leakage rate"),
+        (lambda: SigmaModification(ONES, 1.0, np.ones(3)), "leakage: prior"),
+        (lambda: DeadZone(ONES, 0.0), "dead zone: width"),
+        (lambda: on("puma560_arm3", DeadZone(ONES, np.ones(6))), "dead zone: width"),
+        (lambda: Projection(Gradient(np.diag(ONES)), -ONES, ONES), "weighs parameters' errors together"),
+        (lambda: Projection(Gradient(ONES), ONES, -ONES), "lower < upper"),
+        (lambda: Projection(Gradient(ONES), np.full(K, np.nan), ONES), "infinite where there is no bound"),
+        (
+            lambda: on("puma560_arm3", Projection(Gradient(ONES), ONES, 2.0 * ONES)),
+            r"first estimate of link1.I_yy is 0, outside its bounds \[1, 2\]",
+        ),
+        (lambda: Composite(ONES, -1.0), "composite: weight"),
+        (lambda: on("puma560_arm3", Composite(ONES, cutoff=2000.0)), "use at most 1000 1/s"),
+        (lambda: on("puma560_arm3", Composite(ONES, cutoff=np.inf)), "cutoff: expected a positive number"),
+        (lambda: BoundedGainForgetting(np.diag(ONES)), "gain: expected shape"),
+        (lambda: BoundedGainForgetting(ONES, bound=0.5), "bound: expected at least 1"),
+        (lambda: BoundedGainForgetting(ONES, forgetting=-1.0), "forgetting: expected at least 0"),
+        (lambda: on("puma560_arm3", BoundedGainForgetting(ONES, forgetting=1e3)), "use at most 100 1/s"),
+        (lambda: Natural(0.0), "natural adaptation: rate"),
+        (lambda: on("puma560_arm3", Natural(0.1)), "15 fundamental parameters are none"),
+        (
+            lambda: SlotineLi(full("puma560_arm3"), 8.0, 50.0, Natural(0.1)),
+            "no rigid body has the first estimate of link1",
+        ),
+        (
+            lambda: SlotineLi(
+                full("puma560_geared"),
+                8.0,
+                gains("puma560_geared").damping,
+                Natural(0.1),
+                arm("puma560_geared").inertial_parameters * np.r_[np.ones(60), np.zeros(6)],
+            ),
+            "first estimate of joint1.rotor_inertia must be positive",
+        ),
+    ],
+)
+def test_what_cannot_be_is_refused(make: Callable[[], object], says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        make()
+
+
+def test_bounds_are_made_from_names_that_are_kept() -> None:
+    model: ReducedModel = reduced("puma560_arm3")
+    lower, upper = limits(model, {"link1.I_yy": (0.0, 5.0)})
+    assert (lower[0], upper[0]) == (0.0, 5.0)
+    assert np.isinf(lower[1:]).all()
+    assert np.isinf(upper[1:]).all()
+    with pytest.raises(NotFoundError, match="the basis regroups it into others"):
+        limits(model, {"link2.m": (0.0, 5.0)})
+    with pytest.raises(NotFoundError, match=r"has no parameter 'link1.I_yyy'; did you mean 'link1.I_yy'\?"):
+        limits(model, {"link1.I_yyy": (0.0, 5.0)})
+
+
+def test_a_function_v_that_a_run_cannot_tell_is_refused() -> None:
+    name, mechanism = "puma560_arm3", arm("puma560_arm3")
+    controller = on(name, BoundedGainForgetting(gain(name), 0.1))
+    run = loop(controller, mechanism, swinging(mechanism), 0.01)
+    point = swinging(mechanism)(run.time)
+
+    class Told:
+        p, v, estimate, reference_p, reference_v = run.p, run.v, run.estimate, point.p, point.v
+
+    with pytest.raises(InputError, match="depends on more than the estimate"):
+        lyapunov(controller, Told(), mechanism)
