@@ -8,17 +8,16 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
-from adaptctl.dynamics.kinematics import link_poses
-from adaptctl.mechanism.pose import Array
+from adaptctl.recording.bars import log_spectrum
 from adaptctl.recording.blueprint import Layout, blueprint
 from adaptctl.recording.comparison import Comparison, Run
 from adaptctl.recording.overview import equations_markdown, summary_markdown
-from adaptctl.recording.palette import GOAL, MUTED, Color, joint_color, run_color
+from adaptctl.recording.palette import GOAL, Color, joint_color, run_color
 from adaptctl.recording.scene import GOAL_LOOK, entity, ghost_look, log_arm, log_base, log_path, log_trail, solid_look
 from adaptctl.recording.series import Style, log_levels, log_series, thinned
-from adaptctl.recording.skeleton import ROOT_RADIUS, Skeleton, skeleton
-from adaptctl.recording.spectrum import decades
+from adaptctl.recording.skeleton import ROOT_RADIUS, skeleton
 from adaptctl.recording.stream import log_markdown, saved_stream
+from adaptctl.recording.viewpoint import Viewpoint, floor_height
 
 CURVE_SAMPLES, POSE_SAMPLES = 4000, 2000
 """At most as many samples are shown; the table beside the recording has them all."""
@@ -66,7 +65,7 @@ def _log_scene(recording: rr.RecordingStream, comparison: Comparison) -> None:
     parts = skeleton(mechanism)
     every = thinned(len(rollout.time), POSE_SAMPLES)
     time = rollout.time[every]
-    log_base(recording, mechanism, _floor(comparison, parts), 1.15 * ROOT_RADIUS * parts.reach)
+    log_base(recording, mechanism, floor_height(mechanism, parts, rollout.p), 1.15 * ROOT_RADIUS * parts.reach)
     goal = log_arm(recording, "desired", mechanism, parts, time, rollout.reference_p[every], GOAL_LOOK)
     log_path(recording, "desired", goal, GOAL)
     tip = log_arm(recording, "adaptive", mechanism, parts, time, rollout.p[every], solid_look(run_color(0)))
@@ -150,40 +149,18 @@ def _links(comparison: Comparison) -> list[str]:
 
 
 def _log_offline(recording: rr.RecordingStream, comparison: Comparison) -> None:
-    height = decades(comparison.space)
-    rank = comparison.space.rank
-    for name, part, color in (
-        ("essential", slice(0, rank), run_color(0)),
-        ("null space", slice(rank, len(height)), MUTED),
-    ):
-        starts = np.arange(len(height))[part] + 0.5
-        if len(starts):
-            bars = rr.BarChart(height[part], abscissa=starts, color=color)
-            recording.log(f"basis/spectrum/{entity(name)}", bars, static=True)
+    log_spectrum(recording, "basis/spectrum", comparison.space)
     log_markdown(recording, "basis/equations", equations_markdown(comparison))
-
-
-def _floor(comparison: Comparison, parts: Skeleton) -> float:
-    """The floor's height (m): low enough for everything that moves to stay above it."""
-    rollout = comparison.subject.rollout
-    every = thinned(len(rollout.time), 200)
-    heights = link_poses(comparison.mechanism, rollout.p[every]).translations[..., 2]
-    lowest = min(float(heights.min()), min(link.near.translation[2] for link in comparison.mechanism.links[:1]))
-    return 0.0 if lowest > 0.0 else lowest - 0.6 * parts.reach
 
 
 def _layout(comparison: Comparison) -> Layout:
     parts = skeleton(comparison.mechanism)
-    floor = _floor(comparison, parts)
-    eye, target = _camera(comparison, parts)
     shown = _shown(comparison)
     errors = np.concatenate([run.rollout.error for run in shown[:2]])
     margin = 0.06 * float(np.ptp(errors)) + 1e-9
     has_estimates = comparison.subject.rollout.estimate.shape[1] > 0
     return Layout(
-        eye=eye,
-        target=target,
-        floor=floor,
+        viewpoint=Viewpoint.of(comparison.mechanism, parts, comparison.subject.rollout.reference_p),
         error_unit=comparison.error_unit,
         error_range=(1e3 * (float(errors.min()) - margin), 1e3 * (float(errors.max()) + margin)),
         links=tuple(entity(link) for link in _links(comparison)) if has_estimates else (),
@@ -200,18 +177,3 @@ def _shown(comparison: Comparison) -> list[Run]:
     """The runs whose errors get a view each: the subject, adaptation off, then the rest."""
     first = [run for run in (comparison.subject, comparison.baseline) if run is not None]
     return first + [run for run in comparison.runs if run not in first]
-
-
-def _camera(comparison: Comparison, parts: Skeleton) -> tuple[Array, Array]:
-    """Where to stand to see the arm from its side, all of it."""
-    rollout = comparison.subject.rollout
-    every = thinned(len(rollout.time), 200)
-    origins = link_poses(comparison.mechanism, rollout.reference_p[every]).translations
-    center = (origins.reshape(-1, 3).min(axis=0) + origins.reshape(-1, 3).max(axis=0)) / 2.0
-    feet = np.array([link.near.translation for link in comparison.mechanism.links if link.parent < 0])
-    outward = feet[-1] - feet[0] if len(feet) > 1 else origins[:, parts.tip_link].mean(axis=0)
-    azimuth = float(np.arctan2(outward[1], outward[0])) - 1.1
-    away = np.array([np.cos(azimuth), np.sin(azimuth), 0.4])
-    target = center - np.array([0.0, 0.0, 0.15 * parts.reach])
-    apart = float(np.linalg.norm(feet.max(axis=0) - feet.min(axis=0)))
-    return target + 1.4 * max(parts.reach, apart + 0.5 * parts.reach) * away, target

@@ -1,0 +1,48 @@
+"""Where to stand to see a mechanism move, and the floor under it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.kinematics import link_poses
+from adaptctl.mechanism.pose import Array
+from adaptctl.recording.skeleton import Skeleton
+
+POSITIONS = 200
+"""At most as many positions are looked at."""
+
+
+@dataclass(frozen=True, eq=False)
+class Viewpoint:
+    """A camera and a floor (m)."""
+
+    eye: Array
+    """(3,) where the camera stands"""
+    target: Array
+    """(3,) what it looks at"""
+    floor: float
+    """height of the floor"""
+
+    @classmethod
+    def of(cls, mechanism: Mechanism, parts: Skeleton, p: Array) -> Viewpoint:
+        """From the arm's side, so that all of it is seen along positions p (T, r)."""
+        origins = link_poses(mechanism, p[:: max(1, -(-len(p) // POSITIONS))]).translations
+        center = (origins.reshape(-1, 3).min(axis=0) + origins.reshape(-1, 3).max(axis=0)) / 2.0
+        feet = np.array([link.near.translation for link in mechanism.links if link.parent < 0])
+        outward = feet[-1] - feet[0] if len(feet) > 1 else origins[:, parts.tip_link].mean(axis=0)
+        azimuth = float(np.arctan2(outward[1], outward[0])) - 1.1
+        away = np.array([np.cos(azimuth), np.sin(azimuth), 0.4])
+        target = center - np.array([0.0, 0.0, 0.15 * parts.reach])
+        apart = float(np.linalg.norm(feet.max(axis=0) - feet.min(axis=0)))
+        eye = target + 1.4 * max(parts.reach, apart + 0.5 * parts.reach) * away
+        return cls(eye, target, floor_height(mechanism, parts, p))
+
+
+def floor_height(mechanism: Mechanism, parts: Skeleton, p: Array) -> float:
+    """The floor's height: low enough for everything that moves to stay above it."""
+    heights = link_poses(mechanism, p[:: max(1, -(-len(p) // POSITIONS))]).translations[..., 2]
+    lowest = min(float(heights.min()), min(link.near.translation[2] for link in mechanism.links[:1]))
+    return 0.0 if lowest > 0.0 else lowest - 0.6 * parts.reach

@@ -1,0 +1,73 @@
+"""The views of which recordings are laid out: an arm, curves, bars, text, a picture."""
+
+from __future__ import annotations
+
+import rerun as rr
+import rerun.blueprint as rrb
+
+from adaptctl.recording.palette import Color
+from adaptctl.recording.scene import TIMELINE
+from adaptctl.recording.viewpoint import Viewpoint
+
+NIGHT = Color(22, 26, 36)
+TRAIL = 4.0
+"""s of the tip's path that stay visible."""
+
+
+def tabs(*containers: rrb.Container) -> rrb.Blueprint:
+    """Tabs over the whole window, the first one open, time running."""
+    return rrb.Blueprint(
+        rrb.Tabs(*containers, active_tab=0),
+        rrb.TimePanel(timeline=TIMELINE, state="collapsed", play_state="playing", loop_mode="all"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+        auto_layout=False,
+        auto_views=False,
+    )
+
+
+def arm(origin: str, name: str, viewpoint: Viewpoint) -> rrb.View:
+    """An arm in motion, with its trail, on a grid."""
+    window = rr.VisibleTimeRange(
+        TIMELINE,
+        start=rr.TimeRangeBoundary.cursor_relative(seconds=-TRAIL),
+        end=rr.TimeRangeBoundary.cursor_relative(),
+    )
+    return rrb.Spatial3DView(
+        origin=f"/{origin}",
+        name=name,
+        background=NIGHT,
+        eye_controls=rrb.EyeControls3D(position=viewpoint.eye, look_target=viewpoint.target, eye_up=(0.0, 0.0, 1.0)),
+        line_grid=rrb.LineGrid3D(
+            visible=True,
+            spacing=0.25,
+            plane=rr.components.Plane3D((0.0, 0.0, 1.0), viewpoint.floor),
+            color=(255, 255, 255, 22),
+        ),
+        time_ranges=window,
+    )
+
+
+def curves(origin: str, name: str, bounds: tuple[float, float] | None = None) -> rrb.View:
+    """Curves over time."""
+    return rrb.TimeSeriesView(
+        origin=origin,
+        name=name,
+        axis_y=rrb.ScalarAxis(range=bounds) if bounds else None,
+        plot_legend=rrb.Corner2D.RightTop,
+    )
+
+
+def bars(origin: str, name: str) -> rrb.View:
+    """Bars that stand still."""
+    return rrb.BarChartView(origin=origin, name=name, plot_legend=rrb.Corner2D.RightTop)
+
+
+def text(origin: str, name: str) -> rrb.View:
+    """Text that stands still."""
+    return rrb.TextDocumentView(origin=f"/{origin}", name=name)
+
+
+def picture(origin: str, name: str) -> rrb.View:
+    """A picture that stands still."""
+    return rrb.Spatial2DView(origin=f"/{origin}", name=name)
