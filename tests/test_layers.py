@@ -34,7 +34,7 @@ ABOUT = {
     "rerun": {"recording"},
     "pyarrow": {"recording"},
     "gymnasium": {"envs"},
-    "rich": {"cli.basis_report"},
+    "rich": {"cli.basis_report", "cli.gains_report"},
     "control": set(),
 }
 """Heavy packages, and the modules or folders that are about them; elsewhere they are imported when used."""

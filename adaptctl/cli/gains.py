@@ -1,0 +1,106 @@
+"""`adaptctl gains`: gains of the tracking loop for a robot, and how far they can be trusted."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+if TYPE_CHECKING:
+    from adaptctl.control.gain_design import GainDesign
+
+SCHEMA = "adaptctl/gains/1"
+
+
+def gains(
+    robot: Annotated[str, Parameter(help="A built-in robot's name, or a .urdf or .toml file.")],
+    /,
+    *,
+    method: Annotated[
+        Literal["bandwidth", "poles", "lqr"], Parameter(help="How the error's poles are chosen.")
+    ] = "bandwidth",
+    bandwidth: Annotated[float, Parameter(help="Where both poles lie, 1/s.")] = 8.0,
+    damping_ratio: Annotated[float, Parameter(help="1 for two equal real poles.")] = 1.0,
+    poles: Annotated[
+        tuple[complex, complex],
+        Parameter(metavar="S S", help="Method poles: two poles, 1/s, real or conjugate, such as -6+2j -6-2j."),
+    ] = (-8.0, -12.0),
+    weights: Annotated[
+        tuple[float, float, float],
+        Parameter(metavar="P V A", help="Method lqr: weights of the squares of error, error rate and acceleration."),
+    ] = (4096.0, 0.0, 1.0),
+    period: Annotated[float, Parameter(help="Control period, s: how long a torque is held.")] = 1e-3,
+    delay: Annotated[int, Parameter(help="Control periods from measurement to torque.")] = 0,
+    json: Annotated[bool, Parameter(help="Print JSON instead of tables.")] = False,
+) -> None:
+    """Design the gains of a robot's tracking loop, and tell their margins."""
+    from adaptctl.control.gain_design import by_bandwidth, by_lqr, by_poles
+    from adaptctl.dynamics import load
+
+    mechanism = load(robot)
+    match method:
+        case "bandwidth":
+            design = by_bandwidth(mechanism, bandwidth, damping_ratio, period=period, delay=delay)
+        case "poles":
+            design = by_poles(mechanism, poles, period=period, delay=delay)
+        case "lqr":
+            design = by_lqr(mechanism, *weights, period=period, delay=delay)
+    (_print_json if json else _print)(design.require_carried())
+
+
+def as_builtins(design: GainDesign) -> dict[str, Any]:
+    """The design in JSON's types, a joint each; null for what is infinite, and where no cascade exists."""
+    mechanism, cascade = design.mechanism, design.damped_enough
+    joints = [
+        {
+            "name": joint.name,
+            "inertia": float(design.inertia[i]),
+            "least_inertia": float(design.least_inertia[i]),
+            "stiffness": design.feedback[i].stiffness,
+            "rate": design.feedback[i].rate,
+            "bandwidth": float(design.bandwidth[i]),
+            "damping_ratio": float(design.damping_ratio[i]),
+            "slotine_li_bandwidth": float(design.gains.bandwidth[i]) if cascade else None,
+            "slotine_li_damping": float(design.gains.damping[i]) if cascade else None,
+            "gain_margin": _finite(design.margins[i].gain),
+            "phase_margin": _finite(design.margins[i].phase),
+            "delay_margin": _finite(design.margins[i].delay),
+            "crossover": _finite(design.margins[i].crossover),
+        }
+        for i, joint in enumerate(mechanism.primary_joints)
+    ]
+    return {
+        "schema": SCHEMA,
+        "robot": {"name": mechanism.name, "sha256": mechanism.description.sha256},
+        "method": design.method,
+        "period": design.period,
+        "delay": design.delay,
+        "joints": joints,
+        "sampled_gain": design.sampled_gain,
+        "largest_sampled_gain": design.largest_sampled_gain,
+        "fastest": _finite(design.fastest),
+    }
+
+
+def _finite(value: float) -> float | None:
+    from math import isfinite
+
+    return value if isfinite(value) else None
+
+
+def _print_json(design: GainDesign) -> None:
+    import json
+
+    json.dump(as_builtins(design), sys.stdout, indent=2, allow_nan=False)
+    sys.stdout.write("\n")
+
+
+def _print(design: GainDesign) -> None:
+    from rich.console import Console
+
+    from adaptctl.cli.gains_report import report
+
+    console = Console()
+    for part in report(design):
+        console.print(part)

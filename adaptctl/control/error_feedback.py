@@ -1,0 +1,170 @@
+"""Feedback of a joint's error, designed for a torque that is held over the control period."""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from adaptctl.errors import GainError, InputError
+
+if TYPE_CHECKING:
+    import control
+
+ROUNDING = 0.02
+"""How far discretisation may carry two equal real poles into the complex plane before they count as complex."""
+
+
+@dataclass(frozen=True)
+class ErrorFeedback:
+    """e'' = -stiffness e - rate e', the acceleration held over `period` (s): one joint of known inertia.
+
+    `stiffness` is in 1/s^2, `rate` in 1/s. Made from a bandwidth, from poles, or as the linear-quadratic
+    regulator, of the double integrator as a hold of the period sees it (Astrom and Wittenmark 1997, chapter 4);
+    python-control does the algebra.
+    """
+
+    stiffness: float
+    rate: float
+    period: float
+
+    def __post_init__(self) -> None:
+        _require_period(self.period)
+        if not (0.0 < self.stiffness < math.inf and 0.0 < self.rate < math.inf):
+            raise InputError(f"gains: expected positive numbers, got {self.stiffness:g} 1/s^2 and {self.rate:g} 1/s")
+        if max(abs(pole) for pole in self.sampled_poles) >= 1.0:
+            raise GainError(
+                f"gains: {self.stiffness:.3g} 1/s^2 and {self.rate:.3g} 1/s cannot be carried by a hold of "
+                f"{self.period:g} s: the rate can be at most {2.0 / self.period:.4g} 1/s, the stiffness at most "
+                f"twice the rate over the period"
+            )
+
+    @classmethod
+    def from_bandwidth(cls, bandwidth: float, damping_ratio: float, period: float) -> ErrorFeedback:
+        """Both poles at a bandwidth (1/s), with a damping ratio: s^2 + 2 zeta omega s + omega^2."""
+        if not (0.0 < bandwidth < math.inf and 0.0 < damping_ratio < math.inf):
+            raise InputError(f"expected a positive bandwidth and damping ratio, got {bandwidth} and {damping_ratio}")
+        root = cmath.sqrt(damping_ratio**2 - 1.0)
+        return cls.from_poles([bandwidth * (-damping_ratio + sign * root) for sign in (1.0, -1.0)], period)
+
+    @classmethod
+    def from_poles(cls, poles: Sequence[complex], period: float) -> ErrorFeedback:
+        """Two poles (1/s), real or a conjugate pair, where a continuous design would have them."""
+        given = np.asarray(poles, dtype=np.complex128)
+        conjugate = (
+            given.shape == (2,) and abs(given.sum().imag) + abs(given.prod().imag) < 1e-9 * abs(given).max() ** 2
+        )
+        if not conjugate or np.any(given.real >= 0.0):
+            raise InputError(f"poles: expected two in the left half-plane, real or conjugate, got {list(poles)}")
+        import control
+
+        _require_period(period)
+        A, B = _held_double_integrator()
+        gains = np.asarray(control.acker(A, B, np.exp(given * period)), dtype=np.float64).ravel()
+        return cls(float(gains[0]) / period**2, float(gains[1]) / period, period)
+
+    @classmethod
+    def from_lqr(cls, position: float, velocity: float, effort: float, period: float) -> ErrorFeedback:
+        """The least sum of position e^2 + velocity e'^2 + effort e''^2 over the sampled error.
+
+        Bryson's rule takes each weight as one over the square of the largest value that is acceptable.
+        """
+        if not (position > 0.0 and velocity >= 0.0 and effort > 0.0 and math.isfinite(position + velocity + effort)):
+            raise InputError(
+                f"weights: expected positive ones of position and effort, and of velocity at least 0, got {position}, "
+                f"{velocity}, {effort}"
+            )
+        import control
+
+        _require_period(period)
+        natural = (position / effort) ** 0.25  # 1/s: in this unit of time all weights are near 1
+        step = natural * period
+        A, B = np.array([[1.0, step], [0.0, 1.0]]), np.array([[0.5 * step**2], [step]])
+        Q, R = np.diag([1.0, velocity / position * natural**2]), np.eye(1)
+        try:
+            gains = np.asarray(control.dlqr(A, B, Q, R)[0], dtype=np.float64).ravel()
+        except (ValueError, np.linalg.LinAlgError) as error:
+            raise InputError(f"weights: too far apart for a control period of {period:g} s ({error})") from error
+        return cls(float(gains[0]) * natural**2, float(gains[1]) * natural, period)
+
+    @property
+    def sampled_poles(self) -> tuple[complex, complex]:
+        """The poles (z) of the sampled loop, without delay."""
+        k, c = self.stiffness * self.period**2, self.rate * self.period
+        half, product = 1.0 - 0.5 * c - 0.25 * k, 1.0 - c + 0.5 * k
+        root = cmath.sqrt(half**2 - product)
+        return half + root, half - root
+
+    @property
+    def poles(self) -> tuple[complex, complex]:
+        """The poles (1/s) that a continuous loop would have for the same samples."""
+        first, second = (cmath.log(pole) / self.period for pole in self.sampled_poles)
+        return first, second
+
+    def faster(self, factor: float) -> ErrorFeedback:
+        """Feedback with poles a factor farther out."""
+        first, second = (factor * pole for pole in self.poles)
+        mean = 0.5 * (first + second).real  # log puts the poles of a negative pair on one side of its cut
+        conjugate = abs(first.imag) > 0.0
+        return self.from_poles([first, first.conjugate()] if conjugate else [first, 2.0 * mean - first], self.period)
+
+    @property
+    def bandwidth(self) -> float:
+        """Of the continuous loop with these gains: its undamped natural frequency, 1/s."""
+        return math.sqrt(self.stiffness)
+
+    @property
+    def damping_ratio(self) -> float:
+        """1 for two equal real poles."""
+        return self.rate / (2.0 * self.bandwidth)
+
+    @property
+    def is_cascade(self) -> bool:
+        """Whether the poles are real, or as good as."""
+        return 1.0 - 1.0 / self.damping_ratio**2 >= -ROUNDING - self.bandwidth * self.period
+
+    @property
+    def cascaded(self) -> tuple[float, float]:
+        """The rates (1/s) of s' = -outer s, e' = -inner e + s, slower first: Slotine and Li's Lambda, and K over M.
+
+        Raises `InputError` where the poles are complex: no cascade of first-order lags has these.
+        """
+        squared = 1.0 - 1.0 / self.damping_ratio**2
+        if not self.is_cascade:
+            raise InputError(
+                f"damping ratio: Slotine and Li's error decays through two first-order lags, which needs a ratio of at "
+                f"least 1, got {self.damping_ratio:.3g}; use computed torque, or damp more"
+            )
+        root = math.sqrt(max(squared, 0.0))
+        return 0.5 * self.rate * (1.0 - root), 0.5 * self.rate * (1.0 + root)
+
+    def loop(self, delay: int = 0) -> control.StateSpace:
+        """The loop opened at the torque, from what is commanded to what is fed back, `delay` periods late."""
+        import control
+
+        A, B = _held_double_integrator()
+        C = np.array([[self.stiffness * self.period**2, self.rate * self.period]])
+        opened = control.ss(A, B, C, 0.0, self.period)
+        return opened if delay == 0 else opened * _late(delay, self.period)
+
+
+def _require_period(period: float) -> None:
+    if not (math.isfinite(period) and period > 0.0):
+        raise InputError(f"control period: expected a positive time in s, got {period}")
+
+
+def _held_double_integrator() -> tuple[Any, Any]:
+    """Error and error rate over a hold, in periods: the numbers are then near 1, whatever the period."""
+    return np.array([[1.0, 1.0], [0.0, 1.0]]), np.array([[0.5], [1.0]])
+
+
+def _late(delay: int, period: float) -> control.StateSpace:
+    """z^-delay."""
+    import control
+
+    A = np.eye(delay, k=-1)
+    return control.ss(A, np.eye(delay, 1), np.eye(delay)[-1:], 0.0, period)

@@ -1,0 +1,139 @@
+"""Plants and controllers as systems of python-control, to be interconnected, linearised and simulated there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from adaptctl.compilation import compile_function
+from adaptctl.control.controller import LARGEST_COMPILED, Controller, ReferencePoint, leaves, like
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
+from adaptctl.mechanism.pose import Array
+from adaptctl.scalars import Column
+from adaptctl.simulation.plant import Plant, PlantState
+
+if TYPE_CHECKING:
+    import control
+
+REFERENCE = ("reference_p", "reference_v", "reference_a")
+
+
+def mechanism_system(mechanism: Mechanism, name: str = "mechanism") -> control.NonlinearIOSystem:
+    """The arm in continuous time: state and outputs p and v (r each), input torque (r).
+
+    Signals are ``torque[0]``, ``p[0]``, ``v[0]`` and so on, in the order of the primary joints. With loops, p is
+    followed from the reference configuration at every evaluation.
+    """
+    import control
+
+    r, accelerations = mechanism.dof, _accelerations(mechanism)
+
+    def update(t: float, x: Array, u: Array, params: Any) -> Array:
+        return np.concatenate((x[r:], accelerations(x[:r], x[r:], u)))
+
+    return control.nlsys(
+        update,
+        None,
+        inputs=_signals(("torque",), r),
+        outputs=_signals(("p", "v"), r),
+        states=_signals(("p", "v"), r),
+        name=name,
+    )
+
+
+def plant_system(plant: Plant, name: str = "plant") -> control.NonlinearIOSystem:
+    """The arm sampled under held torques, limits included, as `rollout` drives it; signals as `mechanism_system`."""
+    import control
+
+    r, mechanism = plant.dof, plant.mechanism
+
+    def update(t: float, x: Array, u: Array, params: Any) -> Array:
+        p, v = np.array(x[:r]), np.array(x[r:])
+        after = plant.step(PlantState(0.0, p, v, mechanism.configuration(p)), np.array(u))
+        return np.concatenate((after.p, after.v))
+
+    return control.nlsys(
+        update,
+        None,
+        inputs=_signals(("torque",), r),
+        outputs=_signals(("p", "v"), r),
+        states=_signals(("p", "v"), r),
+        dt=plant.control_period,
+        name=name,
+    )
+
+
+def controller_system(
+    controller: Controller[Any], period: float, name: str = "controller"
+) -> control.NonlinearIOSystem:
+    """A controller ticking every `period` (s): inputs p, v and the reference's parts, output torque.
+
+    Its state is all that the law remembers, the estimate first where there is one: `controller_start` has it at
+    the beginning.
+    """
+    import control
+
+    r, m = controller.dof, controller.reference_size
+    blank = controller.start(controller.home, np.zeros(r))
+    sizes = [len(part) for part in leaves(blank)]
+
+    def tick(x: Array, u: Array) -> tuple[Array, Array]:
+        reference = ReferencePoint(*np.split(np.array(u[2 * r :]), 3))
+        memory = like(blank, np.split(np.array(x), np.cumsum(sizes)[:-1]))
+        torque, after = controller.step(memory, np.array(u[:r]), np.array(u[r : 2 * r]), reference)
+        return torque, np.concatenate([*leaves(after), np.zeros(0)])
+
+    return control.nlsys(
+        lambda t, x, u, params: tick(x, u)[1],
+        lambda t, x, u, params: tick(x, u)[0],
+        inputs=[*_signals(("p", "v"), r), *_signals(REFERENCE, m)],
+        outputs=_signals(("torque",), r),
+        states=_signals(("memory",), sum(sizes)),
+        dt=period,
+        name=name,
+    )
+
+
+def controller_start(controller: Controller[Any], p: Array, v: Array) -> Array:
+    """What a controller's system starts from, at positions and velocities (r,)."""
+    return np.concatenate([*leaves(controller.init(p, v)), np.zeros(0)])
+
+
+def closed_loop_system(
+    plant: Plant, controller: Controller[Any], name: str = "closed_loop"
+) -> control.InterconnectedSystem:
+    """Plant and controller, joined: from the reference's parts to p and v.
+
+    The state is the plant's, then the controller's. Raises `InputError` when they are for different arms.
+    """
+    import control
+
+    if plant.dof != controller.dof:
+        raise InputError(f"closed loop: the plant has {plant.dof} joints, the controller is for {controller.dof}")
+    parts = [plant_system(plant), controller_system(controller, plant.control_period)]
+    return control.interconnect(
+        parts,
+        inputs=_signals(REFERENCE, controller.reference_size),
+        outputs=_signals(("p", "v"), plant.dof),
+        name=name,
+    )
+
+
+def _accelerations(mechanism: Mechanism) -> Any:
+    """Forward dynamics of p, v, torque (r,), in native code for a tree that is short enough."""
+    equations, parameters = mechanism.equations, Column(mechanism.inertial_parameters.tolist())
+    if mechanism.continuation is not None or mechanism.dof > LARGEST_COMPILED:
+        return mechanism.forward_dynamics
+
+    def accelerations(p: Column, v: Column, torque: Column) -> Column:
+        return equations.forward_dynamics(p, v, torque, parameters)
+
+    r = mechanism.dof
+    return compile_function(accelerations, {"p": r, "v": r, "torque": r}, name="accelerations")
+
+
+def _signals(names: Sequence[str], count: int) -> list[str]:
+    return [f"{name}[{i}]" for name in names for i in range(count)]

@@ -1,0 +1,149 @@
+"""Feedback of errors under a hold: poles where they were asked for, the least cost, and true margins."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.linalg import expm, solve_discrete_lyapunov
+
+from adaptctl.control.error_feedback import ErrorFeedback
+from adaptctl.control.gain_design import carried
+from adaptctl.control.margins import margins
+from adaptctl.errors import GainError, InputError
+from adaptctl.mechanism.pose import Array
+
+periods = st.floats(1e-4, 1e-2)
+
+
+def held_loop(feedback: ErrorFeedback, factor: float = 1.0, delay: int = 0) -> Array:
+    """One period of the error under a held acceleration, `delay` periods old, from the exponential of the plant."""
+    T = feedback.period
+    whole = expm(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]]) * T)
+    A, B = whole[:2, :2], whole[:2, 2]
+    K = factor * np.array([feedback.stiffness, feedback.rate])
+    if delay == 0:
+        return A - np.outer(B, K)
+    loop = np.zeros((2 + delay, 2 + delay))
+    loop[:2, :2], loop[:2, 2], loop[-1, :2] = A, -B, K
+    loop[2:-1, 3:] = np.eye(delay - 1)
+    return loop
+
+
+def radius(matrix: Array) -> float:
+    return float(np.abs(np.linalg.eigvals(matrix)).max())
+
+
+@settings(deadline=None)
+@given(st.floats(0.5, 100.0), st.floats(0.2, 3.0), periods)
+def test_the_samples_are_those_of_the_continuous_poles(bandwidth: float, ratio: float, period: float) -> None:
+    feedback = ErrorFeedback.from_bandwidth(bandwidth, ratio, period)
+    roots = np.roots([1.0, 2.0 * ratio * bandwidth, bandwidth**2])
+    poles = np.linalg.eigvals(held_loop(feedback))
+    # Sums and products: equal roots themselves are known to half the digits only.
+    np.testing.assert_allclose(np.sum(poles), np.sum(np.exp(roots * period)), rtol=1e-9)
+    np.testing.assert_allclose(np.prod(poles), np.prod(np.exp(roots * period)), rtol=1e-9)
+    np.testing.assert_allclose(np.sum(feedback.sampled_poles), np.sum(poles), rtol=1e-9)
+
+
+def test_a_short_hold_gives_the_continuous_gains() -> None:
+    feedback = ErrorFeedback.from_bandwidth(8.0, 0.7, 1e-5)
+    assert feedback.stiffness == pytest.approx(64.0, rel=1e-3)
+    assert feedback.rate == pytest.approx(11.2, rel=1e-3)
+    assert feedback.bandwidth == pytest.approx(8.0, rel=1e-3)
+    assert feedback.damping_ratio == pytest.approx(0.7, rel=1e-3)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(1.0, 1e6), st.floats(0.0, 1e3), st.floats(0.1, 10.0), periods)
+def test_lqr_is_least_among_its_neighbours(position: float, velocity: float, effort: float, period: float) -> None:
+    """The cost from two starts, by the Lyapunov equation of the closed loop."""
+    best = ErrorFeedback.from_lqr(position, velocity, effort, period)
+
+    def cost(feedback: ErrorFeedback) -> float:
+        K = np.array([[feedback.stiffness, feedback.rate]])
+        Q = np.diag([position, velocity]) + effort * K.T @ K
+        return float(np.trace(solve_discrete_lyapunov(held_loop(feedback).T, Q, method="direct")))
+
+    for stiffer, quicker in ((1.02, 1.0), (0.98, 1.0), (1.0, 1.02), (1.0, 0.98)):
+        other = ErrorFeedback(best.stiffness * stiffer, best.rate * quicker, period)
+        assert cost(best) < cost(other)
+
+
+@settings(deadline=None)
+@given(st.floats(1.0, 60.0), st.floats(1.0, 3.0), periods)
+def test_a_cascade_of_two_lags_has_the_gains(bandwidth: float, ratio: float, period: float) -> None:
+    """Slotine and Li: e'' = -(Lambda + K/M) e' - Lambda K/M e; equal poles to the hold's own rounding."""
+    feedback = ErrorFeedback.from_bandwidth(bandwidth, ratio, period)
+    slow, fast = feedback.cascaded
+    assert slow <= fast
+    assert slow + fast == pytest.approx(feedback.rate, rel=1e-12)
+    assert slow * fast == pytest.approx(feedback.stiffness, rel=0.03 + bandwidth * period)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(2.0, 100.0), st.floats(0.4, 2.0), periods, st.integers(0, 3))
+def test_margins_are_where_the_loop_becomes_unstable(bandwidth: float, ratio: float, period: float, delay: int) -> None:
+    feedback = ErrorFeedback.from_bandwidth(bandwidth, ratio, period)
+    if radius(held_loop(feedback, 1.0, delay)) >= 0.999999:
+        return
+    found = margins(feedback.loop(delay))
+    assert found.gain_reduction == 0.0
+    assert radius(held_loop(feedback, 0.999 * found.gain, delay)) < 1.0
+    assert radius(held_loop(feedback, 1.001 * found.gain, delay)) > 1.0
+    ticks = found.delay / period
+    if ticks < 200.0:
+        assert radius(held_loop(feedback, 1.0, delay + math.floor(ticks * 0.9999))) < 1.0 + 1e-9
+        assert radius(held_loop(feedback, 1.0, delay + math.floor(ticks) + 1)) > 1.0
+
+
+def test_without_delay_the_gain_margin_is_that_of_the_hold() -> None:
+    """At half the sampling rate the held double integrator with k, c is -cT/2: the limit T_c K/M < 2."""
+    feedback = ErrorFeedback.from_bandwidth(30.0, 1.0, 2e-3)
+    found = margins(feedback.loop())
+    assert found.gain == pytest.approx(2.0 / (feedback.rate * 2e-3), rel=1e-12)
+    assert found.phase == pytest.approx(found.delay * found.crossover, rel=1e-9)
+
+
+@pytest.mark.parametrize("delay", range(4))
+def test_what_a_delayed_hold_carries(delay: int) -> None:
+    """z^(d+1) - z^d + g: three quarters of the largest stable g, 2 without delay and 1 with a delay of one."""
+    limit = carried(delay) / 0.75
+
+    def loop(g: float) -> float:
+        return float(np.abs(np.roots([1.0, -1.0, *[0.0] * (delay - 1), g] if delay else [1.0, g - 1.0])).max())
+
+    assert limit == pytest.approx([2.0, 1.0, 0.618034, 0.445042][delay], rel=1e-5)
+    assert loop(0.999 * limit) < 1.0 < loop(1.001 * limit)
+
+
+@given(st.floats(1.0, 50.0), st.floats(0.3, 3.0), st.floats(0.2, 5.0))
+def test_faster_poles_are_farther_out(bandwidth: float, ratio: float, factor: float) -> None:
+    feedback = ErrorFeedback.from_bandwidth(bandwidth, ratio, 1e-3).faster(factor)
+    expected = ErrorFeedback.from_bandwidth(factor * bandwidth, ratio, 1e-3)
+    assert feedback.stiffness == pytest.approx(expected.stiffness, rel=1e-5)
+    assert feedback.rate == pytest.approx(expected.rate, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "message"),
+    [
+        (lambda: ErrorFeedback(1.0, 3000.0, 1e-3), GainError, "cannot be carried by a hold of 0.001 s: the rate"),
+        (lambda: ErrorFeedback(-1.0, 1.0, 1e-3), InputError, "gains: expected positive numbers"),
+        (lambda: ErrorFeedback(1.0, 1.0, 0.0), InputError, "control period: expected a positive time"),
+        (lambda: ErrorFeedback.from_bandwidth(0.0, 1.0, 1e-3), InputError, "expected a positive bandwidth and damping"),
+        (lambda: ErrorFeedback.from_bandwidth(8.0, math.nan, 1e-3), InputError, "expected a positive bandwidth"),
+        (lambda: ErrorFeedback.from_poles([-1.0], 1e-3), InputError, "poles: expected two in the left half-plane"),
+        (lambda: ErrorFeedback.from_poles([-1.0, 2.0], 1e-3), InputError, "poles: expected two in the left"),
+        (lambda: ErrorFeedback.from_poles([-1 + 1j, -1 + 1j], 1e-3), InputError, "real or conjugate"),
+        (lambda: ErrorFeedback.from_poles([-1 + 1j, -2 - 1j], 1e-3), InputError, "real or conjugate"),
+        (lambda: ErrorFeedback.from_lqr(0.0, 0.0, 1.0, 1e-3), InputError, "weights: expected positive ones"),
+        (lambda: ErrorFeedback.from_bandwidth(8.0, 0.7, 1e-3).cascaded, InputError, "needs a ratio of at least 1"),
+    ],
+)
+def test_gains_that_cannot_be_are_refused(make: object, error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        make()  # type: ignore[operator]

@@ -1,0 +1,132 @@
+"""Gains of whole arms: the loops do as they are told, what is too stiff is refused, and the command says it all."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+from random_trees import random_chain
+
+from adaptctl.cli.main import main
+from adaptctl.control import ComputedTorque, sampled_gain
+from adaptctl.control.gain_design import GainDesign, by_bandwidth, by_lqr, by_poles
+from adaptctl.control.gains import sampled_configurations
+from adaptctl.dynamics import Mechanism, load
+from adaptctl.envs import TrackingEnv
+from adaptctl.errors import GainError, InputError
+from adaptctl.simulation import rollout
+from adaptctl.simulation.effects import ControlDelay
+
+
+@pytest.fixture(scope="module")
+def puma() -> Mechanism:
+    return load("puma560_geared")
+
+
+@pytest.fixture(scope="module")
+def design(puma: Mechanism) -> GainDesign:
+    return by_bandwidth(puma, 8.0, 1.2)
+
+
+def test_gains_are_slotine_and_lis(design: GainDesign) -> None:
+    gains = design.gains
+    rates = np.array([feedback.rate for feedback in design.feedback])
+    np.testing.assert_allclose(gains.bandwidth + gains.damping / design.inertia, rates, rtol=1e-12)
+    assert design.sampled_gain == pytest.approx(sampled_gain(design.mechanism, design.damping, 1e-3), rel=1e-12)
+    assert design.require_carried() is design
+
+
+def test_one_bandwidth_a_joint(puma: Mechanism) -> None:
+    rates = np.linspace(4.0, 14.0, 6)
+    np.testing.assert_allclose(by_bandwidth(puma, rates).bandwidth, rates, rtol=0.01)
+
+
+def test_the_least_inertia_is_that_of_a_joint_whose_others_are_free(design: GainDesign) -> None:
+    """tau_i alone gives a_i = (M^-1)_ii tau_i."""
+    p = sampled_configurations(design.mechanism)[:20]
+    for q in p:
+        for i, unit in enumerate(np.eye(6)):
+            v = np.zeros(6)
+            a = design.mechanism.forward_dynamics(q, v, unit) - design.mechanism.forward_dynamics(q, v, v)
+            assert 1.0 / a[i] >= design.least_inertia[i] * design.inertia[i] * (1.0 - 1e-9)
+
+
+@pytest.mark.parametrize("delay", [0, 1])
+def test_the_fastest_is_what_the_period_just_carries(puma: Mechanism, delay: int) -> None:
+    asked = by_bandwidth(puma, 50.0, period=2e-3, delay=delay)
+    limit = by_bandwidth(puma, 50.0 * asked.fastest, period=2e-3, delay=delay)
+    assert limit.sampled_gain == pytest.approx(limit.largest_sampled_gain, rel=1e-4)
+    assert by_bandwidth(puma, 50.0 * 0.99 * asked.fastest, period=2e-3, delay=delay).require_carried()
+    with pytest.raises(GainError, match=r"The largest gains that it carries have all poles at 0\.99"):
+        by_bandwidth(puma, 50.0 * 1.01 * asked.fastest, period=2e-3, delay=delay).require_carried()
+
+
+def test_a_delay_beyond_the_margin_is_unstable_in_the_plant(puma: Mechanism) -> None:
+    """Computed torque with true parameters decouples the joints, so the margin of one loop is the arm's."""
+    law = ComputedTorque(puma, 60.0)
+    ticks = by_bandwidth(puma, 60.0).margins[0].delay / 1e-3
+    assert 8.0 < ticks < 14.0
+    for delay, stable in ((round(0.6 * ticks), True), (round(1.4 * ticks), False)):
+        env = TrackingEnv(puma, 1, duration=1.5, initial_error=0.01, effects=[ControlDelay(delay)], torque_limits=1e4)
+        run = rollout(env, law, seed=0)
+        assert (np.abs(run.error[-200:]).max() < 0.01) == stable
+
+
+def test_a_massless_arm_has_no_gains() -> None:
+    with pytest.raises(InputError, match="positive inertia"):
+        by_bandwidth(Mechanism(random_chain(1, 1).description.with_parameters(np.zeros(10))), 8.0)
+
+
+def test_a_delay_is_a_whole_number(puma: Mechanism) -> None:
+    with pytest.raises(InputError, match="delay: expected a whole number of control periods of at least 0, got -1"):
+        by_bandwidth(puma, 8.0, delay=-1)
+
+
+def said(capsys: pytest.CaptureFixture[str], *command: str) -> dict[str, Any]:
+    assert main(["gains", *command, "--json"]) == 0
+    content: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return content
+
+
+def test_the_command_prints_the_design(capsys: pytest.CaptureFixture[str], puma: Mechanism) -> None:
+    content = said(capsys, "puma560_geared", "--bandwidth", "12", "--period", "0.002", "--delay", "1")
+    design = by_bandwidth(puma, 12.0, period=2e-3, delay=1)
+    assert content["schema"] == "adaptctl/gains/1"
+    assert content["robot"]["sha256"] == puma.description.sha256
+    for i, joint in enumerate(content["joints"]):
+        assert joint["name"] == f"joint{i + 1}"
+        assert joint["slotine_li_damping"] == pytest.approx(design.gains.damping[i])
+        assert joint["delay_margin"] == pytest.approx(design.margins[i].delay)
+    assert content["sampled_gain"] == pytest.approx(design.sampled_gain)
+
+
+def test_the_command_knows_three_methods(capsys: pytest.CaptureFixture[str], puma: Mechanism) -> None:
+    poles = said(capsys, "puma560_geared", "--method", "poles", "--poles", "-6+3j", "-6-3j")
+    assert poles["joints"][0]["slotine_li_bandwidth"] is None
+    assert poles["joints"][0]["rate"] == pytest.approx(by_poles(puma, [-6 + 3j, -6 - 3j]).feedback[0].rate)
+    lqr = said(capsys, "puma560_geared", "--method", "lqr", "--weights", "900", "1", "0.5")
+    assert lqr["joints"][0]["stiffness"] == pytest.approx(by_lqr(puma, 900.0, 1.0, 0.5).feedback[0].stiffness)
+    assert main(["gains", "puma560_geared"]) == 0
+    words = " ".join(capsys.readouterr().out.split())
+    assert words.startswith("puma560_geared: gains from a bandwidth and a damping ratio, discretised for a control")
+    assert "The period carries poles" in words
+
+
+@pytest.mark.parametrize(
+    ("command", "message"),
+    [
+        (["puma560_measured", "--bandwidth", "1000"], "the fastest at 238.7 1/s instead of 1000"),
+        (["puma560_geared", "--bandwidth", "-1"], "bandwidth: expected positive numbers"),
+        (["puma560_geared", "--period", "0"], "control period: expected a positive time in s"),
+        (["puma560_geared", "--method", "poles", "--poles", "1", "2"], "poles: expected two in the left half-plane"),
+        (["puma560_geared", "--delay", "0.5"], "--delay: expected a whole number, got '0.5'"),
+        (["pumma"], "unknown robot 'pumma'"),
+    ],
+)
+def test_the_command_refuses_in_a_line(capsys: pytest.CaptureFixture[str], command: list[str], message: str) -> None:
+    assert main(["gains", *command]) == 2
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert message in shown.err

@@ -1,0 +1,109 @@
+"""Plants and controllers in python-control: the same numbers as ours, and linearised as theory has it."""
+
+from __future__ import annotations
+
+import control
+import numpy as np
+import pytest
+from random_trees import random_chain
+
+from adaptctl.control import ComputedTorque, Controller, SlotineLi, adaptation_gain
+from adaptctl.control.controller import home
+from adaptctl.control.gains import typical_inertia
+from adaptctl.dynamics import Mechanism, load
+from adaptctl.envs import TrackingEnv
+from adaptctl.errors import InputError
+from adaptctl.identifiability import ReducedModel
+from adaptctl.mechanism.drive import Drive
+from adaptctl.simulation import Plant, rollout
+from adaptctl.simulation.systems import (
+    closed_loop_system,
+    controller_start,
+    controller_system,
+    mechanism_system,
+    plant_system,
+)
+
+PERIOD = 1e-3
+POSE = np.array([0.0, -0.6, 0.8, 0.0, 0.5, 0.0])
+
+
+@pytest.fixture(scope="module")
+def puma() -> Mechanism:
+    return load("puma560_geared")
+
+
+def laws(puma: Mechanism) -> list[Controller]:
+    model = ReducedModel.full(puma)
+    return [ComputedTorque(puma, 8.0), SlotineLi(model, 8.0, 10.0, adaptation_gain(model), period=PERIOD)]
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_the_joined_loop_is_the_rollout(puma: Mechanism, which: int) -> None:
+    law = laws(puma)[which]
+    run = rollout(TrackingEnv(puma, 1, duration=0.1, initial_error=0.05), law, seed=0)
+    loop = closed_loop_system(Plant(puma, PERIOD), law)
+    reference = np.concatenate((run.reference_p, run.reference_v, run.reference_a), axis=1).T
+    start = np.concatenate((run.p[0], run.v[0], controller_start(law, run.p[0], run.v[0])))
+    response = control.input_output_response(loop, PERIOD * np.arange(100), reference, start)
+    np.testing.assert_allclose(response.outputs[:6].T, run.p, atol=1e-12)
+    np.testing.assert_allclose(response.outputs[6:].T, run.v, atol=1e-11)
+
+
+def test_a_pendulum_linearises_to_its_frequency_and_its_damping() -> None:
+    """s^2 + (b/I) s + g'/I about hanging, and its sampling by exp(sT)."""
+    arm = random_chain(3, 1).with_drives(Drive(rotor_inertia=0.2, viscous=0.3))
+    slope = (arm.inverse_dynamics([1e-6], [0.0], [0.0]) - arm.inverse_dynamics([-1e-6], [0.0], [0.0]))[0] / 2e-6
+    torque, inertia = arm.inverse_dynamics([0.0], [0.0], [0.0]), typical_inertia(arm)[0]
+    expected = np.roots([1.0, 0.3 / inertia, slope / inertia])
+    linear = control.linearize(mechanism_system(arm), [0.0, 0.0], torque)
+    np.testing.assert_allclose(np.sort_complex(linear.poles()), np.sort_complex(expected), rtol=1e-4)
+    sampled = control.linearize(plant_system(Plant(arm, 0.01, 4)), [0.0, 0.0], torque)
+    assert sampled.dt == 0.01
+    np.testing.assert_allclose(
+        np.sort_complex(sampled.poles()), np.sort_complex(np.exp(0.01 * expected)), rtol=1e-6, atol=1e-6
+    )
+
+
+def test_computed_torque_puts_its_poles(puma: Mechanism) -> None:
+    """With true parameters: six pairs at 8/s, each sampled under a hold; the law's own memory decays at once."""
+    law, plant = ComputedTorque(puma, 8.0), Plant(puma, PERIOD)
+    start = np.concatenate((POSE, np.zeros(6), controller_start(law, POSE, np.zeros(6))))
+    loop = control.linearize(closed_loop_system(plant, law), start, np.concatenate((POSE, np.zeros(12))))
+    poles = loop.poles()
+    assert np.count_nonzero(np.abs(poles) < 1e-6) == 6
+    k, c = 64.0 * PERIOD**2, 16.0 * PERIOD
+    held = np.roots([1.0, 0.5 * k + c - 2.0, 1.0 + 0.5 * k - c])
+    pairs = poles[np.abs(poles) > 1e-6]
+    assert np.sum(pairs).real == pytest.approx(6.0 * np.sum(held).real, rel=1e-6)
+    assert np.prod(pairs).real == pytest.approx(np.prod(held).real ** 6, rel=1e-5)  # gravity moves within a hold
+
+
+def test_loops_are_systems_too() -> None:
+    arm = load("semi_direct_drive")
+    p, v, torque = home(arm), np.array([0.1, -0.2, 0.3]), np.array([1.0, 2.0, -1.0])
+    state = np.concatenate((p, v))
+    rates = mechanism_system(arm).dynamics(0.0, state, torque)
+    np.testing.assert_allclose(rates, np.concatenate((v, arm.forward_dynamics(p, v, torque))), rtol=1e-12)
+    plant = Plant(arm, PERIOD)
+    after = plant.step(plant.init(p, v), torque)
+    np.testing.assert_allclose(
+        plant_system(plant).dynamics(0.0, state, torque), np.concatenate((after.p, after.v)), rtol=1e-12
+    )
+
+
+def test_a_controller_keeps_its_estimate_in_its_state(puma: Mechanism) -> None:
+    law = laws(puma)[1]
+    system = controller_system(law, PERIOD)
+    assert (system.ninputs, system.noutputs, system.dt) == (30, 6, PERIOD)
+    x = controller_start(law, POSE, np.zeros(6))
+    u = np.concatenate((POSE + 0.1, np.ones(6), POSE, np.zeros(12)))
+    after = system.dynamics(0.0, system.dynamics(0.0, x, u), u)
+    np.testing.assert_array_equal(x[:66], 0.0)
+    assert np.abs(after[:66]).max() > 0.0
+
+
+def test_a_loop_of_two_arms_is_refused(puma: Mechanism) -> None:
+    other = random_chain(0, 2)
+    with pytest.raises(InputError, match="the plant has 2 joints, the controller is for 6"):
+        closed_loop_system(Plant(other, PERIOD), ComputedTorque(puma, 8.0))
