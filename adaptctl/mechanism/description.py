@@ -17,6 +17,7 @@ from adaptctl.mechanism.drive import Drive, DriveParameter
 from adaptctl.mechanism.inertia import is_physically_consistent, parameter_names
 from adaptctl.mechanism.loops import Loops
 from adaptctl.mechanism.pose import Array, Pose, frozen_array
+from adaptctl.mechanism.visual import Visual
 
 GROUND = -1
 """The parent index of a link that hangs on the ground."""
@@ -111,6 +112,8 @@ class Description:
     source: str = ""
     loops: Loops | None = None
     """None for a tree, whose joints are all primary."""
+    visuals: tuple[Visual, ...] = ()
+    """What it looks like, where a file says so. No hash counts it."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "links", tuple(self.links))
@@ -120,6 +123,10 @@ class Description:
         _require_unique([link.name for link in self.links], f"{self.name}: link")
         _require_unique([link.joint.name for link in self.links], f"{self.name}: joint")
         _require_depth_first(self.name, self.parents)
+        object.__setattr__(self, "visuals", tuple(self.visuals))
+        for visual in self.visuals:
+            if not GROUND <= visual.link < len(self.links):
+                raise InputError(f"{self.name}: a visual is fixed to link {visual.link} of {len(self.links)}")
         if self.loops is not None:
             self.loops.require_known([link.name for link in self.links], self.joint_names)
 

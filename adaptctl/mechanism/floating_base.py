@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from adaptctl.mechanism.description import GROUND, Description, Joint, JointKind, Link
 from adaptctl.mechanism.pose import Pose
+from adaptctl.mechanism.visual import Visual
 
 _JOINTS = (
     ("x", JointKind.PRISMATIC, (1.0, 0.0, 0.0)),
@@ -31,7 +32,7 @@ def with_floating_base(description: Description, name: str, inertia: ArrayLike) 
         closures = tuple(replace(c, first=c.first or name, second=c.second or name) for c in loops.closures)
         primary = (*(link.joint.name for link in links[: len(_JOINTS)]), *loops.primary)
         loops = replace(loops, primary=primary, closures=closures)
-    return replace(description, links=links, loops=loops)
+    return replace(description, links=links, loops=loops, visuals=above_base(description.visuals))
 
 
 def floating(links: Sequence[Link], name: str, inertia: ArrayLike) -> tuple[Link, ...]:
@@ -46,6 +47,11 @@ def floating(links: Sequence[Link], name: str, inertia: ArrayLike) -> tuple[Link
     above = len(base)
     carried = (replace(link, parent=above - 1 if link.parent == GROUND else link.parent + above) for link in links)
     return (*base, *carried)
+
+
+def above_base(visuals: Sequence[Visual]) -> tuple[Visual, ...]:
+    """What mechanisms look like after `floating`: the body carries what stood on the ground."""
+    return tuple(replace(visual, link=visual.link + len(_JOINTS)) for visual in visuals)
 
 
 def _base_link(i: int, name: str, inertia: ArrayLike) -> Link:

@@ -9,6 +9,7 @@ from adaptctl.errors import InputError
 from adaptctl.mechanism.description import GROUND, Description, Link
 from adaptctl.mechanism.loops import Loops
 from adaptctl.mechanism.pose import Pose
+from adaptctl.mechanism.visual import Visual
 
 
 def joined(name: str, parts: Mapping[str, tuple[Description, Pose]], loops: Loops | None = None) -> Description:
@@ -24,12 +25,14 @@ def joined(name: str, parts: Mapping[str, tuple[Description, Pose]], loops: Loop
     if len(gravities) > 1:
         raise InputError(f"{name}: the parts must agree on gravity, got {sorted(gravities)}")
     links: list[Link] = []
+    visuals: list[Visual] = []
     for label, (part, stand) in parts.items():
         if part.loops is not None:
             raise InputError(f"{name}: part {label!r} has loops of its own: join its tree and give all loops together")
+        visuals += [_moved(visual, stand, len(links)) for visual in part.visuals]
         links += [_renamed(link, label, stand, len(links)) for link in part.links]
     first = next(iter(parts.values()))[0]
-    return Description(name, tuple(links), first.gravity, f"joined from {', '.join(parts)}", loops)
+    return Description(name, tuple(links), first.gravity, f"joined from {', '.join(parts)}", loops, tuple(visuals))
 
 
 def _renamed(link: Link, label: str, stand: Pose, above: int) -> Link:
@@ -41,3 +44,8 @@ def _renamed(link: Link, label: str, stand: Pose, above: int) -> Link:
         joint=replace(link.joint, name=f"{label}.{link.joint.name}"),
         near=stand @ link.near if on_ground else link.near,
     )
+
+
+def _moved(visual: Visual, stand: Pose, above: int) -> Visual:
+    on_ground = visual.link == GROUND
+    return visual.on(GROUND, stand) if on_ground else replace(visual, link=visual.link + above)

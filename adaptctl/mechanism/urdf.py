@@ -16,10 +16,12 @@ from adaptctl.errors import FileError, InputError, SimplificationWarning
 from adaptctl.files import read_text
 from adaptctl.mechanism.description import GROUND, Description, Joint, JointKind, Limits, Link
 from adaptctl.mechanism.drive import Drive
-from adaptctl.mechanism.floating_base import floating
+from adaptctl.mechanism.floating_base import above_base, floating
 from adaptctl.mechanism.inertia import from_center_of_mass, transformed
 from adaptctl.mechanism.loops import Coupling, Loops
 from adaptctl.mechanism.pose import Array, Pose, roll_pitch_yaw
+from adaptctl.mechanism.urdf_visuals import materials, visuals
+from adaptctl.mechanism.visual import Visual
 from adaptctl.mechanism.xml_elements import attribute, named, number, numbers, only, parsed, required
 
 KINDS = {kind.value: kind for kind in JointKind}
@@ -32,10 +34,10 @@ def read_urdf(path: str | Path, *, floating_base: bool = False) -> Description:
     Link frames are the joints' frames, a link is named after the joint's child; links behind fixed joints
     become part of the link that carries them. Links without <inertial> are massless. Damping and friction of
     <dynamics> become the joint's viscous and Coulomb friction; where they are zero, as exporters write when
-    nobody knows, none is modelled. Geometry and transmissions are not read. Mimic joints follow their
-    leader, and all joints that follow none are primary; one whose leader does not exist or is fixed is taken as
-    independent. Raises FileError, naming the element. Warns (SimplificationWarning) of such joints, and of limits of
-    zero, taken as no limits.
+    nobody knows, none is modelled. <visual> says what is drawn, as far as its meshes are found (`urdf_visuals`);
+    collision geometry and transmissions are not read. Mimic joints follow their leader, and all joints that follow
+    none are primary; one whose leader does not exist or is fixed is taken as independent. Raises FileError, naming
+    the element. Warns (SimplificationWarning) of such joints, and of limits of zero, taken as no limits.
     """
     try:
         robot = _robot(read_text(path))
@@ -44,12 +46,13 @@ def read_urdf(path: str | Path, *, floating_base: bool = False) -> Description:
         root = _root(bodies, edges)
         inertias = {name: _inertia(body) for name, body in bodies.items()}
         name, source = robot.get("name") or Path(path).stem, f"URDF file {Path(path).name}"
-        links, still = _movable(root, inertias, edges)
+        links, still, places = _movable(root, inertias, edges)
+        shown = _shown(robot, bodies, places, Path(path))
         if floating_base:
-            links = floating(links, root, still)
+            links, shown = floating(links, root, still), above_base(shown)
         elif not links:
             raise InputError("no joint moves: expected a revolute, continuous or prismatic joint")
-        description = Description(name, links, source=source, loops=_loops(edges, links))
+        description = Description(name, links, source=source, loops=_loops(edges, links), visuals=shown)
     except FileError:
         raise
     except InputError as error:
@@ -137,15 +140,17 @@ def _reached(roots: Sequence[str], edges: Sequence[_Edge]) -> set[str]:
     return reached
 
 
-def _movable(root: str, inertias: dict[str, Array], edges: Sequence[_Edge]) -> tuple[tuple[Link, ...], Array]:
+def _movable(
+    root: str, inertias: dict[str, Array], edges: Sequence[_Edge]
+) -> tuple[tuple[Link, ...], Array, dict[str, tuple[int, Pose]]]:
     """Links behind joints that move, depth first; what is fixed to one is added to its inertia. Then the ten of
-    what does not move, in the root's frame."""
+    what does not move, in the root's frame, and which link carries each of the file's, and where."""
     below: dict[str, list[_Edge]] = {}
     for edge in edges:
         below.setdefault(edge.parent, []).append(edge)
     links: list[tuple[_Edge, Joint, int, Pose]] = []
     sums: list[Array] = []
-    still = inertias[root]
+    still, places = inertias[root], {root: (GROUND, Pose.identity())}
     pending = [(edge, GROUND, Pose.identity()) for edge in below.get(root, [])[::-1]]
     while pending:
         edge, carrier, place = pending.pop()
@@ -158,10 +163,19 @@ def _movable(root: str, inertias: dict[str, Array], edges: Sequence[_Edge]) -> t
             still = still + transformed(inertias[edge.child], place)
         else:
             sums[carrier] = sums[carrier] + transformed(inertias[edge.child], place)
+        places[edge.child] = carrier, place
         pending += [(next_edge, carrier, place) for next_edge in below.get(edge.child, [])[::-1]]
     pairs = zip(links, sums, strict=True)
     moving = (Link(e.child, parent, joint, near, Pose.identity(), ten) for (e, joint, parent, near), ten in pairs)
-    return tuple(moving), still
+    return tuple(moving), still, places
+
+
+def _shown(
+    robot: Element, bodies: dict[str, Element], places: dict[str, tuple[int, Pose]], file: Path
+) -> tuple[Visual, ...]:
+    """What every link of the file shows, on the link that carries it."""
+    colors = materials(robot)
+    return tuple(v.on(*places[name]) for name, body in bodies.items() for v in visuals(body, file, colors))
 
 
 def _inertia(link: Element) -> Array:

@@ -10,9 +10,11 @@ import rerun as rr
 
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.kinematics import LinkPoses, link_poses
+from adaptctl.mechanism import GROUND
 from adaptctl.mechanism.pose import Array
 from adaptctl.recording.palette import BASE, BODY, GOAL, Color
 from adaptctl.recording.skeleton import Shape, Skeleton, Solid, tip_path
+from adaptctl.recording.visuals import log_visuals, visuals
 
 TIMELINE = "sim_time"
 WORLD = "world"
@@ -57,12 +59,16 @@ def log_arm(
     p: Array,
     look: Look,
 ) -> Array:
-    """Draw an arm that moves through positions p (T, r) at times (T,); returns the path (T, 3) of its tip."""
-    poses = link_poses(mechanism, p)
+    """Draw an arm that moves through positions p (T, r) at times (T,); returns the path (T, 3) of its tip.
+
+    Links look as their file says, and are capsules where it says nothing.
+    """
+    poses, shown = link_poses(mechanism, p), visuals(mechanism.description)
     for i, link in enumerate(mechanism.links):
         path = f"{WORLD}/{name}/{entity(link.name)}"
         recording.send_columns(path, [rr.TimeColumn(TIMELINE, duration=time)], _transforms(poses, i))
-        for solid in Solid:
+        own = log_visuals(recording, path, i, shown, look.links, look.opacity)
+        for solid in (Solid.TOOL,) if own else Solid:
             shapes = [shape for shape in parts.shapes if shape.link == i and shape.solid is solid]
             if shapes:
                 recording.log(f"{path}/{solid.value}", _geometry(solid, shapes, look), static=True)
@@ -90,9 +96,15 @@ def log_path(recording: rr.RecordingStream, name: str, path: Array, color: Color
     recording.log(f"{WORLD}/path/{name}", line, static=True)
 
 
-def log_base(recording: rr.RecordingStream, mechanism: Mechanism, floor: float, radius: float) -> None:
-    """A pedestal under every link that hangs on the ground, down to the floor (m)."""
-    feet = np.array([link.near.translation for link in mechanism.links if link.parent < 0])
+def log_base(
+    recording: rr.RecordingStream, mechanism: Mechanism, floor: float, radius: float, name: str = "base"
+) -> None:
+    """What stands on the ground, and a pedestal under every link that hangs there, down to the floor (m)."""
+    feet = np.array([link.near.translation for link in mechanism.links if link.parent == GROUND])
+    shown = visuals(mechanism.description)
+    if log_visuals(recording, f"{WORLD}/{name}", GROUND, shown, BASE):
+        lowest = min(float(visual.pose.translation[2]) for visual in shown.of_link[GROUND])
+        feet[:, 2] = np.minimum(feet[:, 2], max(lowest, floor))
     heights = feet[:, 2] - floor
     centers = np.stack([feet[:, 0], feet[:, 1], floor + heights / 2.0], axis=-1)
     plate = np.stack([feet[:, 0], feet[:, 1], np.full(len(feet), floor + 0.1 * radius)], axis=-1)
@@ -103,7 +115,7 @@ def log_base(recording: rr.RecordingStream, mechanism: Mechanism, floor: float, 
         colors=[BASE],
         fill_mode=rr.components.FillMode.Solid,
     )
-    recording.log(f"{WORLD}/base", pedestal, static=True)
+    recording.log(f"{WORLD}/{name}", pedestal, static=True)
 
 
 def entity(name: str) -> str:

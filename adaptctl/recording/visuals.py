@@ -1,0 +1,94 @@
+"""What links look like, in a rerun recording."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import rerun as rr
+
+from adaptctl.mechanism import Description
+from adaptctl.mechanism.visual import Box, Cylinder, Mesh, Visual
+from adaptctl.recording.palette import Color
+
+MEDIA = {
+    ".dae": "model/vnd.collada+xml",
+    ".glb": "model/gltf-binary",
+    ".obj": "model/obj",
+    ".stl": "model/stl",
+}
+"""Kinds of meshes that the viewer reads."""
+WITHOUT_COLOR = (".stl",)
+MOST = 12_000_000
+"""Bytes of all meshes of an arm, which a recording holds once for the arm and once for each ghost."""
+
+
+@dataclass(frozen=True)
+class Visuals:
+    """By link, all that is shown of it; the contents of the meshes by path."""
+
+    of_link: Mapping[int, Sequence[Visual]]
+    contents: Mapping[Path, bytes]
+
+
+def visuals(description: Description) -> Visuals:
+    """What of a mechanism is shown: nothing where its meshes are too large for a recording.
+
+    A link one of whose meshes cannot be read shows nothing, and capsules stand for it.
+    """
+    contents = _contents(description)
+    if sum(len(content) for content in contents.values()) > MOST:
+        return Visuals({}, {})
+    of_link: dict[int, list[Visual]] = {}
+    for visual in description.visuals:
+        of_link.setdefault(visual.link, []).append(visual)
+    whole = {link: own for link, own in of_link.items() if all(_is_there(visual, contents) for visual in own)}
+    return Visuals(whole, contents)
+
+
+def log_visuals(
+    recording: rr.RecordingStream, path: str, link: int, shown: Visuals, color: Color, opacity: int = 255
+) -> bool:
+    """Draw a link below its entity; False where it shows nothing.
+
+    What has no colour of its own gets `color`; all of it does where one sees through it, as a ghost.
+    """
+    own = shown.of_link.get(link, ())
+    for k, visual in enumerate(own):
+        place = f"{path}/visual/{k}"
+        scale = visual.solid.scale if isinstance(visual.solid, Mesh) else None
+        pose = rr.Transform3D(translation=visual.pose.translation, mat3x3=visual.pose.rotation, scale=scale)
+        recording.log(place, pose, _drawn(visual, shown, color, opacity), static=True)
+    return bool(own)
+
+
+def _contents(description: Description) -> dict[Path, bytes]:
+    contents: dict[Path, bytes] = {}
+    for path in {visual.solid.path: None for visual in description.visuals if isinstance(visual.solid, Mesh)}:
+        try:
+            if path.suffix.lower() in MEDIA:
+                contents[path] = path.read_bytes()
+        except OSError:  # it was there when the mechanism was read
+            continue
+    return contents
+
+
+def _is_there(visual: Visual, contents: Mapping[Path, bytes]) -> bool:
+    return not isinstance(visual.solid, Mesh) or visual.solid.path in contents
+
+
+def _drawn(visual: Visual, shown: Visuals, color: Color, opacity: int) -> rr.AsComponents:
+    solid, modes, ghost = visual.solid, rr.components.FillMode, opacity < 255
+    own = [round(255 * part) for part in visual.color] if visual.color is not None else [*color, 255]
+    paint = [*color, opacity] if ghost else own
+    if isinstance(solid, Mesh):
+        kind = solid.path.suffix.lower()
+        albedo = paint if ghost or kind in WITHOUT_COLOR else None
+        return rr.Asset3D(contents=shown.contents[solid.path], media_type=MEDIA[kind], albedo_factor=albedo)
+    fill = modes.TransparentFillMajorWireframe if ghost else modes.Solid
+    if isinstance(solid, Box):
+        return rr.Boxes3D(sizes=[solid.size], colors=[paint], fill_mode=fill)
+    if isinstance(solid, Cylinder):
+        return rr.Cylinders3D(lengths=[solid.length], radii=[solid.radius], colors=[paint], fill_mode=fill)
+    return rr.Ellipsoids3D(radii=[solid.radius], colors=[paint], fill_mode=fill)
