@@ -148,7 +148,7 @@ def test_a_body_stays_a_body_whatever_the_slope(ten: Array, slope: Array) -> Non
 
 @settings(max_examples=50)
 @given(ten=consistent, slope=arrays(np.float64, (10,), elements=st.floats(-1.0, 1.0)))
-def test_a_small_step_follows_the_geodesic_to_second_order(ten: Array, slope: Array) -> None:
+def test_a_small_step_follows_the_geodesic_to_fourth_order(ten: Array, slope: Array) -> None:
     from scipy.linalg import expm, sqrtm
 
     P = pseudo_inertia(ten)
@@ -157,11 +157,11 @@ def test_a_small_step_follows_the_geodesic_to_second_order(ten: Array, slope: Ar
     L = (np.linalg.pinv(basis) @ slope).reshape(4, 4)
     root = np.real(sqrtm(P))
     misses = []
-    for step in (1e-2, 5e-3):
+    for step in (0.2, 0.1):
         geodesic = root @ expm(-step * root @ L @ root) @ root
         moved = pseudo_inertia(np.array(moved_body(ten.tolist(), (step * slope).tolist())))
         misses.append(np.abs(moved - geodesic).max())
-    assert misses[1] <= misses[0] / 7.0 + 1e-14
+    assert misses[1] <= misses[0] / 20.0 + 1e-13
 
 
 def test_natural_adaptation_keeps_every_body_a_body_when_shaken() -> None:

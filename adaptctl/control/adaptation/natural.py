@@ -9,6 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
+from adaptctl.dynamics.mass_matrix import solve_symmetric
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.mechanism.inertia import pseudo_inertia
@@ -30,8 +31,8 @@ class Natural(AdaptationLaw[NoMemory]):
     Guarantees, without disturbance: V = s'Ms/2 + sum_i D(P_i true, P_i)/rate falls as -s'Ks, with the Bregman
     divergence D(A, B) = log(det B/det A) + tr(B^-1 A) - 4. And whatever disturbs: every link's pseudo-inertia
     stays positive definite, so the estimate is some rigid bodies', and its mass matrix is positive definite.
-    Sampled, P = G G' becomes G Q Q G' with Q = 1 - X/2 + X^2/8, X = T_c rate G'L G: the geodesic to second
-    order, and Q is positive definite for every X.
+    Sampled, P = G G' becomes G Q Q G' with X = T_c rate G'L G and Q = exp(-X/2) by its Pade approximant of order
+    (2, 2): the geodesic to fourth order, Q positive definite and within a factor of 14 of 1 for every X.
 
     Gives up: the reduced model; it adapts all parameters, and starts from consistent ones. The same velocity of
     drift as `Gradient` under disturbance. A body that starts almost without some moment hardly finds it.
@@ -78,8 +79,10 @@ class Natural(AdaptationLaw[NoMemory]):
         for i in range(0, links, 10):
             entries += moved_body(estimate.of[i : i + 10], slope.of[i : i + 10])
         for x, g in zip(estimate.of[links:], slope.of[links:], strict=True):
-            slow = 1.0 - 0.5 * (x * g) + 0.125 * (x * g) * (x * g)
-            entries.append(x * slow * slow)
+            half = 0.25 * (x * g)
+            even = 1.0 + half * half / 3.0
+            factor = (even - half) / (even + half)
+            entries.append(x * factor * factor)
         return Column(entries), memory
 
     def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array:
@@ -97,10 +100,20 @@ def moved_body(ten: Sequence[Scalar], slope: Sequence[Scalar]) -> list[Any]:
     """A link's ten after one step: G Q Q G' for its pseudo-inertia G G'."""
     root = cholesky(pseudo(ten))
     X = product(transposed(root), product(weights(slope), root))
-    square = product(X, X)
-    Q = [[float(i == j) - 0.5 * X[i][j] + 0.125 * square[i][j] for j in range(4)] for i in range(4)]
-    half = product(root, Q)
+    half = product(root, _decay(X))
     return the_ten(product(half, transposed(half)))
+
+
+def _decay(X: Matrix) -> Matrix:
+    """exp(-X/2) of a symmetric X: (1 - Y/2 + Y^2/12)(1 + Y/2 + Y^2/12)^-1 for Y = X/2, both factors positive."""
+    square = product(X, X)
+
+    def factor(sign: float) -> Matrix:
+        return [[float(i == j) + sign * 0.25 * X[i][j] + square[i][j] / 48.0 for j in range(4)] for i in range(4)]
+
+    below = factor(1.0)
+    columns = [solve_symmetric(below, Column(column)).of for column in transposed(factor(-1.0))]
+    return transposed([list(column) for column in columns])
 
 
 def pseudo(ten: Sequence[Scalar]) -> Matrix:
