@@ -37,6 +37,12 @@ EXPERIMENTS = (
         "SemiDirectDriveAdaptive",
     ),
     Entry(
+        "serial-versus-graph",
+        "The three-joint PUMA and the five-bar on one path in space: what a closed loop costs",
+        "adaptctl.experiments.serial_versus_graph",
+        "SerialVersusGraph",
+    ),
+    Entry(
         "two-arms",
         "Two PUMAs hold one rod, a mechanism with a loop of twelve links, and learn its 70 parameters",
         "adaptctl.experiments.two_arms",

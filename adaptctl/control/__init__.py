@@ -26,7 +26,7 @@ from adaptctl.control.lyapunov import lyapunov, sliding_variable
 from adaptctl.control.passivity import PassivityBased
 from adaptctl.control.passivity_integral import PassivityIntegral
 from adaptctl.control.pd_gravity import PDGravity
-from adaptctl.control.references import MinimumJerk, Sinusoids
+from adaptctl.control.references import MinimumJerk, Sinusoids, Spline
 from adaptctl.control.slotine_li import SlotineLi
 from adaptctl.control.task_space import TaskSpaceSlotineLi
 
@@ -57,6 +57,7 @@ __all__ = [
     "SigmaModification",
     "Sinusoids",
     "SlotineLi",
+    "Spline",
     "TaskSpaceSlotineLi",
     "adaptation_gain",
     "limits",

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,6 +12,9 @@ from numpy.typing import ArrayLike
 from adaptctl.control.controller import ReferencePoint
 from adaptctl.errors import InputError
 from adaptctl.mechanism.pose import Array, frozen_array
+
+DEGREE = 5
+"""of splines"""
 
 
 def quintic(u: Array) -> tuple[Array, Array, Array]:
@@ -64,6 +69,42 @@ class Sinusoids:
         angle = omega * time[..., None] + (0.0 if self.phase is None else self.phase)
         sine, cosine = self.amplitude * np.sin(angle), self.amplitude * np.cos(angle)
         return sine.sum(-2), (omega * cosine).sum(-2), (-(omega**2) * sine).sum(-2)
+
+
+@dataclass(frozen=True, eq=False)
+class Spline:
+    """Through given positions at given times: the spline of degree 5, whose acceleration has two derivatives.
+
+    `positions` (w, r) with w of at least 6, `times` (w,) in s, increasing: samples of a path that has no formula in
+    joints, such as what inverse kinematics makes of one in space. Velocities and accelerations are the spline's
+    own derivatives. Before the first time and after the last the arm rests, with a jump unless the samples rest there.
+    """
+
+    positions: Array
+    times: Array
+
+    def __post_init__(self) -> None:
+        positions = np.atleast_2d(np.asarray(self.positions, dtype=np.float64))
+        object.__setattr__(self, "positions", frozen_array(positions, positions.shape, "positions"))
+        object.__setattr__(self, "times", frozen_array(self.times, (len(positions),), "times"))
+        if len(positions) <= DEGREE or np.any(np.diff(self.times) <= 0.0):
+            raise InputError(f"spline: expected at least {DEGREE + 1} positions at increasing times")
+
+    def __call__(self, t: ArrayLike, /) -> ReferencePoint:
+        """The reference (..., r) at times (...)."""
+        time = np.asarray(t, dtype=np.float64)
+        inside = np.clip(time, self.times[0], self.times[-1])
+        moving = (inside == time)[..., None]
+        p, v, a = (curve(inside) for curve in self._curves)
+        return ReferencePoint(p, np.where(moving, v, 0.0), np.where(moving, a, 0.0))
+
+    @cached_property
+    def _curves(self) -> tuple[Callable[[Array], Array], ...]:
+        """The spline and its derivatives."""
+        from scipy.interpolate import make_interp_spline
+
+        spline = make_interp_spline(self.times, self.positions, k=DEGREE)
+        return spline, spline.derivative(), spline.derivative(2)
 
 
 @dataclass(frozen=True, eq=False)

@@ -72,6 +72,16 @@ def skeleton(mechanism: Mechanism) -> Skeleton:
     return Skeleton((*shapes, tool), reach, tip_link, tip)
 
 
+def with_tip(parts: Skeleton, link: int, tip: Array) -> Skeleton:
+    """The same with another point (3,) of a link as its tip, to which that link then reaches."""
+    start = parts.tip if link == parts.tip_link else np.zeros(3)
+    body = [shape for shape in parts.shapes if shape.solid is not Solid.TOOL]
+    ball = max(shape.radius for shape in parts.shapes if shape.solid is Solid.TOOL)
+    arm = Shape(link, Solid.LINK, start, tip, min(shape.radius for shape in body if shape.solid is Solid.LINK))
+    reach = parts.reach + arm.length
+    return Skeleton((*body, arm, Shape(link, Solid.TOOL, tip, tip, ball)), reach, link, tip)
+
+
 def reach_behind(mechanism: Mechanism) -> Array:
     """From every link's joint to the farthest end behind it, along the links (N,), m."""
     links = mechanism.links

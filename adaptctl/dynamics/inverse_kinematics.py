@@ -1,0 +1,100 @@
+"""Where the joints must be for a point of a link to be somewhere: inverse kinematics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.dynamics.arrays import column, stacked, stacked_rows
+from adaptctl.dynamics.jacobian import moving_point
+from adaptctl.dynamics.mechanism import Mechanism
+from adaptctl.errors import InputError, SingularityError
+from adaptctl.mechanism.pose import Array, frozen_array
+from adaptctl.scalars import Column, Vec
+
+LARGEST_STEP = 0.02
+"""m a point is moved between two of Newton's steps: small enough to stay on one branch"""
+LARGEST_TURN = 0.2
+"""rad or m that any joint goes in one of them"""
+LAST_STEPS = 4
+"""Newton's steps at the goal"""
+REACHED = 1e-9
+"""m"""
+
+
+@dataclass(frozen=True, eq=False)
+class Tip:
+    """A point of a link: `offset` (3,) in the frame of the link of that name, m."""
+
+    mechanism: Mechanism
+    link: str
+    offset: Array
+
+    def __post_init__(self) -> None:
+        names = [link.name for link in self.mechanism.links]
+        if self.link not in names:
+            raise InputError(f"{self.mechanism.name}: there is no link {self.link!r}; links: {', '.join(names)}")
+        object.__setattr__(self, "offset", frozen_array(self.offset, (3,), "offset"))
+
+    def at(self, p: ArrayLike) -> Array:
+        """Where it is in the world (..., 3) at positions p (..., r), m."""
+        return self._moved(self.mechanism.configuration(p))[0]
+
+    def joints(self, goals: ArrayLike, start: ArrayLike) -> Array:
+        """Positions p (..., 3) at which it is at goals (..., 3), reached from `start` (3,) along straight lines.
+
+        For mechanisms of three freedoms. All goals are reached on the branch of `start`, by Newton's steps. Raises
+        `InputError` where that fails: out of reach, or on the other side of a singularity.
+        """
+        aim = np.asarray(goals, dtype=np.float64)
+        if self.mechanism.dof != 3 or aim.shape[-1:] != (3,) or not np.isfinite(aim).all():
+            raise InputError(
+                f"{self.mechanism.name}: expected three freedoms and finite goals (..., 3), "
+                f"got {self.mechanism.dof} and {aim.shape}"
+            )
+        p = np.broadcast_to(frozen_array(start, (3,), "start"), aim.shape)
+        q = self.mechanism.configuration(p)
+        begin, _ = self._moved(q)
+        steps = max(1, int(np.ceil(np.linalg.norm(aim - begin, axis=-1).max(initial=0.0) / LARGEST_STEP)))
+        for share in np.minimum(np.arange(1, steps + LAST_STEPS + 1) / steps, 1.0):
+            place, jacobian = self._moved(q)
+            p = p + self._step(jacobian, begin + share * (aim - begin) - place)
+            q = self._closed(p, q)
+        self._require_reached(aim, self._moved(q)[0])
+        return p
+
+    def _step(self, jacobian: Array, way: Array) -> Array:
+        """Newton's, no joint farther than LARGEST_TURN: beyond reach it would go anywhere."""
+        try:
+            step = np.asarray(np.linalg.solve(jacobian, way[..., None])[..., 0], dtype=np.float64)
+        except np.linalg.LinAlgError as error:
+            raise InputError(f"{self.mechanism.name}: {self.link} is in a singular configuration") from error
+        return step / np.maximum(np.abs(step).max(axis=-1, keepdims=True) / LARGEST_TURN, 1.0)
+
+    def _closed(self, p: Array, q: Array) -> Array:
+        try:
+            return self.mechanism.configuration(p, start=q if self.mechanism.continuation else None)
+        except SingularityError as error:
+            raise InputError(f"{self.mechanism.name}: {self.link} cannot reach every goal: {error}") from error
+
+    def _require_reached(self, aim: Array, place: Array) -> None:
+        gaps = np.linalg.norm(place - aim, axis=-1)
+        if not np.all(gaps < REACHED):
+            worst = int(np.nan_to_num(gaps, nan=np.inf).argmax())
+            goal = np.round(aim.reshape(-1, 3)[worst], 4).tolist()
+            raise InputError(f"{self.mechanism.name}: {self.link} cannot reach {goal} m from where it starts")
+
+    def _moved(self, q: Array) -> tuple[Array, Array]:
+        """The point (..., 3) and its Jacobian (..., 3, r) at configurations q (..., n)."""
+        equations, joints = self.mechanism.equations, column(q)
+        moving = moving_point(equations.links, joints, self._link, Vec(*self.offset.tolist()))
+        units = [Column(float(i == j) for j in range(self.mechanism.dof)) for i in range(self.mechanism.dof)]
+        ways = [tuple(moving.velocity(equations.rates(joints, unit))) for unit in units]
+        rows = [Column(way[i] for way in ways) for i in range(3)]
+        return stacked(list(moving.position), q.shape[:-1]), stacked_rows(rows, q.shape[:-1])
+
+    @property
+    def _link(self) -> int:
+        return [link.name for link in self.mechanism.links].index(self.link)
