@@ -6,7 +6,7 @@ import numpy as np
 
 from adaptctl.control import Sinusoids
 from adaptctl.dynamics import Mechanism
-from adaptctl.identifiability import essential_space, fundamental_basis
+from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.mechanism.pose import Array
 from adaptctl.recording import Comparison, Finding, Run, Setting, TickCost
 from adaptctl.simulation import Rollout
@@ -50,7 +50,7 @@ def comparison(mechanism: Mechanism, samples: int = 1500, complete: bool = True)
     """An adaptive run whose estimates approach the truth, and the same with adaptation off."""
     space = essential_space(mechanism)
     basis = fundamental_basis(space)
-    truth = basis.regrouping @ mechanism.inertial_parameters
+    truth = ReducedModel(mechanism, basis).fundamental_parameters
     share = -np.expm1(-3.0 * PERIOD * np.arange(samples))
     learnt = rollout(mechanism, samples, 4.0, share[:, None] * truth, complete)
     lyapunov = 3.0 + 2.0 * np.exp(-PERIOD * np.arange(samples))

@@ -18,9 +18,10 @@ from comparisons import PERIOD, comparison, rollout
 from rerun.chunk import RrdReader
 from robot_files import urdf
 
-from adaptctl.dynamics import load
+from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.kinematics import joint_axes, link_poses
 from adaptctl.errors import FileError, InputError
+from adaptctl.mechanism.drive import Drive
 from adaptctl.mechanism.pose import Array
 from adaptctl.recording import Comparison, prepare_folder, write_artifacts
 from adaptctl.recording.skeleton import Solid, skeleton
@@ -239,6 +240,20 @@ def test_figures_are_pictures_of_a_readable_size(folder: Path) -> None:
         width = int.from_bytes(data[16:20])
         assert 1300 < width < 1700
         assert len(data) > 10_000
+
+
+def test_estimates_of_friction_are_shown_with_the_others(tmp_path: Path) -> None:
+    """Energies say nothing of friction, so that the basis does not hold it; controllers estimate it all the same."""
+    arm = load("puma560_measured").description
+    comparison_with_friction = comparison(Mechanism(arm.with_drives(Drive(viscous=2.0, coulomb=0.5))), samples=20)
+    out = write_artifacts(prepare_folder(tmp_path / "out"), comparison_with_friction)
+    said = json.loads((out / "summary.json").read_text())["parameters"]
+    assert len(said) == 36 + 12
+    assert said["joint2.viscous"]["true"] == 2.0
+    assert said["joint3.coulomb"]["true"] == 0.5
+    _, truth = series(out / "recording.rrd", "/estimate/joint1/truth")
+    assert list(truth[0]) == [2.0, 0.5]
+    assert "estimate.joint1.viscous" in pq.read_table(out / "trace.parquet").column_names
 
 
 def test_interrupted_comparison_says_so_everywhere(tmp_path: Path) -> None:

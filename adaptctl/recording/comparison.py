@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
+from adaptctl.identifiability import EssentialSpace, FundamentalBasis, ReducedModel
 from adaptctl.mechanism.pose import Array
 from adaptctl.simulation.rollout import Rollout
-
-if TYPE_CHECKING:
-    from adaptctl.identifiability import EssentialSpace, FundamentalBasis
 
 SETTLED = 2.0
 """s at the end of a run over which its final error is taken."""
@@ -149,10 +147,15 @@ class Comparison:
         """The subject's controller with adaptation off, where it was run."""
         return next((run for run in self.runs if run.name == self.without_adaptation), None)
 
+    @cached_property
+    def model(self) -> ReducedModel:
+        """What the subject estimates: the fundamental parameters, and all friction."""
+        return ReducedModel(self.mechanism, self.basis)
+
     @property
     def true_parameters(self) -> Array:
-        """The true fundamental parameters (k,)."""
-        return np.asarray(self.basis.regrouping @ self.mechanism.inertial_parameters)
+        """The true values (k,) of the model's parameters."""
+        return self.model.fundamental_parameters
 
     @property
     def joint_names(self) -> tuple[str, ...]:

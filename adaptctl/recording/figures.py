@@ -157,7 +157,7 @@ def torque(comparison: Comparison) -> Figure:
 
 def parameters(comparison: Comparison) -> Figure:
     """Every estimate against the truth, one small panel each."""
-    names, rollout, truth = comparison.basis.names, comparison.subject.rollout, comparison.true_parameters
+    names, rollout, truth = comparison.model.names, comparison.subject.rollout, comparison.true_parameters
     every = thinned(len(rollout.time), SAMPLES // 6)
     grid = _small_multiples(len(names), columns=6, height=1.12)
     for i, axes in grid.panels:

@@ -61,7 +61,7 @@ def _run_row(index: int, run: Run, comparison: Comparison) -> dict[str, Any]:
 
 def _parameter_rows(comparison: Comparison) -> list[tuple[str, str, str, str, str]]:
     final = comparison.subject.rollout.estimate[-1]
-    rows = zip(comparison.basis.names, comparison.true_parameters, final, strict=True)
+    rows = zip(comparison.model.names, comparison.true_parameters, final, strict=True)
     return [
         (name, _typeset(parameter_unit(name)), _fixed(true), _fixed(est), _fixed(est - true))
         for name, true, est in rows

@@ -122,7 +122,7 @@ def _log_lyapunov(recording: rr.RecordingStream, comparison: Comparison) -> None
 
 
 def _log_estimates(recording: rr.RecordingStream, comparison: Comparison) -> None:
-    names = comparison.basis.names
+    names = comparison.model.names
     estimate = comparison.subject.rollout.estimate
     most = sorted(np.argsort(-np.ptp(estimate, axis=0), kind="stable")[:MOST].tolist())
     _log_group(recording, "most_learnt", comparison, most, [names[i] for i in most])
@@ -145,7 +145,7 @@ def _log_group(
 
 def _links(comparison: Comparison) -> list[str]:
     """Links that own fundamental parameters, in order."""
-    return list(dict.fromkeys(name.rpartition(".")[0] for name in comparison.basis.names))
+    return list(dict.fromkeys(name.rpartition(".")[0] for name in comparison.model.names))
 
 
 def _log_offline(recording: rr.RecordingStream, comparison: Comparison) -> None:

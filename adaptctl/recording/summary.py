@@ -61,7 +61,7 @@ def realtime_factor(run: Run) -> float | None:
 
 def _parameters(comparison: Comparison) -> dict[str, dict[str, float]]:
     final = comparison.subject.rollout.estimate[-1]
-    rows = zip(comparison.basis.names, comparison.true_parameters, final, strict=True)
+    rows = zip(comparison.model.names, comparison.true_parameters, final, strict=True)
     return {name: {"true": float(true), "estimate": float(estimate)} for name, true, estimate in rows}
 
 

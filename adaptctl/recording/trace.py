@@ -37,7 +37,7 @@ def write_trace(path: str | Path, comparison: Comparison) -> None:
         "control_period": repr(comparison.subject.rollout.control_period),
         "complete": str(comparison.complete).lower(),
     }
-    columns = list(quantities(comparison.subject, comparison.mechanism, comparison.basis.names))
+    columns = list(quantities(comparison.subject, comparison.mechanism, comparison.model.names))
     with replacing(path) as beside:
         pq.write_table(
             _table(columns, about),
