@@ -29,9 +29,9 @@ ORDER = (
 """A folder uses only those before it."""
 LONGEST = 400
 ABOUT = {
-    "pinocchio": {"mechanism.pinocchio_model"},
-    "matplotlib": {"recording", "envs.render", "envs.caption"},
-    "rerun": {"recording"},
+    "pinocchio": {"mechanism.pinocchio_model", "mechanism.pinocchio_constraints"},
+    "matplotlib": {"recording", "envs.render", "envs.caption", "experiments.replication"},
+    "rerun": {"recording", "experiments.replication"},
     "pyarrow": {"recording"},
     "gymnasium": {"envs"},
     "rich": {"cli.basis_report", "cli.gains_report"},
