@@ -95,6 +95,16 @@ def test_table_13_and_what_it_costs(arms: dict[str, Any]) -> None:
     assert graph["regressor_flops"]["reduced"] > serial["regressor_flops"]["reduced"]
 
 
+@pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
+def test_the_paper_s_16_is_the_rank_of_energies_that_are_not_differenced() -> None:
+    arm = load(ARMS[0].robot)
+    p, v, a = np.random.default_rng(0).uniform(-3.0, 3.0, (3, 200, 3))
+    energies = arm.energy_regressor(p, v)
+    assert np.linalg.matrix_rank(energies, rtol=1e-9) == 16
+    assert np.linalg.matrix_rank(np.diff(energies, axis=0), rtol=1e-9) == 15
+    assert np.linalg.matrix_rank(arm.torque_regressor(p, v, a).reshape(-1, 30), rtol=1e-9) == 15
+
+
 def test_both_learn_to_follow_the_path(arms: dict[str, Any]) -> None:
     for arm in arms.values():
         assert arm["lyapunov_max_increase"] == 0.0

@@ -149,6 +149,6 @@ def _blueprint(result: SideBySide) -> rrb.Blueprint:
 
 def _scene(result: SideBySide) -> rrb.View:
     target = np.array([0.2, 0.0, 0.12])
-    away = np.array([1.5, -0.75, 0.6]) * (0.45 + 0.4 * APART * (len(result.sides) - 1))
+    away = np.array([1.5, -0.75, 0.6]) * (0.5 + 0.45 * APART * (len(result.sides) - 1))
     names = [*(side.label for side in result.sides), "desired: green ghost", "adaptation off: orange"]
     return views.arm(WORLD, " · ".join(names), Viewpoint(target + away, target, _floor(result)))
