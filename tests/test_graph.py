@@ -109,7 +109,7 @@ def test_what_a_call_knows_is_known_to_its_caller() -> None:
 def test_constant_arguments_are_folded_into_the_body() -> None:
     product = outlined(lambda a, b: a * b)
     routine = scalar(lambda x, y, z: product(x, y) + product(x, 2.0) + product(0.0, x))
-    assert [call.inputs for call in routine.calls] == [2, 1]  # the product with zero is known
+    assert [sum(call.inputs) for call in routine.calls] == [2, 1]  # the product with zero is known
     assert routine.operations == {"*": 2, "+": 1}
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from adaptctl.compilation import compile_function, trace
+from adaptctl.compilation import compile_function, compile_step, trace
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.arrays import column, stacked
 from adaptctl.errors import TraceError
@@ -88,6 +88,21 @@ def test_all_kinds_of_scalar_agree(puma: Mechanism, kept: list[int], name: str) 
         assert (
             max(abs((x.value if isinstance(x, Dual) else x) - y) for x, y in zip(duals, floats, strict=True)) <= allowed
         )
+
+
+@pytest.mark.parametrize("lanes", [4, 8])
+@pytest.mark.parametrize("name", NAMES)
+def test_lanes_agree_with_arrays(puma: Mechanism, kept: list[int], name: str, lanes: int) -> None:
+    function, sizes = equations(puma, kept)[name]
+    arrays = inputs(puma, sizes, 11)
+    expected = stacked(flat(function(*map(column, arrays))), (11,))
+    held = {f"x{i}": n for i, n in enumerate(sizes)}
+    stepper = compile_step(lambda **named: (Column(flat(function(*named.values()))),), state={}, held=held, lanes=lanes)
+    ensemble = stepper.ensemble(11)
+    for key, values in zip(held, arrays, strict=True):
+        ensemble.held[key] = values
+    (together,) = ensemble.run()
+    assert np.abs(together - expected).max() <= tolerance(puma, name, arrays[0]) * np.abs(expected).max()
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from adaptctl.compilation.llvm import compile_routine
+from adaptctl.compilation.lanes import Lanes
+from adaptctl.compilation.llvm import program
+from adaptctl.compilation.loop import ENTRY, NativeLoop, Source, loop
+from adaptctl.compilation.native import load
 from adaptctl.compilation.routine import Routine, trace
 from adaptctl.errors import InputError
 
 Array = NDArray[np.float64]
-
-_SIGNATURE = None, ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p
 
 
 def compile_function(function: Callable[..., Any], arguments: Mapping[str, int], *, name: str = "") -> Kernel:
@@ -36,7 +37,8 @@ class _Frame:
     def __init__(self, inputs: int, outputs: int) -> None:
         self.input, self.output = np.empty(inputs), np.empty(outputs)
         addresses = (ctypes.c_void_p(array.ctypes.data) for array in (self.input, self.output))
-        self.native = ctypes.c_int64(1), *addresses
+        numbers = (ctypes.c_int64(k) for k in (0, 1, 1, 0, 0, 0))
+        self.native = *numbers, None, None, None, *addresses
 
 
 class Kernel:
@@ -53,10 +55,12 @@ class Kernel:
         self.arguments, self.outputs = MappingProxyType(dict(arguments)), routine.layout.sizes
         self._contain, self._places = routine.layout.contain, routine.layout.places
         self._lengths = list(arguments.values())
-        self._code = compile_routine(routine)
+        text, symbol = program(routine, Lanes())
+        columns = dict.fromkeys(Source, ()) | {Source.DRIVEN: routine.inputs}
+        self._code = load(text + "\n" + loop(routine, symbol, Lanes(), columns))
         # One sample takes about a microsecond: letting other threads in meanwhile could cost milliseconds.
-        self._run = ctypes.PYFUNCTYPE(None)(self._code.address)
-        self._run_unlocked = ctypes.CFUNCTYPE(*_SIGNATURE)(self._code.address)
+        self._run = ctypes.PYFUNCTYPE(None)(self._code.address(ENTRY))
+        self._run_unlocked = NativeLoop(self._code.address(ENTRY))
         self._frames: list[_Frame] = []  # those not in use: a call borrows one, so that threads never share
 
     def __call__(self, *arguments: Any) -> Any:
@@ -87,7 +91,8 @@ class Kernel:
         packed = np.empty((samples, sum(self.arguments.values())))
         results = np.empty((samples, sum(self.outputs)))
         np.concatenate(arrays, axis=1, out=packed)
-        self._run_unlocked(samples, packed.ctypes.data, results.ctypes.data)
+        strides = 0, packed.shape[1], results.shape[1]
+        self._run_unlocked(0, 1, samples, *strides, None, None, None, packed.ctypes.data, results.ctypes.data)
         return self._contain(results[:, place] for place in self._places)
 
     def _new_frame(self) -> _Frame:

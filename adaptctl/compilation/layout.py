@@ -26,6 +26,11 @@ class Layout:
         return tuple(1 if length is None else length for length in self.lengths)
 
     @property
+    def numbers(self) -> list[tuple[int, int]]:
+        """Which part each scalar belongs to, and which one of the part it is."""
+        return [(part, k) for part, size in enumerate(self.sizes) for k in range(size)]
+
+    @property
     def places(self) -> tuple[int | slice, ...]:
         """Where each part is among all scalars: an index for a scalar, a slice for a Column."""
         spans = zip(self.lengths, accumulate(self.sizes), strict=True)

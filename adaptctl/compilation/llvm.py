@@ -1,62 +1,36 @@
-"""Native code for a traced routine: straight-line LLVM IR over scalars, compiled in memory by llvmlite.
+"""LLVM IR for a traced routine: straight-line code over numbers side by side.
 
-Every routine is a function of two pointers, to its inputs and to its outputs. `contract` lets multiplications and
-additions fuse; no other liberty is given, since general fast-math breaks the range reduction of sin and cos.
+Every routine is a function of pointers, one to each argument and one to each part of its result. `contract` lets
+multiplications and additions fuse; no other liberty is given, since general fast-math breaks the range reduction of
+sine and cosine.
 """
 
 from __future__ import annotations
 
 import re
-import struct
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from typing import Any
-
-import llvmlite.binding as llvm
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import islice
 
 from adaptctl.compilation.graph import Expression, Op
-from adaptctl.compilation.routine import Routine
-
-VALUE, CONDITION, SUFFIX = "double", "i1", "f64"
-"""The types of a number and of a condition, and how intrinsics name the former."""
-
-ENTRY = "evaluate"
+from adaptctl.compilation.lanes import Lanes
+from adaptctl.compilation.routine import Routine, trace
+from adaptctl.compilation.sine import FARTHEST, sine_and_cosine
 
 _ARITHMETIC = {Op.ADD: "fadd", Op.SUBTRACT: "fsub", Op.MULTIPLY: "fmul", Op.DIVIDE: "fdiv"}
-_INTRINSICS = {Op.SIN: "sin", Op.COS: "cos", Op.SQRT: "sqrt", Op.ABSOLUTE: "fabs"}
+_INTRINSICS = {Op.SQRT: "sqrt", Op.ABSOLUTE: "fabs"}
+_ANGLES = {Op.SIN: 0, Op.COS: 1}
 _ORDERS = {Op.LESS: "olt", Op.LESS_EQUAL: "ole", Op.MINIMUM: "olt", Op.MAXIMUM: "ogt"}
 
 
-@dataclass(frozen=True)
-class NativeCode:
-    """A function `void (int64 samples, double* inputs, double* outputs)` at `address`, alive while `engine` is."""
-
-    engine: Any
-    address: int
-
-
-def compile_routine(routine: Routine) -> NativeCode:
-    """Machine code for this processor that evaluates the routine on each of a number of samples."""
-    llvm.initialize_native_target()
-    llvm.initialize_native_asmprinter()
-    machine = llvm.Target.from_default_triple().create_target_machine(
-        cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=2, jit=True
-    )
-    module = llvm.parse_assembly(program(routine))
-    module.verify()
-    passes = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=2))
-    passes.getModulePassManager().run(module, passes)
-    engine = llvm.create_mcjit_compiler(module, machine)
-    engine.finalize_object()
-    return NativeCode(engine, engine.get_function_address(ENTRY))
-
-
-def program(routine: Routine) -> str:
-    """The LLVM IR of a routine, of all it calls, and of the loop over samples."""
+def program(routine: Routine, lanes: Lanes) -> tuple[str, str]:
+    """The IR of a routine and of all it calls, and the name of the routine in it."""
     symbols = _symbols(routine)
-    declarations = [f"declare {VALUE} @llvm.{name}.{SUFFIX}({VALUE})" for name in _INTRINSICS.values()]
-    functions = [_function(r, symbols) for r in symbols]
-    return "\n".join([*declarations, *functions, _loop(routine, symbols[routine])])
+    functions = [_function(r, symbols, lanes, "noinline") for r in symbols]
+    if any(x.op in _ANGLES for r in symbols for x in r.body):
+        functions.append(_sincos(lanes))
+    names = (*_INTRINSICS.values(), "sin", "cos")
+    declarations = [f"declare {lanes.value} @llvm.{name}.{lanes.suffix}({lanes.value})" for name in names]
+    return "\n".join([*declarations, *functions]), symbols[routine]
 
 
 def _symbols(routine: Routine) -> dict[Routine, str]:
@@ -71,99 +45,161 @@ def _symbols(routine: Routine) -> dict[Routine, str]:
     return found
 
 
-def _function(routine: Routine, symbols: Mapping[Routine, str]) -> str:
-    return "\n".join([
-        f"define internal void @{symbols[routine]}(ptr noalias readonly %in, ptr noalias %out) noinline {{",
-        *(line for expression in routine.body for line in _instructions(expression, symbols)),
-        *_stores("%out", routine.outputs),
-        "ret void\n}",
-    ])  # fmt: skip
+def _function(routine: Routine, symbols: Mapping[Routine, str], lanes: Lanes, inlining: str) -> str:
+    inputs = [f"ptr noalias readonly %in{part}" for part in range(len(routine.inputs))]
+    outputs = [f"ptr noalias %out{part}" for part in range(len(routine.layout.sizes))]
+    body = _Body(symbols, lanes)
+    for expression in routine.body:
+        body.compute(expression)
+    for (part, k), value in zip(routine.layout.numbers, routine.outputs, strict=True):
+        body.store(f"%out{part}", k, value)
+    head = f"define internal void @{symbols[routine]}({', '.join(inputs + outputs)}) {inlining} {lanes.attributes} {{"
+    return "\n".join([head, *body.memory, *body.lines, "ret void\n}"])
 
 
-def _loop(routine: Routine, symbol: str) -> str:
-    return f"""define void @{ENTRY}(i64 %samples, ptr noalias readonly %in, ptr noalias %out) {{
-start:
-  %any = icmp sgt i64 %samples, 0
-  br i1 %any, label %sample, label %end
-sample:
-  %k = phi i64 [0, %start], [%next, %sample]
-  %j = mul i64 %k, {routine.inputs}
-  %l = mul i64 %k, {len(routine.outputs)}
-  %input = getelementptr {VALUE}, ptr %in, i64 %j
-  %output = getelementptr {VALUE}, ptr %out, i64 %l
-  call void @{symbol}(ptr %input, ptr %output)
-  %next = add i64 %k, 1
-  %more = icmp slt i64 %next, %samples
-  br i1 %more, label %sample, label %end
-end:
-  ret void
+class _Body:
+    """The instructions of one function: `memory` for the calls it makes is set aside first."""
+
+    def __init__(self, symbols: Mapping[Routine, str], lanes: Lanes) -> None:
+        self.memory: list[str] = []
+        self.lines: list[str] = []
+        self._symbols, self._lanes = symbols, lanes
+        self._loaded: set[str] = set()
+
+    def compute(self, expression: Expression) -> None:
+        """One expression into its register; what is in memory is loaded where it is first used."""
+        if expression.op is Op.CALL:
+            self._call(f"%x{expression.index}", expression.detail, expression.operands)
+        elif _place(expression) is None:
+            self._evaluate(f"%x{expression.index}", expression.op, [self._operand(y) for y in expression.operands])
+
+    def _evaluate(self, x: str, op: Op, operands: Sequence[str]) -> None:
+        value, condition = self._lanes.value, self._lanes.condition
+        match op:
+            case Op.NEGATE:
+                self._add(f"{x} = fneg {value} {operands[0]}")
+            case Op.LESS | Op.LESS_EQUAL:
+                self._add(f"{x} = fcmp {_ORDERS[op]} {value} {', '.join(operands)}")
+            case Op.SELECT:
+                chosen, yes, no = operands
+                self._add(f"{x} = select {condition} {chosen}, {value} {yes}, {value} {no}")
+            case Op.MINIMUM | Op.MAXIMUM:
+                self._extremum(x, _ORDERS[op], *operands)
+            case Op.ADD | Op.SUBTRACT | Op.MULTIPLY | Op.DIVIDE:
+                self._add(f"{x} = {_ARITHMETIC[op]} contract {value} {', '.join(operands)}")
+            case Op.SQRT | Op.ABSOLUTE:
+                self._add(f"{x} = call {value} @llvm.{_INTRINSICS[op]}.{self._lanes.suffix}({value} {operands[0]})")
+            case Op.SIN | Op.COS:
+                self._add(f"{x} = extractvalue {{{value}, {value}}} {self._sincos(operands[0])}, {_ANGLES[op]}")
+
+    def store(self, pointer: str, k: int, value: Expression | float) -> None:
+        """A number into the k-th place after a pointer."""
+        name, kind = f"{pointer}.{k}", self._lanes.value
+        self._add(f"{name} = getelementptr {kind}, ptr {pointer}, i64 {k}")
+        self._add(f"store {kind} {self._operand(value)}, ptr {name}, align 8")
+
+    def _add(self, line: str) -> None:
+        self.lines.append(line)
+
+    def _operand(self, x: Expression | float) -> str:
+        if not isinstance(x, Expression):
+            return self._lanes.constant(x)
+        name, place = f"%x{x.index}", _place(x)
+        if place is not None and name not in self._loaded:
+            self._loaded.add(name)
+            self._add(f"{name}.at = getelementptr {self._lanes.value}, ptr {place[0]}, i64 {place[1]}")
+            self._add(f"{name} = load {self._lanes.value}, ptr {name}.at, align 8")
+        return name
+
+    def _call(self, x: str, routine: Routine, operands: Iterable[Expression | float]) -> None:
+        rest = iter(operands)
+        groups = [list(islice(rest, size)) for size in routine.inputs]
+        pointers = [self._gathered(f"{x}.in{part}", group) for part, group in enumerate(groups)]
+        for part, size in enumerate(routine.layout.sizes):
+            pointers.append(self._reserve(f"{x}.out{part}", size))
+        self._add(f"call void @{self._symbols[routine]}({', '.join(f'ptr {pointer}' for pointer in pointers)})")
+
+    def _gathered(self, name: str, group: Sequence[Expression | float]) -> str:
+        """A pointer to these numbers side by side: where they already are so, or a copy."""
+        places = [_place(x) if isinstance(x, Expression) else None for x in group]
+        if places and places[0] and places == [(places[0][0], places[0][1] + k) for k in range(len(places))]:
+            self._add(f"{name} = getelementptr {self._lanes.value}, ptr {places[0][0]}, i64 {places[0][1]}")
+            return name
+        self._reserve(name, len(group))
+        for k, x in enumerate(group):
+            self.store(name, k, x)
+        return name
+
+    def _reserve(self, name: str, size: int) -> str:
+        self.memory.append(f"{name} = alloca [{size} x {self._lanes.value}], align {self._lanes.alignment}")
+        return name
+
+    def _sincos(self, angle: str) -> str:
+        """The pair of an angle's sine and cosine, computed once."""
+        pair = f"{{{self._lanes.value}, {self._lanes.value}}}"
+        name = f"{angle}.sincos"
+        if name not in self._loaded:
+            self._loaded.add(name)
+            self._add(f"{name} = call {pair} @sincos({self._lanes.value} {angle})")
+        return name
+
+    def _extremum(self, x: str, order: str, a: str, b: str) -> None:
+        """The first operand where it is NaN or comes first, else the second, as NumPy has it.
+
+        (The intrinsics llvm.minimum and llvm.maximum cannot be compiled for every processor by every LLVM.)
+        """
+        value, condition = self._lanes.value, self._lanes.condition
+        self._add(f"{x}.first = fcmp {order} {value} {a}, {b}")
+        self._add(f"{x}.picked = select {condition} {x}.first, {value} {a}, {value} {b}")
+        self._add(f"{x}.nan = fcmp uno {value} {a}, {a}")
+        self._add(f"{x} = select {condition} {x}.nan, {value} {a}, {value} {x}.picked")
+
+
+def _place(x: Expression) -> tuple[str, int] | None:
+    """Where an expression is in memory already, as a pointer and a number of places after it."""
+    if x.op is Op.INPUT:
+        return f"%in{x.detail[0]}", x.detail[1]
+    if x.op is Op.RESULT:
+        return f"%x{x.operands[0].index}.out{x.detail[0]}", x.detail[1]
+    return None
+
+
+def _sincos(lanes: Lanes) -> str:
+    """Sines and cosines; lanes with a far angle, or one that is not finite, get the C library's."""
+    near = trace(lambda x: sine_and_cosine(x[0]), {"x": 1})
+    v, pair, say = lanes.value, f"{{{lanes.value}, {lanes.value}}}", lanes.attributes
+    is_far = f"%far = fcmp ugt {v} %size, {lanes.constant(FARTHEST)}"
+    size = f"%size = call {v} @llvm.fabs.{lanes.suffix}({v} %x)"
+    return f"""{_function(near, {near: "sincos.near"}, lanes, "alwaysinline")}
+define internal {pair} @sincos.far({v} %x, {v} %sin, {v} %cos) noinline cold {say} {{
+{size}
+{is_far}
+%library.sin = call {v} @llvm.sin.{lanes.suffix}({v} %x)
+%library.cos = call {v} @llvm.cos.{lanes.suffix}({v} %x)
+%s = select {lanes.condition} %far, {v} %library.sin, {v} %sin
+%c = select {lanes.condition} %far, {v} %library.cos, {v} %cos
+%first = insertvalue {pair} undef, {v} %s, 0
+%both = insertvalue {pair} %first, {v} %c, 1
+ret {pair} %both
+}}
+define internal {pair} @sincos({v} %x) alwaysinline {say} {{
+%angle = alloca {v}
+%sine = alloca {v}
+%cosine = alloca {v}
+store {v} %x, ptr %angle
+call void @sincos.near(ptr %angle, ptr %sine, ptr %cosine)
+%sin = load {v}, ptr %sine
+%cos = load {v}, ptr %cosine
+{size}
+{is_far}
+%bits = bitcast {lanes.condition} %far to i{lanes.count}
+%any = icmp ne i{lanes.count} %bits, 0
+br i1 %any, label %library, label %here
+library:
+%corrected = call {pair} @sincos.far({v} %x, {v} %sin, {v} %cos)
+ret {pair} %corrected
+here:
+%first = insertvalue {pair} undef, {v} %sin, 0
+%both = insertvalue {pair} %first, {v} %cos, 1
+ret {pair} %both
 }}"""
-
-
-def _instructions(expression: Expression, symbols: Mapping[Routine, str]) -> list[str]:
-    x, op, detail = _operand(expression), expression.op, expression.detail
-    operands = [_operand(y) for y in expression.operands]
-    match op:
-        case Op.INPUT:
-            return _load(x, "%in", detail)
-        case Op.RESULT:
-            return _load(x, f"{operands[0]}.out", detail)
-        case Op.CALL:
-            return _call(x, detail, symbols[detail], expression.operands)
-        case Op.NEGATE:
-            return [f"{x} = fneg {VALUE} {operands[0]}"]
-        case Op.LESS | Op.LESS_EQUAL:
-            return [f"{x} = fcmp {_ORDERS[op]} {VALUE} {operands[0]}, {operands[1]}"]
-        case Op.SELECT:
-            condition, yes, no = operands
-            return [f"{x} = select {CONDITION} {condition}, {VALUE} {yes}, {VALUE} {no}"]
-        case Op.MINIMUM | Op.MAXIMUM:
-            return _extremum(x, _ORDERS[op], *operands)
-        case Op.ADD | Op.SUBTRACT | Op.MULTIPLY | Op.DIVIDE:
-            return [f"{x} = {_ARITHMETIC[op]} contract {VALUE} {operands[0]}, {operands[1]}"]
-        case Op.SIN | Op.COS | Op.SQRT | Op.ABSOLUTE:
-            return [f"{x} = call {VALUE} @llvm.{_INTRINSICS[op]}.{SUFFIX}({VALUE} {operands[0]})"]
-
-
-def _operand(x: Expression | float) -> str:
-    """A register, or a constant as the digits of its bits."""
-    return f"%x{x.index}" if isinstance(x, Expression) else f"0x{struct.pack('>d', x).hex()}"
-
-
-def _load(x: str, pointer: str, k: int) -> list[str]:
-    return [
-        f"{x}.at = getelementptr {VALUE}, ptr {pointer}, i64 {k}",
-        f"{x} = load {VALUE}, ptr {x}.at",
-    ]
-
-
-def _stores(pointer: str, values: Iterable[Expression | float]) -> list[str]:
-    lines = []
-    for k, value in enumerate(values):
-        lines += [
-            f"{pointer}.{k} = getelementptr {VALUE}, ptr {pointer}, i64 {k}",
-            f"store {VALUE} {_operand(value)}, ptr {pointer}.{k}",
-        ]
-    return lines
-
-
-def _call(x: str, routine: Routine, symbol: str, operands: Iterable[Expression | float]) -> list[str]:
-    return [
-        f"{x}.in = alloca [{routine.inputs} x {VALUE}]",
-        f"{x}.out = alloca [{len(routine.outputs)} x {VALUE}]",
-        *_stores(f"{x}.in", operands),
-        f"call void @{symbol}(ptr {x}.in, ptr {x}.out)",
-    ]
-
-
-def _extremum(x: str, order: str, a: str, b: str) -> list[str]:
-    """The first operand where it is NaN or comes first, else the second, as NumPy has it.
-
-    (The intrinsics llvm.minimum and llvm.maximum cannot be compiled for every processor by every LLVM.)
-    """
-    return [
-        f"{x}.first = fcmp {order} {VALUE} {a}, {b}",
-        f"{x}.picked = select {CONDITION} {x}.first, {VALUE} {a}, {VALUE} {b}",
-        f"{x}.nan = fcmp uno {VALUE} {a}, {a}",
-        f"{x} = select {CONDITION} {x}.nan, {VALUE} {a}, {VALUE} {x}.picked",
-    ]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import functools
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import islice
+from itertools import chain, islice
 from typing import Any, TypeVar, cast
 
 from adaptctl.compilation.graph import Expression, Graph, Op, reachable
@@ -32,10 +32,10 @@ class Operations(Counter[Op]):
 
 @dataclass(frozen=True, eq=False)
 class Routine:
-    """A traced function of `inputs` scalars; `layout` is that of its result."""
+    """A traced function of arguments with so many unknown scalars each; `layout` is that of its result."""
 
     name: str
-    inputs: int
+    inputs: tuple[int, ...]
     outputs: tuple[Value, ...]
     layout: Layout
 
@@ -64,10 +64,9 @@ def trace(function: Callable[..., Any], arguments: Mapping[str, int], *, name: s
     The function returns a scalar, a Column, or a tuple or NamedTuple of these. Raises TraceError for any other
     result, and where the function needs a number that is not known yet.
     """
-    graph, size = Graph(), sum(arguments.values())
-    nodes = _inputs(graph, size)
-    columns = {argument: Column(islice(nodes, length)) for argument, length in arguments.items()}
-    return _routine(name or _name(function), graph, size, function(**columns))
+    graph, sizes = Graph(), tuple(arguments.values())
+    columns = dict(zip(arguments, map(Column, _inputs(graph, sizes)), strict=True))
+    return _routine(name or _name(function), graph, sizes, function(**columns))
 
 
 def outlined(function: F) -> F:
@@ -96,10 +95,11 @@ def _shared(function: Callable[..., Any], layout: Layout, values: Sequence[Any],
     """The body for this pattern of nodes (None in the key) and constants, traced at its first use."""
     key = function, layout, tuple(None if isinstance(x, Node) else x for x in values)
     if key not in graph.routines:
-        inner, size = Graph(graph.routines), sum(isinstance(x, Node) for x in values)
-        nodes = _inputs(inner, size)
+        inner, rest = Graph(graph.routines), iter(values)
+        sizes = tuple(sum(isinstance(x, Node) for x in islice(rest, size)) for size in layout.sizes)
+        nodes = chain.from_iterable(_inputs(inner, sizes))
         scalars = [next(nodes) if isinstance(x, Node) else x for x in values]
-        graph.routines[key] = _routine(_name(function), inner, size, function(*layout.columns(scalars)))
+        graph.routines[key] = _routine(_name(function), inner, sizes, function(*layout.columns(scalars)))
     return cast(Routine, graph.routines[key])
 
 
@@ -108,12 +108,12 @@ def _results(routine: Routine, nodes: Sequence[Node]) -> list[Value]:
     graph = nodes[0].graph
     call = graph.make(Expression, Op.CALL, *nodes, detail=routine)
     return [
-        graph.make(Node, Op.RESULT, call, detail=k) if isinstance(output, Node) else output
-        for k, output in enumerate(routine.outputs)
+        graph.make(Node, Op.RESULT, call, detail=place) if isinstance(output, Node) else output
+        for place, output in zip(routine.layout.numbers, routine.outputs, strict=True)
     ]
 
 
-def _routine(name: str, graph: Graph, inputs: int, result: Any) -> Routine:
+def _routine(name: str, graph: Graph, inputs: tuple[int, ...], result: Any) -> Routine:
     layout, scalars = flatten(result)
     outputs = tuple(_output(name, x) for x in scalars)
     graph.require_own(outputs)
@@ -128,8 +128,10 @@ def _output(name: str, scalar: Any) -> Value:
     return value
 
 
-def _inputs(graph: Graph, size: int) -> Iterator[Node]:
-    return (graph.make(Node, Op.INPUT, detail=k) for k in range(size))
+def _inputs(graph: Graph, sizes: Sequence[int]) -> list[list[Node]]:
+    """The nodes of each argument."""
+    parts = enumerate(sizes)
+    return [[graph.make(Node, Op.INPUT, detail=(part, k)) for k in range(size)] for part, size in parts]
 
 
 def _name(function: Callable[..., Any]) -> str:

@@ -1,0 +1,78 @@
+"""Columns of numbers for many members, arranged so that one instruction works on neighbours."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from itertools import accumulate
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from adaptctl.errors import InputError
+
+Array = NDArray[np.float64]
+
+_CACHE_LINE = 64
+
+
+class LaneArray:
+    """Named columns of scalars, `columns` their lengths, for each of a number of members.
+
+    `blocks` (..., ceil(members / lanes), scalars, lanes) is the memory itself: member m is in lane m % lanes of block
+    m // lanes, at `address`. Reading a column gives a copy (..., members, n); assigning takes what broadcasts to that.
+    A leading axis, if any, is of steps in time, `stride` numbers apart. Lanes left over in the last block repeat the
+    last member.
+    """
+
+    def __init__(self, columns: Mapping[str, int], members: int, lanes: int = 1, steps: tuple[int, ...] = ()) -> None:
+        self.columns, self.members, self.lanes = MappingProxyType(dict(columns)), members, lanes
+        self.blocks = _aligned((*steps, -(-members // lanes), sum(columns.values()), lanes))
+        self.address, self.stride = self.blocks.ctypes.data, math.prod(self.blocks.shape[1:])
+        ends = accumulate(columns.values())
+        self._places = {name: slice(end - n, end) for (name, n), end in zip(columns.items(), ends, strict=True)}
+
+    def __getitem__(self, name: str) -> Array:
+        part = self.blocks[..., self._place(name), :].swapaxes(-1, -2)
+        *steps, blocks, lanes, n = part.shape
+        return part.copy().reshape(*steps, blocks * lanes, n)[..., : self.members, :]
+
+    def __setitem__(self, name: str, values: ArrayLike) -> None:
+        part = self.blocks[..., self._place(name), :].swapaxes(-1, -2)
+        rows = self._rows(name, values, (*part.shape[:-3], self.members, self.columns[name]))
+        spare = -self.members % self.lanes
+        if spare:
+            rows = np.concatenate([rows, np.repeat(rows[..., -1:, :], spare, axis=-2)], axis=-2)
+        part[...] = rows.reshape(part.shape)
+
+    def put(self, name: str, members: ArrayLike, values: ArrayLike) -> None:
+        """Assign to some members, by number (k,), what broadcasts to (k, n)."""
+        chosen = np.asarray(members)
+        if chosen.dtype.kind not in "iu" or chosen.ndim != 1 or not np.isin(chosen, np.arange(self.members)).all():
+            raise InputError(f"members: expected numbers from 0 to {self.members - 1}, got {chosen.tolist()}")
+        place = self._place(name)
+        rows = self._rows(name, values, (len(chosen), self.columns[name]))
+        self.blocks[..., chosen // self.lanes, place, chosen % self.lanes] = rows
+        last = (self.members - 1) % self.lanes
+        self.blocks[..., -1, place, last:] = self.blocks[..., -1, place, last : last + 1]
+
+    def _place(self, name: str) -> slice:
+        if name not in self._places:
+            raise InputError(f"{name!r}: there is no such column; there are {', '.join(self._places) or 'none'}")
+        return self._places[name]
+
+    def _rows(self, name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
+        try:
+            numbers = np.asarray(values).astype(np.float64, casting="same_kind", copy=False)
+            return np.broadcast_to(numbers, shape)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"{name!r}: expected real numbers that broadcast to shape {shape} ({error})") from error
+
+
+def _aligned(shape: tuple[int, ...]) -> Array:
+    """Zeros that begin on a cache line."""
+    size = math.prod(shape)
+    memory = np.zeros(8 * size + _CACHE_LINE, dtype=np.uint8)
+    skip = -memory.ctypes.data % _CACHE_LINE
+    return memory[skip : skip + 8 * size].view(np.float64).reshape(shape)

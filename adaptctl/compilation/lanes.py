@@ -1,0 +1,73 @@
+"""Numbers side by side: what LLVM calls them."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+
+from adaptctl.errors import InputError
+
+
+@dataclass(frozen=True)
+class Lanes:
+    """The LLVM types for `count` doubles worked on by one instruction: vectors, or plain numbers when it is 1."""
+
+    count: int = 1
+
+    def __post_init__(self) -> None:
+        if self.count not in (1, 2, 4, 8):
+            raise InputError(f"lanes: expected 1, 2, 4 or 8, got {self.count}")
+
+    @property
+    def value(self) -> str:
+        """The type of numbers."""
+        return self._of("double")
+
+    @property
+    def whole(self) -> str:
+        """The type of whole numbers as wide as these."""
+        return self._of("i64")
+
+    @property
+    def condition(self) -> str:
+        """The type of their comparison."""
+        return self._of("i1")
+
+    @property
+    def suffix(self) -> str:
+        """How intrinsics name them."""
+        return "f64" if self.count == 1 else f"v{self.count}f64"
+
+    @property
+    def alignment(self) -> int:
+        """Bytes on whose multiple they lie."""
+        return 8 * self.count
+
+    @property
+    def attributes(self) -> str:
+        """What every function on them says: spilled vectors must not straddle cache lines."""
+        return "nounwind" if self.count == 1 else 'nounwind "stackrealign" alignstack(64)'
+
+    def constant(self, x: float) -> str:
+        """The same number in every lane, as the digits of its bits."""
+        return self._splat("double", f"0x{struct.pack('>d', x).hex()}")
+
+    def integer(self, k: int) -> str:
+        """The same whole number in every lane."""
+        return self._splat("i64", str(k))
+
+    def broadcast(self, name: str, x: str) -> list[str]:
+        """Instructions that put the number in register `x` into every lane of register `name`."""
+        if self.count == 1:
+            return [f"{name} = fadd double {x}, {self.constant(-0.0)}"]
+        first, anything = f"{self.value} {name}.first", f"{self.value} undef"
+        return [
+            f"{name}.first = insertelement {anything}, double {x}, i32 0",
+            f"{name} = shufflevector {first}, {anything}, <{self.count} x i32> zeroinitializer",
+        ]
+
+    def _of(self, kind: str) -> str:
+        return kind if self.count == 1 else f"<{self.count} x {kind}>"
+
+    def _splat(self, kind: str, x: str) -> str:
+        return x if self.count == 1 else "<" + ", ".join([f"{kind} {x}"] * self.count) + ">"

@@ -1,0 +1,95 @@
+"""From LLVM IR to machine code in memory, compiled once for a processor and kept for other processes."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import os
+import threading
+import weakref
+from typing import Any
+
+import llvmlite
+import llvmlite.binding as llvm
+
+from adaptctl.compilation.object_cache import ObjectCache, cache_folder
+from adaptctl.compilation.processor import Processor
+
+_RECIPE = 1
+"""Changes when the same IR would give other code."""
+
+
+class NativeCode:
+    """Machine code in memory, as long as this lives."""
+
+    def __init__(self, data: bytes, machine: llvm.TargetMachine) -> None:
+        self.engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
+        self.engine.add_object_file(llvm.ObjectFileRef.from_data(data))
+        self.engine.finalize_object()
+        weakref.finalize(self, _release, self.engine).atexit = False
+
+    def address(self, symbol: str) -> int:
+        """Where a function begins."""
+        with _compiler():
+            return int(self.engine.get_function_address(symbol))
+
+
+def load(text: str, processor: Processor | None = None) -> NativeCode:
+    """Machine code of a module, for this processor unless another is named."""
+    with _compiler():
+        return _loaded(text, processor or Processor.host())
+
+
+def _loaded(text: str, processor: Processor) -> NativeCode:
+    machine = processor.machine()
+    return NativeCode(_object(text, processor, machine), machine)
+
+
+def _release(engine: Any) -> None:
+    with _compiler():
+        engine.close()
+
+
+def _object(text: str, processor: Processor, machine: llvm.TargetMachine) -> bytes:
+    """The compiled object: a kept one, or a new one, which is kept."""
+    folder = cache_folder()
+    if folder is None:
+        return _compiled(text, machine)
+    cache, key = ObjectCache(folder), _key(text, processor, machine.triple)
+    data = cache.get(key)
+    if data is None:
+        data = _compiled(text, machine)
+        cache.put(key, data)
+    return data
+
+
+def _key(text: str, processor: Processor, triple: str) -> bytes:
+    """What the code depends on."""
+    versions = _RECIPE, llvmlite.__version__, llvm.llvm_version_info
+    return hashlib.sha256(repr((versions, triple, processor, text)).encode()).digest()
+
+
+def _compiled(text: str, machine: llvm.TargetMachine) -> bytes:
+    """The object that LLVM makes of a module. Its usual passes would find nothing more: the expressions are simple and
+    each is there once."""
+    module = llvm.parse_assembly(text, llvm.create_context())
+    module.verify()
+    passes = llvm.create_new_module_pass_manager()
+    passes.add_always_inliner_pass()
+    passes.add_sroa_pass()
+    passes.run(module, llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options()))
+    return bytes(machine.emit_object(module))
+
+
+@functools.cache
+def _compiler() -> threading.RLock:
+    """LLVM, made ready, for one thread at a time.
+
+    No process is forked while another thread uses LLVM, or the child would wait for that thread for ever: so all
+    that LLVM makes is also freed while this is held.
+    """
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    lock = threading.RLock()
+    os.register_at_fork(before=lock.acquire, after_in_parent=lock.release, after_in_child=lock.release)
+    return lock

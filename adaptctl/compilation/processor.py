@@ -1,0 +1,40 @@
+"""The processor that code is made for."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+
+import llvmlite.binding as llvm
+
+_WIDEST = {"avx512f": 8, "avx2": 4, "neon": 2}
+"""How many doubles a register holds, by the instructions that use it; the first that the processor has counts."""
+
+
+@dataclass(frozen=True)
+class Processor:
+    """LLVM's name for a processor, and what it can do beyond that: "+avx2,-avx512f,..."."""
+
+    name: str
+    features: str
+
+    @classmethod
+    def host(cls) -> Processor:
+        """The one this runs on."""
+        return _host()
+
+    @property
+    def lanes(self) -> int:
+        """How many doubles one instruction works on: 8, 4 or 2, and 1 where there is nothing to gain."""
+        has = self.features.split(",")
+        return next((lanes for feature, lanes in _WIDEST.items() if f"+{feature}" in has), 1)
+
+    def machine(self) -> llvm.TargetMachine:
+        """What makes code for it, to be run in this process."""
+        target = llvm.Target.from_default_triple()
+        return target.create_target_machine(cpu=self.name, features=self.features, opt=2, jit=True)
+
+
+@functools.cache
+def _host() -> Processor:
+    return Processor(llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())

@@ -1,0 +1,143 @@
+"""A step that is taken again and again, by many members at once, in one native call."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from threading import Thread
+from types import MappingProxyType
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from adaptctl.compilation.lane_array import Array, LaneArray
+from adaptctl.compilation.lanes import Lanes
+from adaptctl.compilation.llvm import program
+from adaptctl.compilation.loop import ENTRY, NativeLoop, Source, loop
+from adaptctl.compilation.native import load
+from adaptctl.compilation.processor import Processor
+from adaptctl.compilation.routine import Routine, trace
+from adaptctl.errors import InputError
+
+Columns = Mapping[str, int]
+"""Names and lengths."""
+
+
+def compile_step(
+    step: Callable[..., Any],
+    *,
+    state: Columns,
+    held: Columns = MappingProxyType({}),
+    shared: Columns = MappingProxyType({}),
+    driven: Columns = MappingProxyType({}),
+    lanes: int | None = None,
+    name: str = "",
+    processor: Processor | None = None,
+) -> Stepper:
+    """Native code that takes `step` again and again, for `lanes` members at once: as many as suit the processor, which
+    is this one, unless given.
+
+    `step` is called once with Columns by keyword: `state`, which each member has and each step replaces; `held`,
+    which each member has and keeps; `shared`, other in each step and the same for all members; `driven`, other in
+    each step and for each member. It returns a tuple: the new state, in the order of `state`, and after it any
+    outputs, Columns or scalars.
+    """
+    columns = {Source.STATE: state, Source.HELD: held, Source.SHARED: shared, Source.DRIVEN: driven}
+    arguments = {name: length for part in columns.values() for name, length in part.items()}
+    if len(arguments) < sum(map(len, columns.values())):
+        raise InputError("state, held, shared and driven: expected different names")
+    target = processor or Processor.host()
+    return Stepper(trace(step, arguments, name=name), columns, Lanes(lanes or target.lanes), target)
+
+
+class Stepper:
+    """A compiled step, made by `compile_step`.
+
+    `columns` has the names and lengths of what it takes, by source, and `outputs` the lengths of what it returns
+    after the new state, None for a scalar; `lanes` members are worked on at once; `operations` is what a step of one
+    member costs.
+    """
+
+    def __init__(self, routine: Routine, columns: Mapping[Source, Columns], lanes: Lanes, processor: Processor) -> None:
+        self.name, self.operations, self.lanes = routine.name, routine.operations, lanes.count
+        self.columns = MappingProxyType({source: MappingProxyType(dict(part)) for source, part in columns.items()})
+        state = columns[Source.STATE]
+        self.outputs = routine.layout.lengths[len(state) :]
+        if routine.layout.container is None or routine.layout.lengths[: len(state)] != tuple(state.values()):
+            expected = ", ".join(f"{name} ({length})" for name, length in state.items())
+            raise InputError(f"{self.name}: expected a tuple as result that begins with the new state: {expected}")
+        text, symbol = program(routine, lanes)
+        lengths = {source: tuple(part.values()) for source, part in columns.items()}
+        self._code = load(f"{text}\n{loop(routine, symbol, lanes, lengths)}", processor)
+        self.native = NativeLoop(self._code.address(ENTRY))
+
+    def ensemble(self, members: int) -> Ensemble:
+        """Memory for a number of members, all zero."""
+        return Ensemble(self, members)
+
+
+class Ensemble:
+    """A number of members that take the same steps.
+
+    `state` and `held` are their columns, to be read and assigned between runs. Members never see each other: a NaN
+    stays with its own.
+    """
+
+    def __init__(self, stepper: Stepper, members: int) -> None:
+        if members < 1 or members != int(members):
+            raise InputError(f"members: expected a whole number of at least 1, got {members}")
+        self.stepper, self.members = stepper, int(members)
+        self.state = self._array(stepper.columns[Source.STATE])
+        self.held = self._array(stepper.columns[Source.HELD])
+        self._outputs = {str(k): 1 if length is None else length for k, length in enumerate(stepper.outputs)}
+        self._latest, self._nothing = self._array(self._outputs), self._array({})
+
+    def run(
+        self,
+        steps: int = 1,
+        signals: Mapping[str, ArrayLike] = MappingProxyType({}),
+        *,
+        record: bool = False,
+        threads: int = 1,
+    ) -> tuple[Array, ...]:
+        """Take a number of steps. Returns the outputs of the last, each (members, n), or with `record` those of all,
+        each (steps, members, n); a scalar's have no last axis.
+
+        `signals` are the shared columns (steps, n) and the driven ones (steps, members, n). Other Python threads run
+        meanwhile. Using more than one thread here pays from milliseconds on: to start one takes some 50 us.
+        """
+        if steps < 0 or steps != int(steps):
+            raise InputError(f"steps: expected a whole number of at least 0, got {steps}")
+        shared, driven = self._signals(int(steps), signals)
+        outputs = self._array(self._outputs, int(steps)) if record else self._latest
+        arrays = self.state, self.held, shared, driven, outputs
+        strides = shared.stride, driven.stride, outputs.stride if record else 0
+        self._run(threads, int(steps), *strides, *[array.address for array in arrays])
+        parts = zip(outputs.columns, self.stepper.outputs, strict=True)
+        return tuple(outputs[name][..., 0] if length is None else outputs[name] for name, length in parts)
+
+    def _run(self, threads: int, *arguments: int) -> None:
+        """All blocks, the first share of them in this thread."""
+        blocks, count = len(self.state.blocks), max(1, threads)
+        shares = [(blocks * k // count, blocks * (k + 1) // count, *arguments) for k in range(count)]
+        others = [Thread(target=self.stepper.native, args=share) for share in shares[1:]]
+        for thread in others:
+            thread.start()
+        self.stepper.native(*shares[0])
+        for thread in others:
+            thread.join()
+
+    def _signals(self, steps: int, signals: Mapping[str, ArrayLike]) -> tuple[LaneArray, LaneArray]:
+        """The shared ones (steps, n) side by side, and the driven ones in lanes."""
+        columns = self.stepper.columns
+        expected = [*columns[Source.SHARED], *columns[Source.DRIVEN]]
+        if set(signals) != set(expected):
+            raise InputError(f"signals: expected {', '.join(expected) or 'none'}, got {', '.join(signals) or 'none'}")
+        if not expected:
+            return self._nothing, self._nothing
+        shared, driven = LaneArray(columns[Source.SHARED], steps), self._array(columns[Source.DRIVEN], steps)
+        for name, values in signals.items():
+            (shared if name in shared.columns else driven)[name] = values
+        return shared, driven
+
+    def _array(self, columns: Columns, *steps: int) -> LaneArray:
+        return LaneArray(columns, self.members, self.stepper.lanes, steps)
