@@ -54,6 +54,12 @@ EXPERIMENTS = (
         "adaptctl.experiments.adaptive",
         "Adaptive",
     ),
+    Entry(
+        "sheu-walker-1991",
+        "Every table and figure of the paper behind all this, computed again, with a verdict",
+        "adaptctl.experiments.sheu_walker_1991",
+        "SheuWalker1991",
+    ),
 )
 
 

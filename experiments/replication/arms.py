@@ -1,0 +1,123 @@
+"""The paper's two arms, where it samples them, and the sinusoid that is stated here in place of its unprinted one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from adaptctl.dynamics import Mechanism, load
+from adaptctl.dynamics.arrays import column, stacked, stacked_rows
+from adaptctl.experiments.replication.printed import printed
+from adaptctl.identifiability import EssentialSpace, essential_space
+from adaptctl.mechanism import Pose
+from adaptctl.mechanism.pose import Array
+
+GRID = 65
+"""Closed configurations over the loop's whole range, from which any other is one short step away."""
+FROM, TO, FASTEST = "position from [rad]", "position to [rad]", "velocity to [rad/s]"
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Positions (T, r) of an arm at times (T,), and its torque regressors Y (T, r, P) there."""
+
+    time: Array
+    p: Array
+    Y: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """A mechanism in a box: p = mixing u with lower < u < upper (rad), and velocities (rad/s) up to a bound.
+
+    For the PUMA u is p. For the semi-direct-drive arm it is p1, p2 and p2 - p3, which is what Table 9 bounds.
+    """
+
+    mechanism: Mechanism
+    lower: Array
+    upper: Array
+    mixing: Array
+    fastest: Array
+
+    @cached_property
+    def space(self) -> EssentialSpace:
+        """The essential space, its rank certified at random states."""
+        return essential_space(self.mechanism)
+
+    @property
+    def parameters(self) -> Array:
+        """The inertial parameters D (P,)."""
+        return self.mechanism.inertial_parameters
+
+    def states(self, generator: np.random.Generator, samples: int, velocity_scale: float) -> tuple[Array, Array]:
+        """Positions and velocities (samples, r), uniform in the box and up to `velocity_scale` times the bound."""
+        u = generator.uniform(self.lower, self.upper, (samples, len(self.lower)))
+        v = velocity_scale * generator.uniform(-self.fastest, self.fastest, u.shape)
+        return u @ self.mixing.T, v
+
+    def sinusoid(self, frequency: float, samples: int) -> Motion:
+        """One period in which every bound coordinate swings through its whole range, all in phase."""
+        time = np.linspace(0.0, 1.0 / frequency, samples)
+        rate = 2.0 * np.pi * frequency
+        sine, cosine = np.sin(rate * time)[:, None], np.cos(rate * time)[:, None]
+        center, half = 0.5 * (self.lower + self.upper), 0.5 * (self.upper - self.lower)
+        parts = (center + half * sine, rate * half * cosine, -(rate**2) * half * sine)
+        p, v, a = (part @ self.mixing.T for part in parts)
+        rows = self.mechanism.equations.torque_regressor(
+            column(self._configuration(p)), column(v), column(v), column(a), range(len(self.parameters))
+        )
+        return Motion(time, p, stacked_rows(rows, time.shape))
+
+    def energies(self, p: Array, v: Array) -> Array:
+        """E (..., P)."""
+        E = self.mechanism.equations.energy_regressor(column(self._configuration(p)), column(v))
+        return stacked(E.of, p.shape[:-1])
+
+    def _configuration(self, p: Array) -> Array:
+        """U(p) (..., n), from the nearest of a grid of closed configurations: a short way, forty times as fast."""
+        return self.mechanism.configuration(p, None if self.mechanism.continuation is None else self._near(p))
+
+    def _near(self, p: Array) -> Array:
+        """Closed configurations (..., n) near primary positions: p2 and p3 may turn together without opening a loop."""
+        bends, closed = self._closed
+        place = np.rint((p[..., 1] - p[..., 2] - bends[0]) / (bends[1] - bends[0])).astype(int)
+        bend, near = bends[place], closed[place].copy()
+        near[..., :3] = np.stack([p[..., 0], p[..., 1], p[..., 1] - bend], axis=-1)
+        return near
+
+    @cached_property
+    def _closed(self) -> tuple[Array, Array]:
+        """Values of p2 - p3 over its range (GRID,), and closed configurations (GRID, n) there."""
+        bends = np.linspace(self.lower[2], self.upper[2], GRID)
+        p = np.stack([np.zeros(GRID), np.full(GRID, -np.pi / 2), -np.pi / 2 - bends], axis=-1)
+        return bends, self.mechanism.configuration(p)
+
+
+def puma560() -> Arm:
+    """The PUMA 560 within Table 1."""
+    table = printed().tables["table1"]
+    lower, upper, fastest = table.values(FROM, TO, FASTEST)
+    return Arm(load("puma560"), lower, upper, np.eye(6), fastest)
+
+
+def semi_direct_drive(mechanism: Mechanism | None = None) -> Arm:
+    """The semi-direct-drive arm within Table 9: the built-in one, or another of its kind."""
+    rows = {label: row.split() for label, row in printed().tables["table9"].rows.items()}
+    lower, upper = ([float(rows[label][column]) for column in (0, 1, 3)] for label in (FROM, TO))
+    mixing = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.0, -1.0]])
+    fastest = np.array([float(text) for text in rows[FASTEST][:3]])
+    return Arm(mechanism or load("semi_direct_drive"), np.array(lower), np.array(upper), mixing, fastest)
+
+
+def near_parallelogram(share: float) -> Mechanism:
+    """The built-in parallelogram with link 4 longer by a share."""
+    description = load("semi_direct_drive_parallelogram").description
+    links = tuple(
+        replace(link, near=Pose(link.near.rotation, (1.0 + share) * link.near.translation))
+        if link.name == "link5"
+        else link
+        for link in description.links
+    )
+    return Mechanism(replace(description, name=f"{description.name}, unequal", links=links))

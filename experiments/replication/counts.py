@@ -1,0 +1,50 @@
+"""How many printed entries met which verdict."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from adaptctl.experiments.replication.verdict import Check, Item, Verdict
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Printed entries of one kind, by verdict."""
+
+    printed: int
+    given: int
+    reproduced: int
+    to_the_last_digit: int
+    one_digit_short: int
+    in_shape: int
+    errata: int
+    not_reproduced: int
+
+    @classmethod
+    def of(cls, checks: Sequence[Check]) -> Counts:
+        """Count."""
+        by = Counter(check.verdict for check in checks)
+        done = [check for check in checks if check.verdict is Verdict.REPRODUCED]
+        short = [(check.of_digits or 0) - (check.digits or 0) for check in done]
+        return cls(
+            printed=len(checks),
+            given=by[Verdict.GIVEN],
+            reproduced=len(done),
+            to_the_last_digit=short.count(0),
+            one_digit_short=short.count(1),
+            in_shape=by[Verdict.IN_SHAPE],
+            errata=by[Verdict.ERRATUM],
+            not_reproduced=by[Verdict.NOT_REPRODUCED],
+        )
+
+
+def numbers(items: Sequence[Item]) -> Counts:
+    """Of all printed numbers."""
+    return Counts.of([check for item in items for check in item.checks if not check.is_mark])
+
+
+def marks(items: Sequence[Item]) -> Counts:
+    """Of all crosses and blanks of Tables 5 and 12."""
+    return Counts.of([check for item in items for check in item.checks if check.is_mark])

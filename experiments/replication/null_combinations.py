@@ -1,0 +1,38 @@
+"""Combinations of inertial parameters by name, in the paper's words: ``I_y1 - I_x3 - I_z3``."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from adaptctl.experiments.replication.arms import Arm
+from adaptctl.experiments.replication.paper_layout import index, sign
+from adaptctl.mechanism.pose import Array
+
+NULL_COMBINATIONS = (
+    "I_y1 - I_x3 - I_z3",
+    "I_x3 + I_y3 - I_x4 - I_z4",
+    "I_x4 + I_y4 + I_y5 - I_z5 - I_x6 - I_y6",
+)
+"""Made of parameters that Table 5 keeps; with exact right angles they change no torque."""
+STATES = 500
+
+
+def combination(text: str, links: int = 6) -> Array:
+    """The coefficients (10 N,) of a sum like the above."""
+    out = np.zeros(10 * links)
+    for factor, term in _terms(text):
+        out[index(term[:-1], term[-1])] = factor * sign(term[:-1])
+    return out
+
+
+def torque_share(arm: Arm, text: str) -> float:
+    """The largest torque of a combination at random states, over the largest that one of its terms makes."""
+    vector = combination(text)
+    p, v, a = np.random.default_rng(0).normal(size=(3, STATES, arm.mechanism.dof))
+    Y = arm.mechanism.torque_regressor(p, v, a)
+    return float(np.abs(Y @ vector).max() / np.abs(Y[..., vector != 0.0]).max())
+
+
+def _terms(text: str) -> list[tuple[float, str]]:
+    words = ("+ " + text).split()
+    return [(1.0 if mark == "+" else -1.0, term) for mark, term in zip(words[::2], words[1::2], strict=True)]

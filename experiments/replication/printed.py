@@ -1,0 +1,106 @@
+"""What the paper prints: its tables and sayings, from ``printed.toml``, digits and all."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import as_file, files
+from typing import Literal
+
+import msgspec
+import numpy as np
+
+from adaptctl.errors import InputError
+from adaptctl.files import read_toml
+from adaptctl.mechanism.pose import Array
+
+BLANK, MARK = ".", "x"
+
+
+class Table(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """A table as printed: rows by label, entries apart by spaces, a dot for a blank."""
+
+    title: str
+    columns: list[str]
+    rows: dict[str, str]
+
+    def __post_init__(self) -> None:
+        for label, row in self.rows.items():
+            if len(row.split()) != len(self.columns):
+                raise ValueError(f"row {label!r} has {len(row.split())} entries, expected {len(self.columns)}")
+
+    def entries(self) -> Iterator[tuple[str, str, str]]:
+        """Row, column and text of every entry, blanks too."""
+        for label, row in self.rows.items():
+            for column, text in zip(self.columns, row.split(), strict=True):
+                yield label, column, text
+
+    def values(self, *labels: str) -> Array:
+        """The numbers of some rows, all if none is named (rows, columns); a blank is not a number."""
+        rows = [self.rows[label].split() for label in labels or self.rows]
+        return np.array([[float(text) for text in row] for row in rows])
+
+
+class Saying(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """A sentence of the text, the section it stands in, and the numbers that are in question."""
+
+    where: str
+    quote: str
+    numbers: str
+
+
+class Printed(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """All that the paper prints and that can be computed."""
+
+    schema: Literal["adaptctl/printed/1"]
+    tables: dict[str, Table]
+    claims: dict[str, Saying]
+
+
+@cache
+def printed() -> Printed:
+    """The paper's numbers."""
+    with as_file(files("adaptctl.experiments.replication") / "printed.toml") as path:
+        return read_toml(path, Printed)
+
+
+@dataclass(frozen=True)
+class Number:
+    """A printed number: its value, one unit of its last digit, and how many digits it has.
+
+    Digits are the decimals where there are any and no exponent, since columns of a table share them; all digits but
+    leading zeros otherwise.
+    """
+
+    text: str
+    value: float
+    unit: float
+    digits: int
+
+    @classmethod
+    def of(cls, text: str) -> Number:
+        """Read one: ``-0.0805``, ``4.4E+04``."""
+        mantissa, _, exponent = text.upper().partition("E")
+        decimals = len(mantissa.partition(".")[2])
+        significant = len(mantissa.lstrip("+-").replace(".", "").lstrip("0")) or 1
+        digits = decimals if decimals and not exponent else significant
+        try:
+            return cls(text, float(text), 10.0 ** (int(exponent or 0) - decimals), digits)
+        except ValueError as error:
+            raise InputError(f"{text!r} is not a printed number") from error
+
+    def digits_met(self, computed: float) -> int:
+        """How many of the printed digits a computed value has when it is rounded like it."""
+        off = abs(computed - self.value) / self.unit
+        lost = 0 if off <= 0.5 + 1e-9 else math.ceil(math.log10(2.0 * off) - 1e-12)
+        return max(self.digits - lost, 0)
+
+    def styled(self, computed: float) -> str:
+        """A computed value in the same style."""
+        decimals = len(self.text.upper().partition("E")[0].partition(".")[2])
+        if "E" in self.text.upper():
+            return f"{computed:.{decimals}E}"
+        rounded = f"{computed:.{decimals}f}"
+        return rounded.lstrip("-") if float(rounded) == 0.0 else rounded

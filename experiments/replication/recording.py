@@ -1,0 +1,104 @@
+"""The replication as a rerun recording: both arms along the stated sinusoids, the verdicts, the figures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from adaptctl.experiments.replication.report import label
+from adaptctl.experiments.replication.verdict import Item, Scene
+from adaptctl.recording import views
+from adaptctl.recording.palette import MUTED, Color, run_color
+from adaptctl.recording.scene import WORLD, entity, log_arm, log_base, solid_look
+from adaptctl.recording.series import Style, log_series
+from adaptctl.recording.skeleton import ROOT_RADIUS, skeleton
+from adaptctl.recording.stream import log_markdown, saved_stream
+from adaptctl.recording.viewpoint import Viewpoint
+
+if TYPE_CHECKING:
+    from adaptctl.experiments.replication.result import Replication
+
+CURVES = (Color(235, 238, 245), MUTED, run_color(2), run_color(1))
+"""The actual torque, and those of more and more components."""
+WIDTHS = (4.0, 1.2, 1.5, 1.5)
+
+
+def write_recording(path: str | Path, replication: Replication, figures: Mapping[str, Path]) -> None:
+    """Write the recording whole or not at all. Raises FileError."""
+    scenes = [item.scene for item in replication.items if item.scene is not None]
+    names = ",".join(item.name for item in replication.items)
+    identifier = f"{replication.experiment}-seed{replication.study.seed}-{replication.study.seeds}-{names}"
+    with saved_stream(path, replication.experiment, identifier, _layout(scenes, figures)) as recording:
+        recording.send_recording_name(replication.title)
+        recording.send_property(
+            "adaptctl", rr.AnyValues(experiment=replication.experiment, seed=replication.study.seed)
+        )
+        log_markdown(recording, "verdicts", verdicts_markdown(replication))
+        log_markdown(recording, "evidence", evidence_markdown(replication.items))
+        for scene in scenes:
+            _log_scene(recording, scene)
+        for name, file in figures.items():
+            image = rr.EncodedImage(contents=file.read_bytes(), media_type="image/png")
+            recording.log(f"figure/{name}", image, static=True)
+
+
+def verdicts_markdown(replication: Replication) -> str:
+    """The outcome, and a verdict for every item."""
+    facts = "\n".join(f"| {question} | **{answer}** |" for question, answer in replication.facts())
+    verdicts = "\n".join(f"- **{label(item)}**, {item.verdict.value}: {item.summary}" for item in replication.items)
+    return f"{replication.headline()}\n\n| | |\n|---|---|\n{facts}\n\n{verdicts}\n"
+
+
+def evidence_markdown(items: Sequence[Item]) -> str:
+    """Claims and evidence of every item that has some."""
+    parts = []
+    for item in items:
+        claims = [f"- “{claim.saying.quote}”: **{claim.verdict.value}**. {claim.found}." for claim in item.claims]
+        lines = [*claims, *(f"- {one}" for one in item.evidence)]
+        if lines:
+            parts.append("\n".join([f"## {label(item)}", *lines]))
+    return "\n\n".join(parts) or "Nothing was asked for that has evidence."
+
+
+def _log_scene(recording: rr.RecordingStream, scene: Scene) -> None:
+    parts, name = skeleton(scene.mechanism), entity(scene.label)
+    viewpoint = Viewpoint.of(scene.mechanism, parts, scene.p)
+    radius = 1.15 * ROOT_RADIUS * parts.reach
+    log_base(recording, scene.mechanism, viewpoint.floor, radius, f"{name}/base")
+    log_arm(recording, name, scene.mechanism, parts, scene.time, scene.p, solid_look(run_color(0)))
+    for j, joint in enumerate(scene.mechanism.primary_joints):
+        for i, (key, torque) in enumerate(scene.torques.items()):
+            style = Style((key,), (CURVES[i],), WIDTHS[i])
+            path = f"torque/{name}/{entity(joint.name)}/{entity(key)}"
+            log_series(recording, path, scene.time, torque[:, j : j + 1], style)
+
+
+def _layout(scenes: Sequence[Scene], figures: Mapping[str, Path]) -> rrb.Blueprint:
+    first = rrb.Horizontal(
+        views.text("verdicts", "Verdicts"), views.text("evidence", "Claims and evidence"), name="Verdicts"
+    )
+    return views.tabs(first, *(_arm_tab(scene) for scene in scenes), *_pictures(figures))
+
+
+def _arm_tab(scene: Scene) -> rrb.Container:
+    name = entity(scene.label)
+    viewpoint = Viewpoint.of(scene.mechanism, skeleton(scene.mechanism), scene.p)
+    joints = [
+        views.curves(f"/torque/{name}/{entity(joint.name)}", f"{joint.name}: torque [N·m], actual and of components")
+        for joint in scene.mechanism.primary_joints
+    ]
+    arm = views.arm(f"{WORLD}/{name}", f"{scene.label} along the stated sinusoid", viewpoint)
+    grid = rrb.Grid(*joints, grid_columns=int(np.ceil(len(joints) / 3)))
+    return rrb.Horizontal(arm, grid, column_shares=[4, 7], name=scene.label)
+
+
+def _pictures(figures: Mapping[str, Path]) -> list[rrb.Container]:
+    if not figures:
+        return []
+    shown = [views.picture(f"figure/{name}", name.replace("-", " ").capitalize()) for name in figures]
+    return [rrb.Grid(*shown, grid_columns=min(len(shown), 3), name="Figures")]

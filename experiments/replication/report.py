@@ -1,0 +1,85 @@
+"""The replication as one HTML page that needs nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from adaptctl.experiments.replication.printed import printed
+from adaptctl.experiments.replication.verdict import Check, Item, Verdict
+from adaptctl.files import write_text
+from adaptctl.recording.page import embedded, rendered
+
+if TYPE_CHECKING:
+    from adaptctl.experiments.replication.result import Replication
+
+STYLES = {
+    Verdict.GIVEN: "given",
+    Verdict.REPRODUCED: "reproduced",
+    Verdict.IN_SHAPE: "in-shape",
+    Verdict.ERRATUM: "erratum",
+    Verdict.NOT_REPRODUCED: "not-reproduced",
+}
+
+
+class Grid(NamedTuple):
+    """Checks as the paper's table has them; None where it has a blank that was not checked."""
+
+    columns: list[str]
+    rows: list[tuple[str, list[Check | None]]]
+
+
+def write_report(path: str | Path, replication: Replication, figures: Mapping[str, Path]) -> None:
+    """Write the page with the figures, given as files by name, inside."""
+    write_text(path, report(replication, figures))
+
+
+def report(replication: Replication, figures: Mapping[str, Path]) -> str:
+    """The page's HTML."""
+    from adaptctl.experiments.replication.result import INCOMPLETE
+
+    drawings = [drawing for item in replication.items for drawing in item.drawings]
+    return rendered(
+        "replication.html",
+        __package__ or "",
+        replication=replication,
+        incomplete=INCOMPLETE,
+        facts=list(replication.facts()),
+        items=replication.items,
+        grids={item.name: grid(item.name, item.checks) for item in replication.items},
+        labels={item.name: label(item) for item in replication.items},
+        styles=STYLES,
+        verdicts=[(verdict.value, STYLES[verdict], MEANINGS[verdict]) for verdict in Verdict],
+        figures=embedded(drawings, figures),
+    )
+
+
+MEANINGS = {
+    Verdict.GIVEN: "an input of the paper, used as printed",
+    Verdict.REPRODUCED: "computed again as it stands; where digits are missing, their number is said",
+    Verdict.IN_SHAPE: (
+        "it depends on samples, a motion or an arm that the paper does not print; what was chosen is said, and the "
+        "printed number lies among those of all seeds"
+    ),
+    Verdict.ERRATUM: "wrong, with a proof by numbers",
+    Verdict.NOT_REPRODUCED: "outside of everything that was computed, and not shown to be wrong",
+}
+
+
+def label(item: Item) -> str:
+    """``Table 7``."""
+    for kind in ("table", "figure", "section"):
+        if item.name.startswith(kind):
+            return f"{kind.capitalize()} {item.name.removeprefix(kind)}"
+    return item.name.capitalize()
+
+
+def grid(name: str, checks: Sequence[Check]) -> Grid:
+    """Rows and columns in the order of the printed table, or else in that in which they come."""
+    table = printed().tables.get(name)
+    present = dict.fromkeys(check.column for check in checks)
+    columns = [column for column in (table.columns if table else present) if column in present]
+    place = {(check.row, check.column): check for check in checks}
+    rows = dict.fromkeys(check.row for check in checks)
+    return Grid(columns, [(row, [place.get((row, column)) for column in columns]) for row in rows])

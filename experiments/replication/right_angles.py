@@ -1,0 +1,60 @@
+"""What a rounded right angle does: the PUMA with pi/2 replaced by a number near it, and the paper's own rule."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from adaptctl.dynamics import Mechanism
+from adaptctl.identifiability import EssentialSpace, Priority, essential_space
+from adaptctl.identifiability.selection import removable
+from adaptctl.mechanism import Pose
+from adaptctl.mechanism.pose import Array, rotation_about
+
+TIGHT = 1e-8
+"""A tolerance that takes what a rounded right angle leaves for independence."""
+QUARTERS = {"3.1416/2": 3.1416 / 2, "3.14159/2": 3.14159 / 2, "3.141593/2": 3.141593 / 2}
+TURNS = (-1, 0, 1, -1, 1, 0)
+"""The PUMA's twists, in right angles."""
+
+
+@dataclass(frozen=True, eq=False)
+class RoundedSet:
+    """What theorem 4.1 keeps with right angles rounded, and equation 25's vector on it."""
+
+    kept: tuple[int, ...]
+    condition: float
+    """of F2' V2"""
+    independent: Array
+    """D_I (P,)"""
+
+
+def with_twists(mechanism: Mechanism, quarter: float) -> Mechanism:
+    """The PUMA with `quarter` (rad) in place of every pi/2."""
+    links = tuple(
+        replace(link, far=Pose(rotation_about((1, 0, 0), n * quarter), link.far.translation))
+        for link, n in zip(mechanism.links, TURNS, strict=True)
+    )
+    return Mechanism(replace(mechanism.description, links=links))
+
+
+def with_base_tilt(mechanism: Mechanism, quarter: float) -> Mechanism:
+    """The semi-direct-drive arm on a base that is turned by `quarter` (rad) in place of pi/2 about x."""
+    first = mechanism.links[0]
+    base = replace(first, near=Pose(rotation_about((1, 0, 0), -quarter), first.near.translation))
+    return Mechanism(replace(mechanism.description, links=(base, *mechanism.links[1:])))
+
+
+def papers_rule(space: EssentialSpace, parameters: Array, priority: Priority) -> RoundedSet:
+    """Theorem 4.1 on the unscaled V2, rows counting as independent above a tight tolerance, and equation 25."""
+    removed = list(removable(space.null_basis, priority.indices(space.parameter_names), TIGHT))
+    kept = tuple(sorted(set(range(len(parameters))) - set(removed)))
+    essential, square = space.project(parameters), space.null_basis[removed]
+    independent = essential - space.null_basis @ np.linalg.solve(square, essential[removed])
+    return RoundedSet(kept, float(np.linalg.cond(square)), independent)
+
+
+def rounded_set(mechanism: Mechanism, quarter: float, priority: Priority) -> RoundedSet:
+    """The paper's rule on the PUMA with right angles rounded."""
+    return papers_rule(essential_space(with_twists(mechanism, quarter)), mechanism.inertial_parameters, priority)

@@ -1,0 +1,51 @@
+"""Tables 3 and 10: how far torques are off when only some components are kept."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from adaptctl.experiments.replication.arms import Motion
+from adaptctl.experiments.replication.ensemble import Ensemble
+from adaptctl.experiments.replication.printed import Table, printed
+from adaptctl.experiments.replication.verdict import Check, Claim, Verdict, drawn, percent, vanishing
+from adaptctl.mechanism.pose import Array
+
+ENERGY = "energy error [%]"
+ROUND_OFF = 1e-15
+"""(N m)^2 or percent: what is left when every component is kept stays below"""
+CLOSE = (0.05, 0.01, 0.001)
+"""Root mean square torque errors, over the torque's own, that may be called very close; the first one judges."""
+
+
+def checked_torque_errors(table: Table, percent: Array, errors: Array) -> tuple[Check, ...]:
+    """Every entry against percent errors (seeds, k + 1) and torque errors (seeds, k + 1, r)."""
+    last = percent.shape[1] - 1
+    checks = []
+    for row, column, text in table.entries():
+        s = int(column)
+        values = percent[:, s] if row == ENERGY else errors[:, s, int(row.removeprefix("joint")) - 1]
+        whole = vanishing(row, column, text, float(np.median(values)), ROUND_OFF)
+        checks.append(whole if s == last else drawn(row, column, text, values))
+    return tuple(checks)
+
+
+def fewest_components(claim: str, printed_count: int, draws: Ensemble, errors: Array, motion: Motion) -> Claim:
+    """How many components a very close torque needs, on every joint."""
+    needed = {share: _needed(draws, errors, motion, share) for share in CLOSE}
+    judged = float(np.mean(needed[CLOSE[0]] >= printed_count))
+    middle = ", ".join(f"{np.median(count):.0f} within {percent(share)}" for share, count in needed.items())
+    return Claim(
+        printed().claims[claim],
+        f"the fewest components with which every joint's root mean square torque error is within {percent(CLOSE[0])} "
+        "of its torque's along the stated sinusoid; the paper does not say what is accurate",
+        f"{printed_count} or more on {percent(judged)} of the seeds; medians {middle}",
+        Verdict.IN_SHAPE if judged >= 0.5 else Verdict.NOT_REPRODUCED,
+        judged,
+    )
+
+
+def _needed(draws: Ensemble, errors: Array, motion: Motion, share: float) -> Array:
+    """Components (seeds,) from which on every joint's error stays within a share of its torque."""
+    torque = motion.Y @ draws.arm.parameters
+    fine = (errors <= share**2 * np.mean(torque**2, axis=0)).all(axis=-1)
+    return fine.shape[1] - np.logical_and.accumulate(fine[:, ::-1], axis=1).sum(axis=1)

@@ -1,0 +1,183 @@
+"""Verdicts, as data: on a printed entry, on a saying, on a table or figure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from adaptctl.experiments.replication.printed import MARK, Number, Saying
+from adaptctl.mechanism.pose import Array
+
+if TYPE_CHECKING:
+    from adaptctl.dynamics import Mechanism
+    from adaptctl.recording.drawing import Drawing
+
+
+class Verdict(Enum):
+    """What became of something printed."""
+
+    GIVEN = "given"
+    """an input of the paper, used as printed"""
+    REPRODUCED = "reproduced"
+    """computed again, digits stated"""
+    IN_SHAPE = "reproduced in shape"
+    """it depends on samples, a motion or an arm that the paper does not print; what was chosen is said"""
+    ERRATUM = "erratum"
+    """wrong, with a proof by numbers"""
+    NOT_REPRODUCED = "not reproduced"
+    """outside of everything that was computed, and not shown to be wrong"""
+
+
+@dataclass(frozen=True)
+class Check:
+    """One printed entry beside the computed one."""
+
+    row: str
+    column: str
+    printed: str
+    computed: str
+    verdict: Verdict
+    digits: int | None = None
+    """how many of the printed digits are met, where they can be"""
+    of_digits: int | None = None
+    low: float | None = None
+    """the smallest over the seeds, where there are seeds"""
+    high: float | None = None
+
+    @property
+    def is_mark(self) -> bool:
+        """Whether it is a cross or a blank of a table of crosses."""
+        return self.printed in (MARK, "")
+
+    @property
+    def exact(self) -> bool:
+        """Whether every printed digit is met."""
+        return self.verdict is Verdict.REPRODUCED and self.digits == self.of_digits
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A saying of the text: what was measured to judge it, what came out, and on which share of the seeds it holds."""
+
+    saying: Saying
+    measured: str
+    found: str
+    verdict: Verdict
+    share: float | None = None
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Numbers that bear on a verdict, and the sentence they stand in, with {} in their places."""
+
+    sentence: str
+    values: tuple[float, ...]
+    digits: int
+
+    def __str__(self) -> str:
+        from adaptctl.recording.wording import number
+
+        return self.sentence.format(*(number(float(value), self.digits) for value in self.values))
+
+
+def evidence(sentence: str, *values: float, digits: int = 3) -> Evidence:
+    """Evidence from its parts."""
+    return Evidence(sentence, tuple(float(value) for value in values), digits)
+
+
+def percent(share: float) -> str:
+    """``0.5 %``."""
+    return f"{100.0 * share:.3g} %"
+
+
+@dataclass(frozen=True)
+class Relations:
+    """Equations written out, under a heading."""
+
+    heading: str
+    lines: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """An arm along the stated sinusoid, and torques of all its joints under several sets of parameters."""
+
+    label: str
+    mechanism: Mechanism
+    time: Array
+    p: Array
+    torques: Mapping[str, Array]
+    """(T, r) by label, the actual ones first"""
+
+
+@dataclass(frozen=True, eq=False)
+class Item:
+    """A table, a figure or a passage of the paper, and what was made of it."""
+
+    name: str
+    """as the command line has it: ``table7``"""
+    title: str
+    verdict: Verdict
+    summary: str
+    chosen: tuple[str, ...] = ()
+    """what the paper leaves open, and what was taken"""
+    checks: tuple[Check, ...] = ()
+    claims: tuple[Claim, ...] = ()
+    evidence: tuple[Evidence, ...] = ()
+    relations: tuple[Relations, ...] = ()
+    drawings: tuple[Drawing, ...] = ()
+    scene: Scene | None = None
+    """an arm in motion, for the recording"""
+
+    def count(self, *verdicts: Verdict) -> int:
+        """How many printed entries have one of these verdicts."""
+        return sum(check.verdict in verdicts for check in self.checks)
+
+
+def given(row: str, column: str, text: str, used: float) -> Check:
+    """An input: used to the printed digit, or else not reproduced."""
+    number = Number.of(text)
+    same = number.digits_met(used) == number.digits
+    return Check(row, column, text, number.styled(used), Verdict.GIVEN if same else Verdict.NOT_REPRODUCED)
+
+
+def compared(row: str, column: str, text: str, computed: float) -> Check:
+    """A number that can be computed as it stands: reproduced when at least its first digit is met."""
+    number = Number.of(text)
+    digits = number.digits_met(computed)
+    verdict = Verdict.REPRODUCED if digits else Verdict.NOT_REPRODUCED
+    return Check(row, column, text, number.styled(computed), verdict, digits, number.digits)
+
+
+def drawn(row: str, column: str, text: str, computed: Array) -> Check:
+    """A number that depends on a random draw (seeds,): in shape when it lies among the seeds' values."""
+    number, low, high = Number.of(text), float(computed.min()), float(computed.max())
+    inside = low - 0.5 * number.unit <= number.value <= high + 0.5 * number.unit
+    verdict = Verdict.IN_SHAPE if inside else Verdict.NOT_REPRODUCED
+    middle = number.styled(float(np.median(computed)))
+    return Check(row, column, text, middle, verdict, low=low, high=high)
+
+
+def vanishing(row: str, column: str, text: str, computed: float, bound: float) -> Check:
+    """A number that is zero but for round-off: in shape when both are below a bound."""
+    number = Number.of(text)
+    verdict = Verdict.IN_SHAPE if max(abs(number.value), abs(computed)) < bound else Verdict.NOT_REPRODUCED
+    return Check(row, column, text, f"{computed:.1E}", verdict)
+
+
+def marked(row: str, column: str, text: str, kept: bool, unlike: Verdict = Verdict.ERRATUM) -> Check:
+    """A cross or a blank of a table of crosses."""
+    printed, computed = (MARK if text == MARK else ""), (MARK if kept else "")
+    return Check(row, column, printed, computed, Verdict.REPRODUCED if printed == computed else unlike)
+
+
+def judged(checks: Sequence[Check]) -> Verdict:
+    """What checks come to: an erratum if one is; else what the greater part of those that are no inputs is."""
+    verdicts = [check.verdict for check in checks if check.verdict is not Verdict.GIVEN]
+    if not verdicts:
+        return Verdict.GIVEN
+    return Verdict.ERRATUM if Verdict.ERRATUM in verdicts else max(verdicts, key=verdicts.count)

@@ -1,0 +1,302 @@
+"""The replication of Sheu and Walker (1991): its verdicts stand, and it runs from the command line."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rerun.chunk import RrdReader
+
+from adaptctl.cli.main import main
+from adaptctl.errors import InputError, NotFoundError
+from adaptctl.experiments import find
+from adaptctl.experiments.replication.arms import near_parallelogram, puma560, semi_direct_drive
+from adaptctl.experiments.replication.decoupling import Decoupling
+from adaptctl.experiments.replication.ensemble import Ensemble
+from adaptctl.experiments.replication.items import ITEMS, chosen
+from adaptctl.experiments.replication.printed import Number, Table, printed
+from adaptctl.experiments.replication.result import Replication
+from adaptctl.experiments.replication.verdict import Item, Verdict
+from adaptctl.experiments.sheu_walker_1991 import SheuWalker1991
+from adaptctl.identifiability import fundamental_basis
+
+pytestmark = pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
+
+COMMAND = ("experiment", "run", "sheu-walker-1991")
+
+
+def untold(what: str, share: float) -> None:
+    """Progress that nobody follows."""
+
+
+@pytest.fixture(scope="module")
+def replication() -> Replication:
+    """The whole paper, as it is run by default."""
+    with pytest.warns(match="no rigid body"):
+        return SheuWalker1991().compare(untold)
+
+
+@pytest.fixture(scope="module")
+def item(replication: Replication) -> Callable[[str], Item]:
+    items = {item.name: item for item in replication.items}
+    return lambda name: items[name]
+
+
+def values(item: Item, part: str) -> tuple[float, ...]:
+    """The numbers of the only evidence whose sentence has a part."""
+    (found,) = (one.values for one in item.evidence if part in one.sentence)
+    return found
+
+
+def test_verdicts(replication: Replication) -> None:
+    assert replication.complete
+    given, reproduced, in_shape, erratum = Verdict.GIVEN, Verdict.REPRODUCED, Verdict.IN_SHAPE, Verdict.ERRATUM
+    assert {item.name: item.verdict for item in replication.items} == {
+        "figure1": reproduced,
+        "table1": given,
+        "table2": in_shape,
+        "figure3": in_shape,
+        "table3": in_shape,
+        "figure4": in_shape,
+        "table4": given,
+        "table5": erratum,
+        "table6": erratum,
+        "table7": reproduced,
+        "table8": reproduced,
+        "table9": given,
+        "table10": in_shape,
+        "figure6": in_shape,
+        "table11": given,
+        "table12": reproduced,
+        "table13": erratum,
+        "section5.3": erratum,
+        "conclusions": erratum,
+    }
+
+
+def test_counts(replication: Replication) -> None:
+    numbers, marks = replication.numbers, replication.marks
+    assert (numbers.printed, numbers.given) == (441, 206)
+    assert numbers.reproduced >= 109
+    assert numbers.to_the_last_digit >= 99
+    assert numbers.to_the_last_digit + numbers.one_digit_short == numbers.reproduced
+    assert numbers.in_shape >= 115
+    assert numbers.errata == 2
+    assert numbers.not_reproduced <= 9
+    assert (marks.printed, marks.reproduced, marks.errata) == (110, 104, 6)
+
+
+def test_tables_7_and_8_to_their_digits(item: Callable[[str], Item]) -> None:
+    assert sum(check.exact for check in item("table7").checks) == 53
+    as_printed, rounded = values(item("table7"), "half unit")
+    assert as_printed > 1.0 > rounded
+    assert sum(check.exact for check in item("table8").checks) == 33
+
+
+def test_table_5_is_dependent_and_comes_back_with_rounded_right_angles(item: Callable[[str], Item]) -> None:
+    table = item("table5")
+    assert values(table, "have rank")[0] == 33.0
+    null = [one.values[0] for one in table.evidence if "changes torques" in one.sentence]
+    assert len(null) == 3
+    assert max(null) < 1e-14
+    again = [one.values for one in table.evidence if "for pi/2" in one.sentence]
+    assert [cells for cells, _, _ in again] == [60.0, 60.0, 60.0]
+    assert all(condition > 5e5 and right < 5.0 for _, condition, right in again)
+
+
+def test_table_6_belongs_to_no_rigid_bodies(item: Callable[[str], Item]) -> None:
+    assert values(item("table6"), "cannot be rigid")[0] == 5.0
+    moment, outside = values(item("table6"), "consistent arm")
+    assert moment == pytest.approx(-0.013)
+    assert outside < 1e-14
+
+
+def test_16_comes_from_energies_that_are_not_subtracted(item: Callable[[str], Item]) -> None:
+    assert values(item("table13"), "Rank of energy differences") == (15.0, 16.0)
+    assert values(item("table13"), "Undifferenced") == (37.0, 27.0)
+    assert values(item("conclusions"), "first two joints")[:2] == (8.0, 15.0)
+
+
+def test_decoupling_takes_ten_relations_or_six(item: Callable[[str], Item]) -> None:
+    section = item("section5.3")
+    assert values(section, "Generic:") == (4.0, 4.0, 4.0, 10.0)
+    assert values(section, "Parallelogram:") == (2.0, 2.0, 2.0, 6.0)
+    assert [len(one.lines) for one in section.relations] == [10, 6]
+    assert "link4.I_zz* = 0.37 link4.mc_x*" in section.relations[0].lines
+    assert "link5.mc_x* = 0.6667 link4.mc_x*" in section.relations[1].lines
+    assert values(section, "rigid bodies")[1] > 0.0
+    assert max(values(section, "off-diagonal inertia is")) < 1e-12
+    assert section.checks[0].computed == "23"
+
+
+def test_share_of_the_seeds_on_which_each_claim_holds(replication: Replication) -> None:
+    shares = {
+        claim.saying.quote: claim.share
+        for item in replication.items
+        for claim in item.claims
+        if claim.share is not None
+    }
+    said = {key: shares[saying.quote] for key, saying in printed().claims.items() if saying.quote in shares}
+    assert said["puma_rank"] == said["arm_rank"] == said["puma_first_34"] == 1.0
+    assert said["puma_torque"] > 0.7
+    assert said["arm_torque"] > 0.6
+    assert said["puma_energy"] == said["arm_energy"] == 0.0
+
+
+def test_all_that_the_paper_prints_is_looked_at(replication: Replication) -> None:
+    tables = {item.name: item for item in replication.items if item.name.startswith("table")}
+    assert tables.keys() == printed().tables.keys()
+    for name, table in printed().tables.items():
+        marked = name in ("table5", "table12")
+        expected = sum(marked or text != "." for _, _, text in table.entries())
+        assert len(tables[name].checks) == expected
+    claims = {claim.saying.quote for item in replication.items for claim in item.claims}
+    assert claims == {saying.quote for saying in printed().claims.values()}
+
+
+@given(st.floats(1e-6, 1e4), st.sampled_from([-1.0, 1.0]), st.integers(1, 6))
+def test_a_rounded_number_meets_all_its_digits(size: float, sign: float, decimals: int) -> None:
+    value = sign * size
+    fixed, scientific = Number.of(f"{value:.{decimals}f}"), Number.of(f"{value:.{decimals}E}")
+    assert fixed.digits_met(value) == fixed.digits == decimals
+    assert scientific.digits_met(value) == scientific.digits
+    assert fixed.styled(value).lstrip("-") == fixed.text.lstrip("-")
+
+
+@given(st.floats(0.01, 1e3), st.sampled_from([-1.0, 1.0]))
+@settings(max_examples=50)
+def test_digits_are_lost_by_tens(value: float, direction: float) -> None:
+    number = Number.of(f"{value:.4f}")
+    for lost in range(5):
+        off = number.value + direction * 0.49 * number.unit * 10.0**lost
+        assert number.digits_met(off) == 4 - lost
+
+
+def test_a_printed_table_with_a_row_of_another_length_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"row 'm' has 2 entries, expected 3"):
+        Table("a table", ["1", "2", "3"], {"m": "1 2"})
+
+
+@pytest.mark.parametrize("text", ["x", "", "1.2.3", "1E+E"])
+def test_what_is_no_number_is_refused(text: str) -> None:
+    with pytest.raises(InputError, match="is not a printed number"):
+        Number.of(text)
+
+
+def test_energies_over_the_grid_are_those_of_the_mechanism() -> None:
+    arm = semi_direct_drive()
+    p, v = arm.states(np.random.default_rng(0), 20, 1.0)
+    expected = arm.mechanism.energy_regressor(p, v)
+    np.testing.assert_allclose(arm.energies(p, v), expected, atol=1e-11 * np.abs(expected).max())
+    motion = arm.sinusoid(0.7, 25)
+    bend = motion.p[:, 1] - motion.p[:, 2]
+    assert bend.min() == pytest.approx(0.5236)
+    assert bend.max() == pytest.approx(2.618)
+    np.testing.assert_allclose(motion.p[0], motion.p[-1], atol=1e-12)
+
+
+def test_torque_errors_are_means_of_squares() -> None:
+    arm = puma560()
+    draws, motion = Ensemble.of(arm, (5, 6), 101, 1.0), arm.sinusoid(0.5, 50)
+    errors = draws.torque_errors(motion)
+    for seed, s in ((0, 10), (1, 30)):
+        off = draws.torque(motion, seed, s) - motion.Y @ arm.parameters
+        np.testing.assert_allclose(errors[seed, s], np.mean(off**2, axis=0), rtol=1e-9)
+    assert errors[:, 36].max() < 1e-18
+
+
+def test_parameters_under_the_relations_decouple_the_arm() -> None:
+    arm = semi_direct_drive(near_parallelogram(0.1))
+    needs = Decoupling.of(arm, fundamental_basis(arm.space))
+    F = needs.of_parameters()
+    D = arm.parameters - np.linalg.pinv(F) @ (F @ arm.parameters)
+    p, _ = arm.states(np.random.default_rng(3), 50, 1.0)
+    M = arm.mechanism.with_parameters(D).mass_matrix(p)
+    assert np.abs(M[:, [0, 0, 1], [1, 2, 2]]).max() < 1e-12
+    assert len(needs.relations) + needs.left == 26
+
+
+def test_chosen_names_come_in_the_paper_s_order() -> None:
+    assert chosen(("table7", "figure1")) == ("figure1", "table7")
+    assert chosen(("all",)) == tuple(ITEMS)
+    with pytest.raises(NotFoundError, match=r"no 'tabel7' \(did you mean 'table7'\?\); there are figure1, table1, "):
+        chosen(("table1", "tabel7"))
+
+
+@pytest.mark.parametrize(
+    ("flags", "says"),
+    [
+        (("--only", "table14"), "only: there is no 'table14'"),
+        (("--only", "table7", "figure2"), "there are figure1, table1, table2"),
+        (("--seeds", "1"), "seeds: expected a whole number from 2 to 10000, got 1"),
+        (("--samples", "20"), "samples: expected a whole number from 62"),
+        (("--frequency", "nan"), "frequency: expected a number"),
+        (("--unequal", "0"), "unequal: expected a number from"),
+    ],
+)
+def test_wrong_settings_are_told(
+    flags: tuple[str, ...], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([*COMMAND, *flags, "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert says in said
+    assert len(said.splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_run_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command = [*COMMAND, "--only", "table7", "figure4", "table5", "--seeds", "3", "--out", str(tmp_path)]
+    assert main(command) == 0
+    assert "Of 60 that can be computed as they stand, 60 come out, 53 to the last digit" in capsys.readouterr().out
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert list(summary["items"]) == ["figure4", "table5", "table7"]
+    assert summary["numbers"]["reproduced"] == 60
+    assert summary["errata"] == ["table5"]
+    draws = pq.read_table(tmp_path / "trace.parquet")
+    assert draws.num_rows == 3 * 36
+    assert math.isclose(draws["percent_error"][35].as_py(), 0.0)
+    page = (tmp_path / "report.html").read_text()
+    assert 'id="table7"' in page
+    assert 'src="http' not in page
+    assert 'href="http' not in page
+    assert (tmp_path / "figures" / "figure-4.png").stat().st_size > 10_000
+    entities = {str(chunk.entity_path) for chunk in RrdReader(tmp_path / "recording.rrd").store().stream()}
+    assert {"/verdicts", "/figure/figure-4"} <= entities
+    assert any(entity.startswith("/torque/PUMA_560/joint1") for entity in entities)
+
+
+def test_without_draws_or_figures_everything_is_written(tmp_path: Path) -> None:
+    assert main([*COMMAND, "--only", "table4", "--out", str(tmp_path)]) == 0
+    assert pq.read_table(tmp_path / "trace.parquet").num_rows == 0
+    assert json.loads((tmp_path / "summary.json").read_text())["numbers"]["given"] == 60
+
+
+def test_an_interruption_keeps_what_was_computed() -> None:
+    def stop_at(count: int) -> Callable[[str, float], None]:
+        told: list[str] = []
+
+        def progress(what: str, share: float) -> None:
+            told.append(what)
+            if len(told) > count:
+                raise KeyboardInterrupt
+
+        return progress
+
+    experiment = SheuWalker1991(only=("table1", "table4", "table6"))
+    kept = experiment.compare(stop_at(2))
+    assert [item.name for item in kept.items] == ["table1", "table4"]
+    assert not kept.complete
+    assert kept.headline().startswith("This run was interrupted.")
+    with pytest.raises(KeyboardInterrupt):
+        experiment.compare(stop_at(0))
+
+
+def test_the_experiment_is_in_the_list() -> None:
+    assert find("sheu-walker-1991") is SheuWalker1991
