@@ -19,6 +19,9 @@ _RANK = 1e-7
 """Singular values below this share of the largest count as zero: constraints are clean, configurations closed
 to 1e-13."""
 
+_LITTLE = 1e-3
+"""rad or m"""
+
 
 def assembled(description: Description, loops: Loops, links: Sequence[Segment]) -> tuple[Closing, Array]:
     """The independent constraints and the closed reference configuration (n,).
@@ -31,10 +34,11 @@ def assembled(description: Description, loops: Loops, links: Sequence[Segment]) 
     guess = np.array([loops.reference.get(name, 0.0) for name in description.joint_names])
     # First with every joint free, so that primary joints that do not fit are named as such.
     nearest = _closed(description.name, every, links, guess, range(len(guess)), elements)
-    jacobian = _jacobian(every, links, nearest)
-    rank = _rank(jacobian)
-    _require_no_redundancy(description.name, jacobian, elements)
-    _require_fit(description, every, jacobian, rank)
+    # A little way on, so that a singular reference is not mistaken for constraints or joints that do not fit.
+    generic = _jacobian(every, links, _nearby(description.name, every, links, nearest))
+    rank = _rank(generic)
+    _require_no_redundancy(description.name, generic, elements)
+    _require_fit(description, every, generic, rank)
     hint = {description.joint_names[i]: round(float(nearest[i]), 4) for i in every.primary}
     q = _closed(description.name, every, links, guess, every.dependent, elements, f"; it closes at {hint}")
     jacobian = _jacobian(every, links, q)
@@ -111,14 +115,25 @@ def _closed(
     return q
 
 
-def _nearby(every: Closing, links: Sequence[Segment], q: Array) -> Array:
-    """A closed configuration a little way along a generic motion; q itself where there is none."""
+def _nearby(name: str, every: Closing, links: Sequence[Segment], q: Array) -> Array:
+    """A closed configuration a little way along a generic motion; q itself where the constraints allow none.
+
+    Raises `LoopError` where they allow one only to first order: the loops close in this one configuration.
+    """
     jacobian = _jacobian(every, links, q)
     free = np.eye(len(q)) - np.linalg.pinv(jacobian, rcond=_RANK) @ jacobian
-    moved = q + 1e-3 * free @ np.random.default_rng(0).normal(size=len(q))
+    way = free @ np.random.default_rng(0).normal(size=len(q))
+    size = np.abs(way).max(initial=0.0)
+    if size < 1e-9:
+        return q
+    moved = q + _LITTLE / size * way
     for _ in range(20):
         step = np.linalg.pinv(_jacobian(every, links, moved), rcond=1e-9) @ _residual(every, links, moved)
         moved = moved - step
+    if np.abs(moved - q).max() < 1e-2 * _LITTLE:
+        raise LoopError(
+            f"{name}: the mechanism locks: its loops close in no other configuration near the reference; check lengths"
+        )
     return moved
 
 
@@ -168,7 +183,8 @@ def _blame(description: Description, primary: Array, block: Array, free: int) ->
 
 
 def _require_regular(description: Description, every: Closing, links: Sequence[Segment], q: Array, rank: int) -> None:
-    here, nearby = (_rank(_jacobian(every, links, x)) for x in (q, _nearby(every, links, q)))
+    ahead = _nearby(description.name, every, links, q)
+    here, nearby = (_rank(_jacobian(every, links, x)) for x in (q, ahead))
     block = _rank(_jacobian(every, links, q)[:, every.dependent])
     if not here == nearby == block == rank:
         raise LoopError(

@@ -101,9 +101,12 @@ class Constraint:
     def bias(self, u: Column, w: Column) -> list[Scalar]:
         """The residual's second rate when no joint accelerates: its Hessian on two joint velocities (n,), which
         must themselves keep the loop closed. Symmetric in them."""
-        w_2, x_2 = _accelerated(self.second, u, w)
-        w_1, x_1 = _accelerated(self.first, u, w)
-        return self._seen_rows(w_2 - w_1, x_2 - x_1)
+        one, other = _carried(self.first, u, w), _carried(self.second, u, w)
+        turning = other.alpha - one.alpha
+        if self.kind is ClosureKind.AXIS:
+            # The arms turn against each other about the axis, so its rows turn under that motion with the first.
+            turning = turning - 0.5 * (cross(one.omega, other.rho - one.rho) + cross(one.rho, other.omega - one.omega))
+        return self._seen_rows(turning, other.acc - one.acc)
 
     def _unit(self, hinge: Hinge) -> tuple[Vec, Vec]:
         if hinge.turns:
@@ -118,9 +121,20 @@ class Constraint:
         return rows
 
 
-def _accelerated(reached: Reach, u: Column, w: Column) -> tuple[Vec, Vec]:
-    """Angular acceleration and acceleration of an arm's closing point from two joint velocities alone."""
+class Carried(NamedTuple):
+    """An arm's closing frame under two joint velocities: its angular velocities, and what they alone accelerate."""
+
+    omega: Vec
+    rho: Vec
+    alpha: Vec
+    acc: Vec
+
+
+def _carried(reached: Reach, u: Column, w: Column) -> Carried:
+    """The closing frame's motion in the common link's axes; `alpha` and `acc` are bilinear in u and w."""
     omega, rho, alpha, acc = ZERO, ZERO, ZERO, ZERO
+    if not reached.hinges:  # The closing frame is on the common link, or on the ground.
+        return Carried(ZERO, ZERO, ZERO, ZERO)
     ends = [hinge.origin for hinge in reached.hinges[1:]] + [reached.origin]
     for hinge, end in zip(reached.hinges, ends, strict=True):
         spin = 0.5 * (cross(w[hinge.link] * omega, hinge.axis) + cross(u[hinge.link] * rho, hinge.axis))
@@ -131,7 +145,7 @@ def _accelerated(reached: Reach, u: Column, w: Column) -> tuple[Vec, Vec]:
             acc = acc + 2.0 * spin
         arm = end - hinge.origin
         acc = acc + cross(alpha, arm) + 0.5 * (cross(omega, cross(rho, arm)) + cross(rho, cross(omega, arm)))
-    return alpha, acc
+    return Carried(omega, rho, alpha, acc)
 
 
 @dataclass(frozen=True)
