@@ -1,0 +1,437 @@
+"""Mechanisms with loops: closure, Jacobian, its rate, energies and torques, against differences, dual numbers,
+Lagrange multipliers and closed forms, on random loops of every kind."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pinocchio
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from random_loops import RECIPES, gap_rates, gaps, random_loop
+from random_trees import random_inertia
+
+from adaptctl.compilation import compile_function
+from adaptctl.dynamics import Mechanism, load
+from adaptctl.dynamics.arrays import column
+from adaptctl.dynamics.loop_equations import LoopEquations
+from adaptctl.dynamics.segment import placements
+from adaptctl.errors import InputError, SingularityError
+from adaptctl.mechanism import Closure, Coupling, Description, Joint, JointKind, Link, Loops, Pose
+from adaptctl.mechanism.pose import Array
+from adaptctl.scalars import Column, Dual
+
+seeds = st.integers(0, 9)
+every_kind = pytest.mark.parametrize("name", sorted(RECIPES))
+every_closure = pytest.mark.parametrize("name", [name for name, recipe in RECIPES.items() if not recipe.gears])
+
+
+def equations(mechanism: Mechanism) -> LoopEquations:
+    assert isinstance(mechanism.equations, LoopEquations)
+    return mechanism.equations
+
+
+def moved(mechanism: Mechanism, q: Array, rng: np.random.Generator) -> Array:
+    """Primary positions a little away, as far as the loops can go without locking."""
+    start, way = q[list(mechanism.description.primary)], rng.uniform(-1.0, 1.0, mechanism.dof)
+    assert mechanism.continuation is not None
+    for size in (0.3, 0.1, 0.03, 0.01):
+        if mechanism.continuation.progress(start + size * way[None], 0.2)[0] == 1.0:
+            return start + size * way
+    return start
+
+
+@cache
+def case(name: str, seed: int) -> tuple[Mechanism, Array, Array, Array]:
+    """A mechanism, primary positions, and the closed configuration there; velocities and accelerations (4, r)."""
+    mechanism, q = random_loop(seed, RECIPES[name])
+    rng = np.random.default_rng(seed)
+    p = moved(mechanism, q, rng)
+    return mechanism, p, mechanism.configuration(p), rng.normal(size=(4, mechanism.dof))
+
+
+def along(values: Array, slopes: Array) -> Column:
+    """Dual numbers."""
+    return Column(Dual(x, dx) for x, dx in zip(values.tolist(), slopes.tolist(), strict=True))
+
+
+def slopes(entries: Column | list[object]) -> Array:
+    return np.array([x.slope if isinstance(x, Dual) else 0.0 for x in entries])
+
+
+def floats(entries: Column) -> Array:
+    return np.array(entries.of, dtype=float)
+
+
+@every_kind
+@settings(max_examples=5, deadline=None)
+@given(seed=seeds)
+def test_closed_to_round_off_and_primary_joints_where_asked(name: str, seed: int) -> None:
+    mechanism, p, q, _ = case(name, seed)
+    assert np.abs(gaps(mechanism.description, q)).max() < 1e-12
+    np.testing.assert_array_equal(q[list(mechanism.description.primary)], p)
+
+
+@every_kind
+@settings(max_examples=5, deadline=None)
+@given(seed=seeds)
+def test_following_there_and_back_ends_where_it_began(name: str, seed: int) -> None:
+    mechanism, p, q, _ = case(name, seed)
+    assert mechanism.continuation is not None
+    reference = mechanism.continuation.reference
+    back = mechanism.configuration(reference[list(mechanism.description.primary)], start=q)
+    np.testing.assert_allclose(back, reference, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(mechanism.configuration(np.stack([p, p])), np.stack([q, q]), rtol=0, atol=1e-12)
+
+
+@every_kind
+@settings(max_examples=5, deadline=None)
+@given(seed=seeds)
+def test_the_constraints_jacobian_is_that_of_the_poses(name: str, seed: int) -> None:
+    """Rows in the frame of the first link, of independent rows only: the same null space as all rows together."""
+    mechanism, _, q, _ = case(name, seed)
+    tree = placements(equations(mechanism).links, column(q))
+    J = np.array([c.of for c in equations(mechanism).closing.jacobian(tree)], dtype=float).T
+    expected = gap_rates(mechanism.description, q)
+    null = np.linalg.svd(J)[2][len(J) :].T
+    assert np.abs(expected @ null).max() < 1e-7
+    assert np.linalg.matrix_rank(expected, 1e-6) == len(J)
+
+
+@every_kind
+@settings(max_examples=5, deadline=None)
+@given(seed=seeds)
+def test_velocities_are_the_slope_of_the_configuration(name: str, seed: int) -> None:
+    """J v against dual numbers through Newton's steps, and against differences of U."""
+    mechanism, p, q, (v, *_) = case(name, seed)
+    u = floats(equations(mechanism).rates(column(q), column(v)))
+    dual = slopes(equations(mechanism).closed(along(p, v), column(q)))
+    np.testing.assert_allclose(dual, u, rtol=0, atol=1e-11 * max(1.0, np.abs(u).max()))
+    h = 1e-5
+    ahead, behind = (floats(equations(mechanism).closed(column(p + s * v), column(q))) for s in (h, -h))
+    np.testing.assert_allclose((ahead - behind) / (2 * h), u, rtol=0, atol=1e-6 * max(1.0, np.abs(u).max()) ** 3)
+
+
+@every_kind
+@settings(max_examples=5, deadline=None)
+@given(seed=seeds)
+def test_bias_is_the_rate_of_the_jacobian(name: str, seed: int) -> None:
+    """J_dot(v) w by dual numbers along J v, for any w; symmetric in v and w."""
+    mechanism, p, q, (v, w, *_) = case(name, seed)
+    posture = equations(mechanism).posture(column(q))
+    u, y = posture.tree(column(v)), posture.tree(column(w))
+    bias = floats(posture.bias(u, y))
+    expected = slopes(equations(mechanism).rates(along(q, floats(u)), column(w)))
+    scale = max(1.0, np.abs(expected).max(), np.abs(floats(u)).max() * np.abs(floats(y)).max())
+    np.testing.assert_allclose(bias, expected, rtol=0, atol=1e-11 * scale)
+    np.testing.assert_allclose(bias, floats(posture.bias(y, u)), rtol=0, atol=1e-12 * scale)
+    h = 1e-5
+    forth, back = (
+        floats(equations(mechanism).rates(equations(mechanism).closed(column(p + s * v), column(q)), column(w)))
+        for s in (h, -h)
+    )
+    np.testing.assert_allclose((forth - back) / (2 * h), bias, rtol=0, atol=1e-5 * scale**2)
+
+
+@every_kind
+@settings(max_examples=5, deadline=None)
+@given(seed=seeds)
+def test_the_rate_of_energy_is_the_power_of_the_torques(name: str, seed: int) -> None:
+    """For every parameter by itself: dE/dt = v' Y."""
+    mechanism, p, q, (v, a, *_) = case(name, seed)
+    u = floats(equations(mechanism).rates(column(q), column(v)))
+    rates = slopes(equations(mechanism).energy_regressor(along(q, u), along(v, a)))
+    power = v @ mechanism.torque_regressor(p, v, a)
+    assert np.abs(rates - power).max() < 1e-11 * max(1.0, np.abs(power).max())
+
+
+@every_kind
+@settings(max_examples=5, deadline=None)
+@given(seed=seeds)
+def test_coriolis_is_symmetric_and_leaves_mass_rate_skew(name: str, seed: int) -> None:
+    mechanism, p, q, (v, w, s, _) = case(name, seed)
+    zero, D = 0.0 * v, mechanism.inertial_parameters
+    gravity = mechanism.inverse_dynamics(p, zero, zero)
+    forward = mechanism.slotine_li_regressor(p, v, w, zero) @ D
+    backward = mechanism.slotine_li_regressor(p, w, v, zero) @ D
+    assert np.abs(forward - backward).max() < 1e-11 * max(1.0, np.abs(forward).max())
+    coriolis = mechanism.slotine_li_regressor(p, v, s, zero) @ D - gravity
+    u = floats(equations(mechanism).rates(column(q), column(v)))
+    rows = equations(mechanism).mass_matrix(along(q, u), column(D))
+    rate = s @ np.array([slopes(row) for row in rows]) @ s
+    size = max(1.0, abs(rate), np.abs(s @ mechanism.mass_matrix(p) @ s), np.abs(coriolis).max())
+    assert abs(rate - 2.0 * s @ coriolis) < 1e-11 * size
+
+
+@every_kind
+@settings(max_examples=5, deadline=None)
+@given(seed=seeds)
+def test_kinetic_energy_mass_matrix_and_regressors_agree(name: str, seed: int) -> None:
+    mechanism, p, q, (v, a, w, s) = case(name, seed)
+    zero, D = 0.0 * v, mechanism.inertial_parameters
+    M = mechanism.mass_matrix(p)
+    np.testing.assert_allclose(M, M.T, rtol=0, atol=1e-12 * np.abs(M).max())
+    assert np.linalg.eigvalsh(M)[0] > 0.0
+    kinetic = mechanism.energy(p, v) - mechanism.energy(p, zero)
+    assert kinetic == pytest.approx(0.5 * v @ M @ v, rel=1e-10)
+    torque = mechanism.inverse_dynamics(p, v, a)
+    np.testing.assert_allclose(
+        mechanism.torque_regressor(p, v, a) @ D, torque, rtol=0, atol=1e-11 * np.abs(torque).max()
+    )
+    error = np.abs(mechanism.forward_dynamics(p, v, torque) - a).max()
+    assert error < 1e-11 * np.linalg.cond(M) * max(1.0, np.abs(torque).max() / np.abs(M).max())
+    Y = mechanism.slotine_li_regressor(p, v, w, a)
+    tick = equations(mechanism).adaptive_tick(*map(column, (q, v, w, a, s, D)), range(len(D)))
+    np.testing.assert_allclose(floats(tick.torque), Y @ D, rtol=0, atol=1e-11 * np.abs(Y @ D).max())
+    np.testing.assert_allclose(floats(tick.gradient), Y.T @ s, rtol=0, atol=1e-11 * np.abs(Y).max() * np.abs(s).max())
+
+
+def by_projection(mechanism: Mechanism, q: Array, v: Array, torque: Array) -> Array:
+    """Tree accelerations from Pinocchio's mass matrix and bias forces, projected onto the motions that the poses
+    leave free, where multipliers do no work. The constraints' Jacobian and second rate are differences of poses."""
+    model, h = mechanism.to_pinocchio(), 1e-3
+    data = model.createData()
+    u = floats(equations(mechanism).rates(column(q), column(v)))
+    M = pinocchio.crba(model, data, q).copy()
+    M = np.triu(M) + np.triu(M, 1).T
+    J = gap_rates(mechanism.description, q)
+    weights = zip((-1 / 12, 4 / 3, -5 / 2, 4 / 3, -1 / 12), (-2, -1, 0, 1, 2), strict=True)
+    curvature = sum(weight * gaps(mechanism.description, q + s * h * u) for weight, s in weights) / (h * h)
+    drift = -np.linalg.pinv(J, rcond=1e-6) @ curvature
+    free = np.linalg.svd(J)[2][len(q) - mechanism.dof :].T
+    driven = np.zeros(len(q))
+    driven[list(mechanism.description.primary)] = torque
+    force = driven - pinocchio.nonLinearEffects(model, data, q, u) - M @ drift
+    return drift + free @ np.linalg.solve(free.T @ M @ free, free.T @ force)
+
+
+@every_kind
+@settings(max_examples=5, deadline=None)
+@given(seed=seeds)
+def test_accelerations_are_those_of_constrained_motion(name: str, seed: int) -> None:
+    """To 1e-6 of the accelerations and of the velocities' squares, which is what differences allow."""
+    mechanism, p, q, (v, torque, *_) = case(name, seed)
+    u = floats(equations(mechanism).rates(column(q), column(v)))
+    a = mechanism.forward_dynamics(p, v, torque)
+    expected = by_projection(mechanism, q, v, torque)
+    scale = max(1.0, np.abs(expected).max(), np.abs(u).max() ** 2)
+    assert np.abs(a - expected[list(mechanism.description.primary)]).max() < 1e-6 * scale
+
+
+def pinocchios(mechanism: Mechanism, q: Array, u: Array, torque: Array) -> Array:
+    """Tree accelerations by Pinocchio's own constrained dynamics, which finds its own Jacobian and drift."""
+    model, models = mechanism.to_pinocchio(), pinocchio.StdVec_RigidConstraintModel()
+    models.extend(mechanism.to_pinocchio_constraints())
+    datas = pinocchio.StdVec_RigidConstraintData()
+    datas.extend([m.createData() for m in models])
+    data, driven = model.createData(), np.zeros(model.nv)
+    driven[list(mechanism.description.primary)] = torque
+    pinocchio.initConstraintDynamics(model, data, models, datas)
+    proximal = pinocchio.ProximalSettings(1e-15, 1e-9, 200)
+    return pinocchio.constraintDynamics(model, data, q, u, driven, models, datas, proximal)
+
+
+@every_closure
+@settings(max_examples=5, deadline=None)
+@given(seed=seeds)
+def test_accelerations_are_pinocchios(name: str, seed: int) -> None:
+    """To 1e-7: where constraints depend on each other its proximal method stops there."""
+    mechanism, p, q, (v, torque, *_) = case(name, seed)
+    u = floats(equations(mechanism).rates(column(q), column(v)))
+    expected = pinocchios(mechanism, q, u, torque)
+    a = mechanism.forward_dynamics(p, v, torque)
+    primary = list(mechanism.description.primary)
+    assert np.abs(a - expected[primary]).max() < 1e-7 * max(1.0, np.abs(expected).max())
+
+
+@every_closure
+@settings(max_examples=5, deadline=None)
+@given(seed=seeds)
+def test_pinocchios_constraints_have_the_same_jacobian(name: str, seed: int) -> None:
+    mechanism, _, q, (v, *_) = case(name, seed)
+    model = mechanism.to_pinocchio()
+    data = model.createData()
+    pinocchio.computeJointJacobians(model, data, q)
+    rows = []
+    for constraint in mechanism.to_pinocchio_constraints():
+        memory = constraint.createData()
+        constraint.calc(model, data, memory)
+        assert np.abs((memory.oMc1.inverse() * memory.oMc2).translation).max() < 1e-12
+        rows.append(pinocchio.getConstraintJacobian(model, data, constraint, memory).copy())
+    J = np.vstack(rows)
+    u = floats(equations(mechanism).rates(column(q), column(v)))
+    assert np.abs(J @ u).max() < 1e-11 * max(1.0, np.abs(u).max())
+    assert np.linalg.matrix_rank(J, 1e-6) == len(q) - mechanism.dof
+
+
+def test_pinocchio_has_no_constraint_for_gears() -> None:
+    mechanism, _ = random_loop(0, RECIPES["gears alone"])
+    with pytest.raises(InputError, match="Pinocchio's constraint models hold no couplings of joints: gear0, gear1"):
+        mechanism.to_pinocchio_constraints()
+    assert load("puma560_measured").to_pinocchio_constraints() == []
+
+
+@every_kind
+@settings(max_examples=1, deadline=None)
+@given(seed=seeds)
+def test_native_code_says_what_floats_say(name: str, seed: int) -> None:
+    mechanism, p, q, (v, w, a, _) = case(name, seed)
+    e, D = equations(mechanism), mechanism.inertial_parameters
+    n, r = len(q), mechanism.dof
+
+    def everything(p: Column, q: Column, v: Column, w: Column, a: Column, D: Column) -> tuple[Column, ...]:
+        closed = e.closed(p, q)
+        return closed, e.rates(closed, v), e.inverse_dynamics(closed, v, w, a, D), e.forward_dynamics(closed, v, a, D)
+
+    native = compile_function(everything, {"p": r, "q": n, "v": r, "w": r, "a": r, "D": len(D)})
+    plain = everything(*map(column, (p, q, v, w, a, D)))
+    condition = np.linalg.cond(mechanism.mass_matrix(p))
+    for one, other in zip(native(p, q, v, w, a, D), plain, strict=True):
+        assert np.abs(one - floats(other)).max() < 1e-12 * condition * max(1.0, np.abs(one).max())
+
+
+def four_bar(a: float, b: float, c: float, d: float, crank: float = 1.5) -> Mechanism:
+    """Crank a, coupler b, rocker c, ground d, open, with the crank's angle at the reference."""
+    rng = np.random.default_rng(0)
+    at = {name: Pose(np.eye(3), np.array([x, 0.0, 0.0])) for name, x in (("a", a), ("b", b), ("c", c), ("d", d))}
+    still = Pose.identity()
+    links = (
+        Link("crank", -1, Joint("crank"), still, still, random_inertia(rng)),
+        Link("coupler", 0, Joint("coupler"), at["a"], still, random_inertia(rng)),
+        Link("rocker", -1, Joint("rocker"), at["d"], still, random_inertia(rng)),
+    )
+    closure = Closure("pin", "coupler", "rocker", at["b"], at["c"])
+    reference = {"crank": crank, "coupler": -1.0, "rocker": 1.5}
+    return Mechanism(Description("four-bar", links, loops=Loops(("crank",), (closure,), (), reference)))
+
+
+def test_a_four_bar_is_freudensteins() -> None:
+    """Freudenstein (1955): K1 cos psi - K2 cos phi + K3 = cos(phi - psi), over the crank's whole turn."""
+    a, b, c, d = 0.2, 0.55, 0.45, 0.6
+    phi = np.linspace(1.5 - math.pi, 1.5 + math.pi, 201)[:, None]
+    q = four_bar(a, b, c, d).configuration(phi)
+    psi = q[:, 2]
+    left = d / a * np.cos(psi) - d / c * np.cos(phi[:, 0]) + (a * a - b * b + c * c + d * d) / (2 * a * c)
+    np.testing.assert_allclose(left, np.cos(phi[:, 0] - psi), rtol=0, atol=1e-11)
+    np.testing.assert_allclose(q[0, 1:] - q[-1, 1:], [2 * math.pi, 0.0], atol=1e-11)
+
+
+def test_a_slider_crank_is_the_textbooks() -> None:
+    """x = r cos phi + sqrt(l^2 - r^2 sin^2 phi), and the slider's mass felt at the crank through dx/dphi."""
+    r, length, m = 0.1, 0.35, 3.0
+    still, end = Pose.identity(), Pose(np.eye(3), np.array([length, 0.0, 0.0]))
+    links = (
+        Link("crank", -1, Joint("crank"), still, still),
+        Link("rod", 0, Joint("rod"), Pose(np.eye(3), np.array([r, 0.0, 0.0])), still),
+        Link("slider", -1, Joint("slide", JointKind.PRISMATIC, np.array([1.0, 0, 0])), still, still, m * np.eye(10)[0]),
+    )
+    loops = Loops(("crank",), (Closure("pin", "rod", "slider", end),), (), {"slide": r + length})
+    engine = Mechanism(Description("engine", links, np.zeros(3), loops=loops))
+    phi = np.linspace(-math.pi, math.pi, 101)
+    root = np.sqrt(length**2 - (r * np.sin(phi)) ** 2)
+    q = engine.configuration(phi[:, None])
+    np.testing.assert_allclose(q[:, 2], r * np.cos(phi) + root, rtol=0, atol=1e-13)
+    slope = -r * np.sin(phi) - r**2 * np.sin(phi) * np.cos(phi) / root
+    np.testing.assert_allclose(engine.mass_matrix(phi[:, None])[:, 0, 0], m * slope**2, rtol=0, atol=1e-12)
+
+
+def test_gears_reflect_inertia_by_the_square_of_the_ratio() -> None:
+    rotor, load_inertia, ratio = 1e-3, 2.0, -50.0
+    links = tuple(
+        Link(name, -1, Joint(name), Pose.identity(), Pose.identity(), inertia * np.eye(10)[9])
+        for name, inertia in (("load", load_inertia), ("rotor", rotor))
+    )
+    geared = Mechanism(
+        Description("drive", links, loops=Loops(("load",), couplings=(Coupling("gear", "rotor", "load", ratio, 0.3),)))
+    )
+    np.testing.assert_allclose(geared.configuration([[2.0]]), [[2.0, -99.7]], rtol=1e-15)
+    assert geared.mass_matrix([0.0])[0, 0] == pytest.approx(load_inertia + ratio**2 * rotor, rel=1e-14)
+    np.testing.assert_allclose(geared.energy_regressor([0.0], [1.0])[[9, 19]], [0.5, 0.5 * ratio**2], rtol=1e-14)
+
+
+def planar_platform() -> Mechanism:
+    """Three legs, a turning and a sliding joint each, carry a platform: three primary slides, as in Stewart's."""
+    feet = [np.array([math.cos(x), math.sin(x), 0.0]) for x in (0.0, 2.1, 4.2)]
+    corners = [0.3 * np.array([math.cos(x + 0.8), math.sin(x + 0.8), 0.0]) for x in (0.0, 2.1, 4.2)]
+    rng, still, links, closures, reference = np.random.default_rng(1), Pose.identity(), [], [], {}
+    for i, (foot, corner) in enumerate(zip(feet, corners, strict=True)):
+        way = corner - foot
+        reference |= {f"swing{i}": math.atan2(way[1], way[0]), f"slide{i}": float(np.linalg.norm(way))}
+        swing = Link(f"foot{i}", -1, Joint(f"swing{i}"), Pose(np.eye(3), foot), still, random_inertia(rng))
+        slide = Joint(f"slide{i}", JointKind.PRISMATIC, np.array([1.0, 0.0, 0.0]))
+        links += [swing, Link(f"leg{i}", len(links), slide, still, still, random_inertia(rng))]
+        if i == 0:
+            links.append(Link("platform", 1, Joint("tilt"), still, Pose(np.eye(3), -corner), random_inertia(rng)))
+            reference["tilt"] = -reference["swing0"]
+        else:
+            closures.append(Closure(f"corner{i}", f"leg{i}", "platform", still, Pose(np.eye(3), corner)))
+    loops = Loops(("slide0", "slide1", "slide2"), tuple(closures), (), reference)
+    return Mechanism(Description("platform", tuple(links), loops=loops))
+
+
+def test_a_planar_platform_stands_where_its_legs_put_it() -> None:
+    """Legs' lengths of a pose are known in closed form: the loops must find the pose again."""
+    platform, rng = planar_platform(), np.random.default_rng(2)
+    corners = 0.3 * np.array([[math.cos(x + 0.8), math.sin(x + 0.8)] for x in (0.0, 2.1, 4.2)])
+    feet = np.array([[math.cos(x), math.sin(x)] for x in (0.0, 2.1, 4.2)])
+    for x, y, angle in rng.uniform(-0.1, 0.1, (10, 3)):
+        turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+        lengths = np.linalg.norm(corners @ turn.T + (x, y) - feet, axis=1)
+        q = platform.configuration(lengths)
+        tilt = q[list(platform.description.joint_names).index("tilt")] + q[0]
+        assert tilt == pytest.approx(angle, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", ["semi_direct_drive", "semi_direct_drive_parallelogram"])
+def test_ten_seconds_of_motion_stay_closed(name: str) -> None:
+    """Following a configuration tick by tick for 10 s at 1 ms leaves no drift: the loop closes to 1e-12."""
+    arm = load(name)
+    assert arm.continuation is not None
+    e, t = equations(arm), np.arange(0.0, 10.0, 1e-3)
+    start = arm.continuation.reference[list(arm.description.primary)]
+    sway = np.array([0.9, 0.5, 0.7]) * np.sin(t[:, None] * [1.1, 1.7, 2.3])
+    follow = compile_function(lambda p, q: (e.closed(p, q),), {"p": 3, "q": 5})
+    q = arm.continuation.reference
+    worst = 0.0
+    for i, p in enumerate(start + sway):
+        (q,) = follow(p, q)
+        if i % 100 == 0:
+            worst = max(worst, float(np.abs(gaps(arm.description, q)).max()))
+    assert worst < 1e-12
+
+
+def test_near_a_singularity_nothing_is_returned() -> None:
+    """A non-Grashof four-bar stops where its coupler and rocker stretch out."""
+    stuck = four_bar(0.5, 0.3, 0.4, 0.6, crank=0.8)
+    far = math.acos((0.5**2 + 0.6**2 - 0.7**2) / (2 * 0.5 * 0.6))
+    assert stuck.configuration([far - 0.2]).shape == (3,)
+    for beyond in (-1e-4, 0.0, 1e-4, 0.3):
+        with pytest.raises(
+            SingularityError, match=r"the loops are near a singularity at p = \[\d\.\d+\]: .* at least 0"
+        ):
+            stuck.configuration([far + beyond])
+    assert stuck.continuation is not None
+    assert stuck.continuation.reachable(np.array([[far - 0.2], [far], [far + 0.2]])).tolist() == [True, False, False]
+
+
+def test_a_mechanism_knows_how_far_it_is_from_locking() -> None:
+    """Near a fold the smallest singular value goes as the square root of the distance."""
+    stuck = four_bar(0.5, 0.3, 0.4, 0.6, crank=0.8)
+    assert stuck.continuation is not None
+    far = math.acos((0.5**2 + 0.6**2 - 0.7**2) / (2 * 0.5 * 0.6))
+    here = [float(stuck.continuation.regularity(stuck.configuration([far - d]))) for d in (0.16, 0.04)]
+    assert here[0] / here[1] == pytest.approx(2.0, rel=0.1)
+
+
+def test_the_reference_may_be_given_roughly() -> None:
+    arm = load("semi_direct_drive")
+    assert arm.description.loops is not None
+    loops = replace(arm.description.loops, reference={**arm.description.loops.reference, "joint4": 0.8, "joint5": 2.0})
+    rough = Mechanism(replace(arm.description, loops=loops))
+    assert rough.continuation is not None
+    assert arm.continuation is not None
+    np.testing.assert_allclose(rough.continuation.reference, arm.continuation.reference, atol=1e-12)
