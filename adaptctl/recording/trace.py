@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
 from adaptctl.dynamics import Mechanism
 from adaptctl.files import replacing
@@ -23,7 +25,7 @@ class Quantity(NamedTuple):
     name: str
     unit: str
     meaning: str
-    values: Array
+    values: Array | NDArray[np.str_]
 
 
 def write_trace(path: str | Path, comparison: Comparison) -> None:
@@ -37,14 +39,19 @@ def write_trace(path: str | Path, comparison: Comparison) -> None:
         "control_period": repr(comparison.subject.rollout.control_period),
         "complete": str(comparison.complete).lower(),
     }
-    columns = list(quantities(comparison.subject, comparison.mechanism, comparison.model.names))
+    write_columns(path, list(quantities(comparison.subject, comparison.mechanism, comparison.model.names)), about)
+
+
+def write_columns(path: str | Path, columns: Sequence[Quantity], about: dict[str, str]) -> None:
+    """Write columns of one length, of numbers or of words, with what is said about all of them."""
+    table = _table(columns, about)
     with replacing(path) as beside:
         pq.write_table(
-            _table(columns, about),
+            table,
             beside,
             compression="zstd",
             use_dictionary=False,
-            use_byte_stream_split=True,
+            use_byte_stream_split=[field.name for field in table.schema if field.type == pa.float64()],
         )
 
 
@@ -88,9 +95,11 @@ def parameter_unit(name: str) -> str:
     return units.get(kind, "kg m" if kind.startswith("mc_") else "kg m^2")
 
 
-def _table(columns: list[Quantity], about: dict[str, str]) -> pa.Table:
+def _table(columns: Sequence[Quantity], about: dict[str, str]) -> pa.Table:
+    kinds = [pa.string() if c.values.dtype.kind == "U" else pa.float64() for c in columns]
     fields = [
-        pa.field(c.name, pa.float64(), nullable=False, metadata={"unit": c.unit, "meaning": c.meaning}) for c in columns
+        pa.field(c.name, kind, nullable=False, metadata={"unit": c.unit, "meaning": c.meaning})
+        for c, kind in zip(columns, kinds, strict=True)
     ]
-    arrays = [pa.array(c.values, pa.float64()) for c in columns]
+    arrays = [pa.array(c.values, kind) for c, kind in zip(columns, kinds, strict=True)]
     return pa.Table.from_arrays(arrays, schema=pa.schema(fields, metadata=about))

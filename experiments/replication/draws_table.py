@@ -2,45 +2,50 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
 from adaptctl.experiments.replication.ensemble import Ensemble
 from adaptctl.experiments.replication.study import Study
-from adaptctl.files import replacing
+from adaptctl.mechanism.pose import Array
+from adaptctl.recording.trace import Quantity, write_columns
 
 SCHEMA = "adaptctl/replication-draws/1"
-COLUMNS = {
-    "arm": "puma560, semi_direct_drive, or the one with nearly equal sides",
-    "seed": "of the draw",
-    "number": "1 for the largest",
-    "singular_value": "of the energy differences H, by falling size",
-    "weight": "|beta_j| of equation 19, by falling size, J times the root of the number of samples",
-    "percent_error": "energy error when this many components are kept (equation 23)",
-}
 
 
 def write_draws(path: str | Path, study: Study) -> None:
     """Write the draws that were made, losslessly compressed."""
-    tables = [_table(label, draws, study.seed) for label, draws in study.drawn.items()]
-    about = {"schema": SCHEMA} | COLUMNS
-    empty = pa.table({name: pa.array([], pa.float64()) for name in COLUMNS})
-    table = pa.concat_tables(tables) if tables else empty
-    with replacing(path) as beside:
-        pq.write_table(table.replace_schema_metadata(about), beside, compression="zstd")
+    about = {"schema": SCHEMA, "samples": str(study.samples), "velocity_scale": repr(study.velocity_scale)}
+    write_columns(path, _columns(study), about)
 
 
-def _table(label: str, draws: Ensemble, seed: int) -> pa.Table:
-    seeds, k = draws.weights.shape
-    columns = (
-        np.full(seeds * k, label),
-        np.repeat(np.arange(seed, seed + seeds), k),
-        np.tile(np.arange(1, k + 1), seeds),
-        draws.singular_values[:, :k].ravel(),
-        draws.weights.ravel(),
-        draws.percent_errors[:, 1:].ravel(),
-    )
-    return pa.table({name: pa.array(values) for name, values in zip(COLUMNS, columns, strict=True)})
+def _columns(study: Study) -> list[Quantity]:
+    labels, draws = list(study.drawn), list(study.drawn.values())
+    sizes = [one.weights.size for one in draws]
+    seeds = [np.repeat(np.arange(study.seed, study.seed + study.seeds), one.rank) for one in draws]
+    numbers = [np.tile(np.arange(1, one.rank + 1), study.seeds) for one in draws]
+    return [
+        Quantity("arm", "1", "which arm", np.repeat(np.array(labels, dtype=np.str_), np.array(sizes, dtype=int))),
+        Quantity("seed", "1", "of the draw", _joined(seeds)),
+        Quantity("number", "1", "1 for the largest", _joined(numbers)),
+        Quantity("singular_value", "1", "of the energy differences H", _joined([_values(one) for one in draws])),
+        Quantity("weight", "J", "|beta_j| of equation 19, by falling size", _joined([one.weights for one in draws])),
+        Quantity(
+            "percent_error",
+            "%",
+            "energy error when this many components are kept (equation 23)",
+            _joined([one.percent_errors[:, 1:] for one in draws]),
+        ),
+    ]
+
+
+def _values(draws: Ensemble) -> Array:
+    return draws.singular_values[:, : draws.rank]
+
+
+def _joined(parts: Sequence[NDArray[Any]]) -> Array:
+    return np.concatenate([np.zeros(0), *(np.ravel(part) for part in parts)])

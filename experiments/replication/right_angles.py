@@ -14,7 +14,13 @@ from adaptctl.mechanism.pose import Array, rotation_about
 
 TIGHT = 1e-8
 """A tolerance that takes what a rounded right angle leaves for independence."""
-QUARTERS = {"3.1416/2": 3.1416 / 2, "3.14159/2": 3.14159 / 2, "3.141593/2": 3.141593 / 2}
+QUARTERS = {
+    "3.1416/2": 3.1416 / 2,
+    "3.14159/2": 3.14159 / 2,
+    "3.141593/2": 3.141593 / 2,
+    "single precision": float(np.float32(np.pi / 2)),
+}
+"""Right angles (rad) as programs and calculators round them."""
 TURNS = (-1, 0, 1, -1, 1, 0)
 """The PUMA's twists, in right angles."""
 
