@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from random_trees import random_inertia, random_tree
+from random_trees import random_inertia, random_link, random_tree
 from scipy.linalg import qr
 
 from adaptctl.dynamics import Mechanism
@@ -116,6 +116,21 @@ def _attempt(rng: np.random.Generator, recipe: Recipe) -> tuple[Mechanism, Array
         return None
     reference = dict(zip(tree.joint_names, q.tolist(), strict=True))
     return Mechanism(replace(tree, loops=Loops(chosen, closures, couplings, reference))), q
+
+
+def two_arms(seed: int, kind: ClosureKind) -> Mechanism:
+    """Two spatial arms of four joints whose hands are closed onto each other as they stand."""
+    rng = np.random.default_rng(seed)
+    for _ in range(100):
+        links = tuple(random_link(rng, i, -1 if i == 4 else i - 1) for i in range(8))
+        tree, q = Description("arms", links), rng.uniform(-1.0, 1.0, 8)
+        poses = world_poses(tree, q)
+        closure = Closure("hands", "link3", "link7", Pose.identity(), poses["link7"].inverse @ poses["link3"], kind)
+        chosen = _primary(replace(tree, loops=Loops(tree.joint_names[:1], (closure,))), q)
+        if chosen is not None:
+            reference = dict(zip(tree.joint_names, q.tolist(), strict=True))
+            return Mechanism(replace(tree, loops=Loops(chosen, (closure,), (), reference)))
+    raise AssertionError("no arms were found")
 
 
 def planar_tree(rng: np.random.Generator, links: int) -> Description:

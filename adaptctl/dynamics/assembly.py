@@ -19,6 +19,7 @@ _RANK = 1e-7
 """Singular values below this share of the largest count as zero: constraints are clean, configurations closed
 to 1e-13."""
 
+_REGULAR = 1e-5
 _LITTLE = 1e-3
 """rad or m"""
 
@@ -185,12 +186,19 @@ def _blame(description: Description, primary: Array, block: Array, free: int) ->
 def _require_regular(description: Description, every: Closing, links: Sequence[Segment], q: Array, rank: int) -> None:
     ahead = _nearby(description.name, every, links, q)
     here, nearby = (_rank(_jacobian(every, links, x)) for x in (q, ahead))
-    block = _rank(_jacobian(every, links, q)[:, every.dependent])
-    if not here == nearby == block == rank:
+    felt = _felt(_jacobian(every, links, q)[:, every.dependent])
+    if not here == nearby == felt == rank:
         raise LoopError(
             f"{description.name}: the reference configuration is singular: of {max(rank, nearby)} constraints that are "
-            f"independent nearby, the dependent joints feel {block} there; give a reference elsewhere"
+            f"independent nearby, the dependent joints feel {felt} there; give a reference elsewhere"
         )
+
+
+def _felt(block: Array) -> int:
+    """The rank of the dependent joints' columns, each of length 1. Where a loop stretches out, closing it to 1e-13
+    leaves the joints 3e-7 from there, so what is that small counts as nothing."""
+    values = np.linalg.svd(block / np.maximum(np.linalg.norm(block, axis=0), 1e-300), compute_uv=False)
+    return int((values > _REGULAR).sum())
 
 
 def _independent_rows(block: Array, rank: int) -> tuple[int, ...]:
