@@ -54,6 +54,12 @@ class Check:
         return self.printed in (MARK, "")
 
     @property
+    def reads_alike(self) -> bool:
+        """Whether it reads as printed, but for the sign of a plus or a zero."""
+        texts = (self.computed.lstrip("+"), self.printed.lstrip("+"))
+        return texts[0] == texts[1] or (not self.is_mark and {float(text) for text in texts} == {0.0})
+
+    @property
     def exact(self) -> bool:
         """Whether every printed digit is met."""
         return self.verdict is Verdict.REPRODUCED and self.digits == self.of_digits
@@ -91,7 +97,7 @@ def evidence(sentence: str, *values: float, digits: int = 3) -> Evidence:
 
 def percent(share: float) -> str:
     """``0.5 %``."""
-    return f"{100.0 * share:.3g} %"
+    return f"{100.0 * share:.3g}\N{NO-BREAK SPACE}%"
 
 
 @dataclass(frozen=True)

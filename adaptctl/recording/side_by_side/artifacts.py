@@ -51,6 +51,8 @@ def report(result: SideBySide, figures: dict[str, Path]) -> str:
         facts=list(facts(result)),
         rows=rows(result),
         colors=[side_color(i).hex for i in range(len(result.sides))],
-        traces=[trace_name(side.name) for side in result.sides],
+        traces={
+            trace_name(side.name): "Every control period of an arm's adaptive run, with units." for side in result.sides
+        },
         figures=embedded(drawings(result), figures),
     )
