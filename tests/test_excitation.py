@@ -1,0 +1,224 @@
+"""Excitation: what a motion tells of the parameters, and references made to tell more."""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from random_trees import random_chain
+
+from adaptctl.control import ComputedTorque, Sinusoids
+from adaptctl.control.controller import home
+from adaptctl.control.excitation import BLOCKS, persistent_excitation, regressor_of, scaled_regressor
+from adaptctl.control.exciting_reference import ExcitingReference, Limits, exciting_reference
+from adaptctl.dynamics import load
+from adaptctl.envs import TrackingEnv
+from adaptctl.errors import InputError
+from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
+from adaptctl.mechanism.drive import Drive
+from adaptctl.mechanism.pose import Array
+from adaptctl.simulation import rollout
+
+
+@cache
+def model(name: str) -> ReducedModel:
+    mechanism = load(name)
+    return ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))
+
+
+def exactly(reference: Sinusoids, duration: float, period: float = 0.01) -> SimpleNamespace:
+    """A run that follows a reference without error."""
+    p, v, a = reference(np.arange(round(duration / period)) * period)
+    return SimpleNamespace(p=p, v=v, reference_p=p, reference_v=v, reference_a=a, control_period=period)
+
+
+def swings(model: ReducedModel, seed: int = 0) -> Sinusoids:
+    rng = np.random.default_rng(seed)
+    r = model.mechanism.dof
+    return Sinusoids(rng.normal(size=r), rng.uniform(0.3, 1.0, (3, r)), rng.uniform(0.1, 1.0, (3, r)), start_time=0.0)
+
+
+@pytest.mark.parametrize("name", ["puma560_friction", "semi_direct_drive"])
+def test_the_compiled_regressor_is_the_models(name: str) -> None:
+    of = model(name)
+    rng, r = np.random.default_rng(0), of.mechanism.dof
+    p = home(of.mechanism) + 0.05 * rng.normal(size=(5, r))
+    v, v_r, a_r = rng.normal(size=(3, 5, r))
+    np.testing.assert_allclose(regressor_of(of)(p, v, v_r, a_r), of.slotine_li_regressor(p, v, v_r, a_r), atol=1e-11)
+
+
+def test_eigenvalues_are_those_of_the_gram_matrix() -> None:
+    of = model("puma560_geared")
+    run = exactly(swings(of), 6.0)
+    found = persistent_excitation(of, run, 1.6)
+    rows = scaled_regressor(of, run.p, run.v, run.v, run.reference_a)
+    assert found.window == pytest.approx(1.6)
+    for end, smallest, largest in list(zip(found.time, found.smallest, found.largest, strict=True))[::10]:
+        stop = round(end / 0.01)
+        Y = rows[stop - 160 : stop].reshape(-1, rows.shape[-1])
+        values = np.linalg.eigvalsh(0.01 * Y.T @ Y)
+        assert largest == pytest.approx(values[-1], rel=1e-9)
+        assert smallest == pytest.approx(values[0], rel=1e-5, abs=1e-13 * values[-1])
+    assert found.level == found.smallest.min()
+    np.testing.assert_allclose(found.condition, np.sqrt(found.largest / found.smallest))
+
+
+def test_an_arm_at_rest_tells_next_to_nothing_and_longer_windows_tell_more() -> None:
+    of = model("puma560_geared")
+    still = Sinusoids(np.zeros(6), np.zeros((1, 6)), np.ones((1, 6)), start_time=0.0)
+    assert persistent_excitation(of, exactly(still, 3.0), 2.0).level < 1e-20
+    run = exactly(swings(of), 8.0)
+    levels = [persistent_excitation(of, run, window).level for window in (1.0, 2.0, 4.0)]
+    assert 0.0 < levels[0] < levels[1] < levels[2]
+
+
+def test_redundant_parameters_are_never_excited() -> None:
+    """All 66: whatever the motion, the Gram matrix has the rank of the essential space."""
+    of = ReducedModel.full(load("puma560_geared"))
+    found = persistent_excitation(of, exactly(swings(of), 4.0), 4.0, scale=1.0)
+    assert found.level < 1e-20 * found.largest.max()
+    run = exactly(swings(of), 4.0)
+    rows = scaled_regressor(of, run.p, run.v, run.v, run.reference_a, 1.0)
+    assert np.abs(rows @ found.weakest).max() < 1e-9 * np.abs(rows).max()
+
+
+def test_the_weakest_direction_is_learned_as_slowly_as_the_smallest_eigenvalue_says() -> None:
+    """Of a slow gradient estimator, error' = -gamma Y'Y error, the square shrinks by 2 gamma times it, no more."""
+    chain = random_chain(4, 2).with_drives(Drive(rotor_inertia=0.3))
+    of = ReducedModel(chain, fundamental_basis(essential_space(chain)))
+    run = exactly(swings(of), 4.0, 1e-3)
+    found = persistent_excitation(of, run, 4.0)
+    rows = scaled_regressor(of, run.p, run.v, run.v, run.reference_a)
+    gain = 1e-2 * found.level / found.largest[0] ** 2
+    rng = np.random.default_rng(0)
+    for start, slowest in ((found.weakest, True), (rng.normal(size=len(found.weakest)), False)):
+        error = start / np.linalg.norm(start)
+        for Y in rows:
+            error = error - 1e-3 * gain * Y.T @ (Y @ error)
+        shrunk = -np.expm1(2.0 * np.log(np.linalg.norm(error)))
+        assert shrunk >= 0.98 * 2.0 * gain * found.level
+        assert (shrunk < 1.02 * 2.0 * gain * found.level) == slowest
+
+
+def test_a_rollout_is_measured_along_what_its_law_wants() -> None:
+    of = model("puma560_geared")
+    env = TrackingEnv(of.mechanism, 1, duration=1.0, initial_error=0.2)
+    run = rollout(env, ComputedTorque(of.mechanism, 5.0), seed=0)
+    wanted = persistent_excitation(of, run, 0.48, bandwidth=5.0)
+    plain = persistent_excitation(of, run, 0.48)
+    v_r = run.reference_v - 5.0 * run.error
+    a_r = run.reference_a - 5.0 * run.velocity_error
+    rows = scaled_regressor(of, run.p, run.v, v_r, a_r)[:480].reshape(-1, len(of.columns))
+    assert wanted.largest[0] == pytest.approx(np.linalg.norm(rows, 2) ** 2 * 1e-3, rel=1e-9)
+    assert wanted.largest[0] != plain.largest[0]
+
+
+@pytest.mark.parametrize("window", [0.0, 0.01 * (BLOCKS - 1), 100.0, np.nan])
+def test_windows_that_do_not_fit_are_refused(window: float) -> None:
+    of = model("puma560_geared")
+    with pytest.raises(InputError, match=r"window: expected a time from 0\.16 s to the run's 1 s"):
+        persistent_excitation(of, exactly(swings(of), 1.0), window)
+
+
+def peaks(of: ReducedModel, reference: Sinusoids, period: float) -> tuple[Array, ...]:
+    p, v, a = reference(np.linspace(0.0, period, 5001))
+    return p.min(0), p.max(0), np.abs(v).max(0), np.abs(of.inverse_dynamics(p, v, a)).max(0)
+
+
+@pytest.fixture(scope="module")
+def found() -> ExcitingReference:
+    return exciting_reference(model("puma560_geared"), iterations=40, seed=1)
+
+
+def test_an_exciting_reference_is_better_conditioned_than_random_ones(found: ExcitingReference) -> None:
+    """Ten random ones of the same band within the same limits: at least twice better than the best of them."""
+    assert found.condition < 0.5 * found.random_conditions.min()
+    assert found.random_conditions.shape == (10,)
+    assert found.gain > 2.0
+
+
+def test_its_condition_is_that_of_the_stacked_regressor(found: ExcitingReference) -> None:
+    of = model("puma560_geared")
+    run = exactly(found.reference, 10.0)  # a whole period
+    rows = scaled_regressor(of, run.p, run.v, run.v, run.reference_a)
+    assert np.linalg.cond(rows.reshape(-1, rows.shape[-1])) == pytest.approx(found.condition, rel=1e-3)
+
+
+def test_it_stays_within_the_limits(found: ExcitingReference) -> None:
+    of = model("puma560_geared")
+    allowed, (low, high, speed, torque) = Limits.of(of, 0.8), peaks(of, found.reference, 10.0)
+    assert np.all(low >= allowed.lower - 2e-3)
+    assert np.all(high <= allowed.upper + 2e-3)
+    assert np.all(speed <= 1.001 * allowed.velocity)
+    assert np.all(torque <= 1.01 * allowed.torque)
+
+
+def test_torques_and_speeds_that_are_tight_are_kept() -> None:
+    of = model("puma560_geared")
+    own = Limits.of(of, 0.8)
+    tight = Limits(own.lower, own.upper, np.full(6, 1.0), np.array([8.0, 70.0, 25.0, 1.0, 1.0, 0.6]))
+    found = exciting_reference(of, limits=tight, iterations=3, seed=0)
+    _, _, speed, torque = peaks(of, found.reference, 10.0)
+    assert np.all(speed <= 1.01)
+    assert np.all(torque <= 1.01 * tight.torque)
+    assert found.torque_share <= 1.0
+
+
+def test_equal_seeds_find_equal_references_and_progress_is_told() -> None:
+    of, told = model("puma560_geared"), []
+    first, again, other = (exciting_reference(of, iterations=2, seed=seed, progress=told.append) for seed in (3, 3, 4))
+    np.testing.assert_array_equal(first.reference.amplitude, again.reference.amplitude)
+    assert first.condition == again.condition != other.condition
+    assert told[:2] == [0.5, 1.0]
+    assert first.complete
+
+
+def test_an_interruption_keeps_the_best_so_far() -> None:
+    of = model("puma560_geared")
+
+    def interrupt(share: float) -> None:
+        raise KeyboardInterrupt
+
+    found = exciting_reference(of, iterations=50, seed=1, progress=interrupt)
+    assert (found.complete, found.iterations) == (False, 1)
+    assert found.condition < found.random_conditions.min()
+
+
+def test_joints_without_limits_move_half_a_turn() -> None:
+    chain = random_chain(2, 3)
+    allowed = Limits.of(ReducedModel.full(chain), 1.0)
+    turning = [joint.kind.turns for joint in chain.primary_joints]
+    np.testing.assert_allclose(allowed.upper - allowed.lower, np.where(turning, 2.0 * np.pi, 2.0), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"frequency": 0.0}, "frequency: expected a positive one in Hz, got 0"),
+        ({"harmonics": 0}, "harmonics: expected a whole number of at least 1"),
+        ({"share": 1.5}, "share: expected a share of the limits above 0 and up to 1, got 1.5"),
+        ({"scale": [1.0, 2.0]}, r"scale: expected shape \(40,\), got \(2,\)"),
+    ],
+)
+def test_bad_settings_are_refused(settings: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        exciting_reference(model("puma560_geared"), **settings)  # type: ignore[arg-type]
+
+
+def test_an_arm_that_cannot_hold_itself_is_refused() -> None:
+    of = model("puma560_geared")
+    own = Limits.of(of, 0.8)
+    with pytest.raises(InputError, match="even at rest torques pass their limits"):
+        exciting_reference(of, limits=Limits(own.lower, own.upper, own.velocity, np.full(6, 1e-3)))
+
+
+def test_mechanisms_with_loops_can_be_excited() -> None:
+    of = model("semi_direct_drive")
+    middle = home(of.mechanism)
+    near = Limits(middle - 0.3, middle + 0.3, np.full(3, 3.0), np.full(3, 1e3))
+    found = exciting_reference(of, limits=near, harmonics=2, iterations=3)
+    assert found.condition < found.random_conditions.min()
+    low, high, _, _ = peaks(of, found.reference, 10.0)
+    assert np.all(np.abs([low - middle, high - middle]) <= 0.3 + 1e-3)
