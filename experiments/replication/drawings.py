@@ -19,7 +19,7 @@ from adaptctl.recording.palette import INK, MUTED, PAPER, Color, joint_color, ru
 PRINTED = run_color(1)
 BAND = (5.0, 95.0)
 """percentiles of the inner band; the outer one is all seeds"""
-LEAST = 1e-6
+LEAST = 1e-10
 """percent, or (N m)^2: what lies below is drawn at the lower edge"""
 
 

@@ -10,7 +10,7 @@ from adaptctl.experiments.replication.ensemble import Ensemble
 from adaptctl.experiments.replication.paper_rank import THRESHOLD, rank_claim
 from adaptctl.experiments.replication.printed import Number, printed
 from adaptctl.experiments.replication.study import Study
-from adaptctl.experiments.replication.torque_tables import checked_torque_errors, fewest_components
+from adaptctl.experiments.replication.torque_tables import checked_torque_errors, fewest_components, medians
 from adaptctl.experiments.replication.verdict import (
     Check,
     Claim,
@@ -118,6 +118,7 @@ def table3(study: Study) -> Item:
                 _geometric_mean(checks, ("35",)),
             ),
         ),
+        relations=(medians(draws.percent_errors, study.puma_torque_errors),),
         drawings=(drawings.torque_errors("table-3", table, study.puma_torque_errors),),
     )
 

@@ -12,7 +12,7 @@ from adaptctl.experiments.replication.paper_rank import paper_rank, rank_claim
 from adaptctl.experiments.replication.printed import BLANK, printed
 from adaptctl.experiments.replication.right_angles import QUARTERS, with_base_tilt
 from adaptctl.experiments.replication.study import Study
-from adaptctl.experiments.replication.torque_tables import checked_torque_errors, fewest_components
+from adaptctl.experiments.replication.torque_tables import checked_torque_errors, fewest_components, medians
 from adaptctl.experiments.replication.verdict import (
     Claim,
     Item,
@@ -105,6 +105,7 @@ def table10(study: Study) -> Item:
                 digits=2,
             ),
         ),
+        relations=(medians(near.percent_errors, study.nearly_parallel_torque_errors),),
         drawings=(drawings.torque_errors("table-10", table, study.nearly_parallel_torque_errors),),
     )
 

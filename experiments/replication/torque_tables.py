@@ -7,12 +7,14 @@ import numpy as np
 from adaptctl.experiments.replication.arms import Motion
 from adaptctl.experiments.replication.ensemble import Ensemble
 from adaptctl.experiments.replication.printed import Table, printed
-from adaptctl.experiments.replication.verdict import Check, Claim, Verdict, drawn, percent, vanishing
+from adaptctl.experiments.replication.verdict import Check, Claim, Relations, Verdict, drawn, percent, vanishing
 from adaptctl.mechanism.pose import Array
 
 ENERGY = "energy error [%]"
 ROUND_OFF = 1e-15
 """(N m)^2 or percent: what is left when every component is kept stays below"""
+COUNTS = (10, 20, 23, 25, 26, 30, 34, 35, 36)
+"""The numbers of components of Tables 3 and 10 together."""
 CLOSE = (0.05, 0.01, 0.001)
 """Root mean square torque errors, over the torque's own, that may be called very close; the first one judges."""
 
@@ -27,6 +29,15 @@ def checked_torque_errors(table: Table, percent: Array, errors: Array) -> tuple[
         whole = vanishing(row, column, text, float(np.median(values)), ROUND_OFF)
         checks.append(whole if s == last else drawn(row, column, text, values))
     return tuple(checks)
+
+
+def medians(percent: Array, errors: Array) -> Relations:
+    """Medians over the seeds at every number of components that either table has, as far as this arm has so many."""
+    lines = [f"{'components':>10}  {'energy [%]':>10}" + "".join(f"  joint{j + 1:<2}" for j in range(errors.shape[-1]))]
+    for s in (count for count in COUNTS if count < percent.shape[1]):
+        torque = "".join(f"  {value:.1E}" for value in np.median(errors[:, s], axis=0))
+        lines.append(f"{s:>10}  {np.median(percent[:, s]):>10.2g}{torque}")
+    return Relations("Medians over the seeds: energy errors, and mean square torque errors in (N·m)²", tuple(lines))
 
 
 def fewest_components(claim: str, printed_count: int, draws: Ensemble, errors: Array, motion: Motion) -> Claim:
