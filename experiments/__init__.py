@@ -49,6 +49,12 @@ EXPERIMENTS = (
         "TwoArms",
     ),
     Entry(
+        "adaptation-laws",
+        "Every adaptation law and every control law from one rough model of an arm, on a motion that excites it",
+        "adaptctl.experiments.adaptation_laws",
+        "AdaptationLaws",
+    ),
+    Entry(
         "adaptive",
         "The same for any arm: a built-in robot or a file of yours",
         "adaptctl.experiments.adaptive",

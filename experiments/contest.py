@@ -39,6 +39,7 @@ class Contender:
 class Outcome:
     """The runs of a contest; when it was interrupted, those that were begun."""
 
+    mechanism: Mechanism
     runs: tuple[Run, ...]
     complete: bool
 
@@ -66,7 +67,7 @@ def contest(
     begun = tuple(run for run in runs if len(run.rollout.time))
     if not begun:
         raise KeyboardInterrupt
-    return Outcome(begun, complete=len(begun) == len(contenders) and begun[-1].rollout.complete)
+    return Outcome(mechanism, begun, complete=len(begun) == len(contenders) and begun[-1].rollout.complete)
 
 
 def _run(

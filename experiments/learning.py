@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -13,12 +13,15 @@ from adaptctl.control import ComputedTorque, Gains, SlotineLi, mapped_gain
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.experiments.contest import Contender, Outcome, contest
 from adaptctl.experiments.experiment import ClosedLoop, Progress, setting, settings, text
+from adaptctl.experiments.rough_model import scaled_links
 from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
 from adaptctl.mechanism.pose import Array
 from adaptctl.recording import Comparison, Finding, Setting
 
 if TYPE_CHECKING:
     import gymnasium
+
+    from adaptctl.recording.drawing import Drawing
 
 ADAPTIVE, ADAPTATION_OFF = "adaptive", "adaptation-off"
 MAPPED, FULL = "adaptive-mapped", "adaptive-full"
@@ -47,6 +50,8 @@ class Learning(ClosedLoop):
     parameter_error: float = setting(
         0.3, "the wrong model has each link's parameters off by this share, up or down by seed", low=0.0, high=1.0
     )
+
+    first_estimate: ClassVar[str] = "0"
 
     @property
     @abstractmethod
@@ -98,10 +103,19 @@ class Learning(ClosedLoop):
             settings=tuple(self._settings(mechanism, env)),
             seed=self.seed,
             duration=self.duration,
-            findings=tuple(findings(outcome)),
+            findings=tuple(self.findings(outcome, basis)),
             complete=outcome.complete,
             without_adaptation=ADAPTATION_OFF,
+            more_drawings=tuple(self.drawings(outcome, basis)),
         )
+
+    def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
+        """What is measured besides the runs."""
+        return one_controller(outcome)
+
+    def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
+        """Figures besides those of every comparison."""
+        return iter(())
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
         """Who drives, in order; the first is the subject."""
@@ -126,7 +140,7 @@ class Learning(ClosedLoop):
                 "computed-torque-wrong",
                 f"Computed torque, model {wrong}",
                 f"links {wrong}",
-                computed_torque(self._wrong(mechanism)),
+                computed_torque(scaled_links(mechanism, self.parameter_error, self.seed)),
             ),
             Contender("computed-torque-none", "Computed torque, no model", "nothing", computed_torque(0.0 * true)),
             Contender(FULL, f"Slotine-Li, all {everything} parameters", "nothing", slotine_li(full, full_gain)),
@@ -138,19 +152,12 @@ class Learning(ClosedLoop):
             ),
         ]
 
-    def _wrong(self, mechanism: Mechanism) -> Array:
-        """Every link's ten scaled up or down, which keeps a rigid body a rigid body; drives are as they are."""
-        signs = np.random.default_rng(self.seed).choice([-1.0, 1.0], len(mechanism.links))
-        scales = np.ones(len(mechanism.parameter_names))
-        scales[: 10 * len(mechanism.links)] = np.repeat(1.0 + self.parameter_error * signs, 10)
-        return scales * mechanism.inertial_parameters
-
     def _settings(self, mechanism: Mechanism, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
         gains = self.gains(mechanism)
         yield Setting("Λ", numbers(gains.bandwidth), "bandwidth of the tracking loop, 1/s, a joint each")
         yield Setting("K", numbers(gains.damping), "damping, N·m·s (N·s/m), a joint each")
         yield Setting("Γ", self.adaptation_setting(mechanism), "adaptation gain: rate × (prior range)²")
-        yield Setting("first estimate", "0", "of every parameter")
+        yield Setting("first estimate", self.first_estimate, "of every parameter")
         yield from self.reference_settings(env)
         for entry in settings(self):
             name = entry.name.replace("_", "-")
@@ -162,7 +169,7 @@ def numbers(values: Array) -> str:
     return ", ".join(f"{value:.4g}" for value in values)
 
 
-def findings(outcome: Outcome) -> Iterator[Finding]:
+def one_controller(outcome: Outcome) -> Iterator[Finding]:
     """Whether reduced and full adaptation are one controller."""
     runs = {run.name: run for run in outcome.runs}
     if MAPPED not in runs or FULL not in runs:

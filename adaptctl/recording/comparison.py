@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +15,9 @@ from adaptctl.errors import InputError
 from adaptctl.identifiability import EssentialSpace, FundamentalBasis, ReducedModel
 from adaptctl.mechanism.pose import Array
 from adaptctl.simulation.rollout import Rollout
+
+if TYPE_CHECKING:
+    from adaptctl.recording.drawing import Drawing
 
 SETTLED = 2.0
 """s at the end of a run over which its final error is taken."""
@@ -132,6 +136,8 @@ class Comparison:
     """False when it was interrupted: what was computed is kept."""
     without_adaptation: str = "adaptation-off"
     """the name of the run with the subject's gains and adaptation off"""
+    more_drawings: tuple[Drawing, ...] = ()
+    """figures besides those of every comparison, put after the tracking errors"""
 
     def __post_init__(self) -> None:
         if not self.runs or len(self.runs[0].rollout.time) == 0:

@@ -39,6 +39,7 @@ def drawings(comparison: Comparison) -> Iterator[Drawing]:
         "(logarithmic scale).",
         partial(tracking_error, comparison),
     )
+    yield from comparison.more_drawings
     yield Drawing(
         "joint-errors",
         f"Every joint's tracking error in {unit}: learning above, the same controller with adaptation off below.",
@@ -55,7 +56,7 @@ def drawings(comparison: Comparison) -> Iterator[Drawing]:
     if comparison.subject.rollout.estimate.shape[1]:
         yield Drawing(
             "parameters",
-            "Estimates of the fundamental parameters from zero (lines), and their true values (dashed). "
+            "Estimates of the fundamental parameters (lines), and their true values (dashed). "
             "Each has its own scale; units are kg, kg·m and kg·m².",
             partial(parameters, comparison),
         )

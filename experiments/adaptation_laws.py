@@ -1,0 +1,290 @@
+"""Every adaptation law, and every control law, on one scenario: an arm known roughly, a motion that excites it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from adaptctl.control import (
+    AdaptationLaw,
+    AdaptiveComputedTorque,
+    BoundedGainForgetting,
+    Composite,
+    ComputedTorque,
+    Controller,
+    DeadZone,
+    EModification,
+    Gains,
+    Gradient,
+    Natural,
+    PassivityIntegral,
+    PDGravity,
+    Projection,
+    SigmaModification,
+    Sinusoids,
+    SlotineLi,
+)
+from adaptctl.control.controller import leaves
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError, NotFoundError
+from adaptctl.experiments.contest import Contender, Outcome
+from adaptctl.experiments.experiment import setting
+from adaptctl.experiments.learning import ADAPTATION_OFF, Learning, numbers
+from adaptctl.experiments.parameter_errors import SAMPLES, ParameterErrors, parameter_errors
+from adaptctl.experiments.rough_model import deviations, scaled_links
+from adaptctl.identifiability import FundamentalBasis, ReducedModel
+from adaptctl.mechanism.pose import Array
+from adaptctl.recording import Finding, Run, Setting
+
+if TYPE_CHECKING:
+    import gymnasium
+
+    from adaptctl.recording.drawing import Drawing
+
+CENTER = (0.0, -0.6, 0.8, 0.0, 0.5, 0.0)
+"""rad: a posture of a PUMA with its elbow bent"""
+FREQUENCIES = (0.15, 0.3, 0.55, 0.85, 1.2)
+"""Hz, each drawn 20 % up or down for every joint, its amplitude as 1/sqrt(frequency)"""
+BOUNDS = 4.0
+"""deviations of the rough model to which `Projection` keeps"""
+FLOAT_TICKS = 20
+LAWS = (
+    "composite",
+    "gradient",
+    "sigma-modification",
+    "e-modification",
+    "dead-zone",
+    "projection",
+    "bounded-gain-forgetting",
+    "natural",
+    "adaptive-computed-torque",
+    "passivity-integral",
+    "computed-torque",
+    "pd-gravity",
+)
+EULER = "gradient-euler"
+"""Not among the default laws: it is what the trapezium is better than."""
+
+
+@dataclass(frozen=True)
+class AdaptationLaws(Learning):
+    """All laws from one rough model, on one reference and one seed.
+
+    Slotine and Li's control law with every adaptation law in turn; then the other control laws, those that
+    adapt with the gradient.
+    """
+
+    name: ClassVar[str] = "adaptation-laws"
+    title: ClassVar[str] = "{robot}: adaptation laws and control laws side by side"
+    first_estimate: ClassVar[str] = "a rough model: every link off by --parameter-error, up or down by seed"
+
+    laws: tuple[str, ...] = setting(LAWS, f"which laws run, the subject first; {EULER} is another")
+    robot: str = setting("puma560_geared", "a built-in robot or a file whose links rigid bodies are")
+    rate: float = setting(
+        5.0, "adaptation rate: the gain is it times the square of each parameter's deviation", low=1e-6, high=1e6
+    )
+    initial_error: float = setting(0.0, "initial error of every joint, rad or m", low=-1.0, high=1.0)
+    parameter_error: float = setting(
+        0.5, "the rough model has each link's parameters off by this share, up or down by seed", low=0.01, high=0.9
+    )
+    ratio: float = setting(
+        2.0, "damping over bandwidth times each joint's typical inertia", symbol="K", low=0.1, high=100.0
+    )
+    amplitude: float = setting(0.25, "of each joint's term at 0.2 Hz, rad", low=0.0, high=2.0)
+    leakage: float = setting(0.05, "sigma-modification's leak to the rough model, 1/s", symbol="σ", low=1e-6, high=10.0)
+    sliding_leakage: float = setting(0.5, "e-modification's, 1/rad", symbol="ν", low=1e-6, high=100.0)
+    dead_zone: float = setting(0.02, "width of the dead zone of s, rad/s", low=1e-6, high=10.0)
+    prediction: float = setting(
+        1000.0,
+        "weight of torque prediction errors in parts of the torque limits, N m/s",
+        symbol="R",
+        low=1e-6,
+        high=1e9,
+    )
+    cutoff: float = setting(20.0, "of the torque filter, 1/s", low=0.1, high=1000.0)
+    forgetting: float = setting(0.5, "of least squares, 1/s", low=0.0, high=100.0)
+    velocity_noise: float = setting(0.0, "deviation of what is measured of velocities, rad/s", low=0.0, high=1.0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in self.laws:
+            if name not in (*LAWS, EULER):
+                raise NotFoundError(f"laws: unknown law {name!r}; laws: {', '.join((*LAWS, EULER))}")
+        if len(set(self.laws)) < len(self.laws):
+            raise InputError(f"laws: expected each at most once, got {', '.join(self.laws)}")
+
+    @property
+    def purpose(self) -> str:
+        """What is asked."""
+        return (
+            "An arm whose links are known within "
+            f"{100 * self.parameter_error:.0f} % follows sums of sinusoids that excite it. Slotine and Li's control "
+            "law is run with each adaptation law, from the same rough model and with the same gain, and each other "
+            "control law with gradient adaptation where it adapts. The parameter error is weighed by the torque "
+            "that each parameter makes along the motion, in shares of the torque of all."
+        )
+
+    def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
+        """The tracking environment on sums of sinusoids."""
+        import gymnasium
+
+        from adaptctl.simulation.effects import Encoder
+
+        effects = (Encoder(velocity_noise=self.velocity_noise),) if self.velocity_noise else ()
+        return gymnasium.make(
+            "adaptctl.envs:adaptctl/Tracking-v0",
+            robot=mechanism,
+            reference=self.reference(mechanism),
+            duration=self.duration,
+            control_period=self.control_period,
+            initial_error=self.initial_error,
+            effects=effects,
+        )
+
+    def reference(self, mechanism: Mechanism) -> Sinusoids:
+        """Five sinusoids a joint, phases and exact frequencies by seed."""
+        if mechanism.description.loops is not None or mechanism.dof > len(CENTER):
+            raise InputError(f"robot: {mechanism.name}: this experiment is for arms of up to 6 joints without loops")
+        rng, shape = np.random.default_rng(self.seed), (len(FREQUENCIES), mechanism.dof)
+        frequency = np.array(FREQUENCIES)[:, None] * rng.uniform(0.8, 1.25, shape)
+        phase = rng.uniform(-np.pi, np.pi, shape)
+        return Sinusoids(np.array(CENTER[: mechanism.dof]), self.amplitude / np.sqrt(frequency / 0.2), frequency, phase)
+
+    def gains(self, mechanism: Mechanism) -> Gains:
+        """Lambda as set, K from typical inertia."""
+        return Gains.from_bandwidth(mechanism, self.bandwidth, self.ratio)
+
+    def adaptation(self, model: ReducedModel) -> Array:
+        """Gamma from how far off the rough model may be."""
+        return self.rate * self._deviations(model) ** 2
+
+    def adaptation_setting(self, mechanism: Mechanism) -> str:
+        """Gamma in words."""
+        return f"{self.rate:g} × (deviation)², {100 * self.parameter_error:.0f} % of each link's and drive's size"
+
+    def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
+        """The frequencies; phases follow from the seed."""
+        yield Setting("reference", "five sinusoids a joint, phases by seed", "faded in from rest over 2 s")
+        yield Setting("reference frequencies", numbers(np.array(FREQUENCIES)), "Hz, ±20 % by joint and seed")
+
+    def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
+        """Who drives, in order; the first is the subject."""
+        model, full = ReducedModel(mechanism, basis), ReducedModel.full(mechanism)
+        gains, rough = self.gains(mechanism), self._rough(mechanism)
+        knows = f"links within {100 * self.parameter_error:.0f} %"
+
+        def slotine_li(law: AdaptationLaw[Any] | None, on: ReducedModel = model) -> SlotineLi:
+            first = on.regrouping @ rough
+            return SlotineLi(on, gains.bandwidth, gains.damping, law, first, self.control_period)
+
+        adaptation, control = self._laws(model, rough), self._control_laws(model, gains, model.regrouping @ rough)
+
+        def contender(name: str) -> Contender:
+            if name == "natural":
+                natural = Natural(self.rate * self.parameter_error**2)
+                return Contender(name, "Natural, full parameters", knows, slotine_li(natural, full))
+            if name in adaptation:
+                label, law = adaptation[name]
+                return Contender(name, label, knows, slotine_li(law))
+            return Contender(name, control[name][0], knows, control[name][1])
+
+        off = Contender(ADAPTATION_OFF, "Adaptation off", knows, slotine_li(None))
+        return [*map(contender, self.laws), off]
+
+    def _laws(self, model: ReducedModel, rough: Array) -> dict[str, tuple[str, AdaptationLaw[Any]]]:
+        """Adaptation laws on the reduced model, by name, with what to call them."""
+        gain, first = self.adaptation(model), model.regrouping @ rough
+        weight = self.prediction / self._limits(model.mechanism) ** 2
+        reach = BOUNDS * self._deviations(model)
+        return {
+            "composite": ("Composite", Composite(gain, weight, self.cutoff)),
+            "gradient": ("Gradient", Gradient(gain)),
+            EULER: ("Gradient, Euler", Gradient(gain, euler=True)),
+            "sigma-modification": ("σ-modification", SigmaModification(gain, self.leakage, first)),
+            "e-modification": ("e-modification", EModification(gain, self.sliding_leakage, first)),
+            "dead-zone": ("Dead zone", DeadZone(gain, np.full(model.mechanism.dof, self.dead_zone))),
+            "projection": ("Projection", Projection(Gradient(gain), first - reach, first + reach)),
+            "bounded-gain-forgetting": (
+                "Least squares, forgetting",
+                BoundedGainForgetting(gain, weight, self.cutoff, self.forgetting),
+            ),
+        }
+
+    def _control_laws(self, model: ReducedModel, gains: Gains, first: Array) -> dict[str, tuple[str, Controller[Any]]]:
+        """The other control laws, by name, with what to call them."""
+        gain, period = self.adaptation(model), self.control_period
+        stiffness = gains.bandwidth * gains.damping
+        return {
+            "adaptive-computed-torque": (
+                "Adaptive computed torque",
+                AdaptiveComputedTorque(model, gains.bandwidth, first, gain, period=period),
+            ),
+            "passivity-integral": (
+                "Integral action, gradient",
+                PassivityIntegral(model, gains.bandwidth, gains.damping, gain, first, period),
+            ),
+            "computed-torque": (
+                "Computed torque, rough model",
+                ComputedTorque.on(model, gains.bandwidth, parameters=first),
+            ),
+            "pd-gravity": ("PD with rough gravity", PDGravity.on(model, stiffness, gains.damping, first)),
+        }
+
+    def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
+        """Each law's parameter error at the end, and what its tick costs in Python."""
+        errors = self._errors(outcome, basis)
+        contenders = {c.name: c for c in self.contenders(errors.model.mechanism, basis)}
+        for run in outcome.runs:
+            if (over_time := errors.of(run)) is not None:
+                meaning = f"{run.label}: parameter error at the end, of {over_time[0]:.3g} at the start"
+                yield Finding(f"parameter_error.{run.name}", float(over_time[-1]), "1", meaning)
+        for run in outcome.runs:
+            cost = float_tick(contenders[run.name].controller, run)
+            yield Finding(f"tick_floats.{run.name}", 1e6 * cost, "us", f"{run.label}: a tick on Python floats")
+
+    def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
+        """The parameter errors over time."""
+        from adaptctl.recording.drawing import Drawing
+
+        errors = self._errors(outcome, basis)
+        curves = [(i, run, errors.of(run)) for i, run in enumerate(outcome.runs)]
+        drawn = [(i, run, values) for i, run, values in curves if values is not None]
+        yield Drawing(
+            "parameter-error",
+            "Parameter errors, weighed by the torque that each parameter makes along the motion, in shares of the "
+            "torque of all, one line a law that adapts.",
+            partial(parameter_errors, drawn),
+        )
+
+    def _errors(self, outcome: Outcome, basis: FundamentalBasis) -> ParameterErrors:
+        mechanism = outcome.mechanism
+        points = self.reference(mechanism)(np.linspace(0.0, self.duration, SAMPLES))
+        return ParameterErrors.along(ReducedModel(mechanism, basis), points.p, points.v, points.a)
+
+    def _rough(self, mechanism: Mechanism) -> Array:
+        return scaled_links(mechanism, self.parameter_error, self.seed)
+
+    def _deviations(self, model: ReducedModel) -> Array:
+        return deviations(model, self._rough(model.mechanism), self.parameter_error)
+
+    def _limits(self, mechanism: Mechanism) -> Array:
+        from adaptctl.envs.torque_limits import finite_torque_limits
+
+        return finite_torque_limits(mechanism)
+
+
+def float_tick(controller: Controller[Any], run: Run) -> float:
+    """The median time (s) of a tick on Python's floats."""
+    o = run.rollout
+    kept = leaves(controller.init(o.p[0], o.v[0]))
+    costs = []
+    for k in np.linspace(0, len(o.time) - 1, FLOAT_TICKS).astype(int):
+        started = time.perf_counter()
+        controller._on_floats(o.p[k], o.v[k], o.reference_p[k], o.reference_v[k], o.reference_a[k], *kept)
+        costs.append(time.perf_counter() - started)
+    return float(np.median(costs))

@@ -1,0 +1,36 @@
+"""A rough model of an arm, and how far off it may be: what a law may start from."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.dynamics import Mechanism
+from adaptctl.identifiability import ReducedModel
+from adaptctl.mechanism.inertia import pseudo_inertia
+from adaptctl.mechanism.pose import Array
+
+
+def scaled_links(mechanism: Mechanism, share: float, seed: int) -> Array:
+    """The parameters (P,) with every link's ten up or down by a share, by seed: a rigid body stays one, and
+    drives stay as they are."""
+    bodies = len(mechanism.description.bodies)
+    signs = np.random.default_rng(seed).choice([-1.0, 1.0], bodies)
+    scales = np.ones(len(mechanism.parameter_names))
+    scales[: 10 * bodies] = np.repeat(1.0 + share * signs, 10)
+    return scales * mechanism.inertial_parameters
+
+
+def deviations(model: ReducedModel, parameters: ArrayLike, share: float) -> Array:
+    """How far off each parameter (k,) of a model may be, when links and drives (P,) may be by a share.
+
+    A link of mass m and second moments I = tr Sigma about its frame has first moments of at most sqrt(m I) and
+    inertias of at most I. What is regrouped adds as independent deviations do.
+    """
+    values, bodies = np.asarray(parameters, dtype=np.float64), len(model.mechanism.description.bodies)
+    sizes = np.abs(values)
+    for i in range(0, 10 * bodies, 10):
+        matrix = pseudo_inertia(values[i : i + 10])
+        mass, second = float(matrix[3, 3]), float(np.trace(matrix[:3, :3]))
+        sizes[i : i + 10] = [mass, *[np.sqrt(mass * second)] * 3, *[second] * 6]
+    return share * np.sqrt(model.regrouping**2 @ sizes**2)

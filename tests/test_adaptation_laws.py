@@ -1,0 +1,86 @@
+"""The experiment that sets laws side by side: equal conditions, parameter errors, costs."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from adaptctl.cli.main import main
+from adaptctl.dynamics import load
+from adaptctl.errors import InputError, NotFoundError
+from adaptctl.experiments.adaptation_laws import LAWS, AdaptationLaws
+from adaptctl.experiments.rough_model import deviations, scaled_links
+from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
+from adaptctl.mechanism.inertia import is_physically_consistent
+
+COMMAND = ("experiment", "run", "adaptation-laws")
+CHOSEN = ("composite", "gradient", "gradient-euler", "dead-zone", "natural", "pd-gravity")
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("runs") / "laws"
+
+
+@pytest.fixture(scope="module")
+def said(out: Path) -> dict[str, Any]:
+    """The summary of the first 3 s, some of the laws."""
+    laws = [argument for law in CHOSEN for argument in ("--laws", law)]
+    assert main([*COMMAND, "--out", str(out), "--duration", "3", *laws]) == 0
+    return json.loads((out / "summary.json").read_text())
+
+
+def test_every_law_that_adapts_learns(said: dict[str, Any]) -> None:
+    assert tuple(said["runs"]) == (*CHOSEN, "adaptation-off")
+    errors = {name: said["findings"][f"parameter_error.{name}"]["value"] for name in (*CHOSEN[:-1], "adaptation-off")}
+    assert all(errors[name] < 0.6 * errors["adaptation-off"] for name in CHOSEN[:-1])
+    final = {name: run["final_rms_error"] for name, run in said["runs"].items()}
+    assert all(final[name] < 0.4 * final["adaptation-off"] for name in CHOSEN[:-1])
+    assert final["pd-gravity"] > final["adaptation-off"]
+
+
+def test_composite_is_nearer_to_the_truth_than_the_gradient_alone(said: dict[str, Any]) -> None:
+    errors = {name: said["findings"][f"parameter_error.{name}"]["value"] for name in ("composite", "gradient")}
+    assert errors["composite"] < errors["gradient"]
+
+
+def test_each_tick_has_its_price(said: dict[str, Any]) -> None:
+    ticks = {name: run["tick"] for name, run in said["runs"].items()}
+    assert ticks["adaptation-off"]["flops"] < ticks["gradient"]["flops"] < ticks["composite"]["flops"]
+    for name, tick in ticks.items():
+        assert 0.0 < tick["native"] < 1e-6 * said["findings"][f"tick_floats.{name}"]["value"]
+
+
+def test_the_trapezium_lets_v_rise_less_than_euler(said: dict[str, Any]) -> None:
+    rises = {name: said["runs"][name]["lyapunov_max_increase"] for name in ("gradient", "gradient-euler")}
+    assert rises["gradient"] < rises["gradient-euler"]
+
+
+def test_parameter_errors_are_drawn(out: Path, said: dict[str, Any]) -> None:
+    assert (out / "figures" / "parameter-error.png").stat().st_size > 10_000
+    assert "parameter error at the end" in (out / "report.html").read_text()
+
+
+def test_a_rough_model_is_rigid_bodies_within_its_deviations() -> None:
+    arm = load("puma560_geared")
+    rough = scaled_links(arm, 0.5, seed=1)
+    assert all(is_physically_consistent(ten) for ten in rough[:60].reshape(6, 10))
+    np.testing.assert_array_equal(rough[60:], arm.inertial_parameters[60:])
+    np.testing.assert_allclose(np.abs(rough[:60:10] / arm.inertial_parameters[:60:10] - 1.0), 0.5)
+    full, model = ReducedModel.full(arm), ReducedModel(arm, fundamental_basis(essential_space(arm)))
+    assert np.all(deviations(full, arm.inertial_parameters, 0.5) >= 0.999 * np.abs(rough - arm.inertial_parameters))
+    assert deviations(model, rough, 0.5).shape == (len(model.columns),)
+    np.testing.assert_allclose(deviations(model, rough, 0.25), 0.5 * deviations(model, rough, 0.5))
+
+
+def test_laws_that_do_not_exist_or_come_twice_are_refused() -> None:
+    with pytest.raises(NotFoundError, match="unknown law 'gradients'; laws: composite, gradient"):
+        AdaptationLaws(laws=("gradients",))
+    with pytest.raises(InputError, match="each at most once"):
+        AdaptationLaws(laws=(LAWS[0], LAWS[0]))
+    with pytest.raises(InputError, match="without loops"):
+        AdaptationLaws().reference(load("semi_direct_drive"))
