@@ -16,6 +16,7 @@ from adaptctl.dynamics.constraint import Closing
 from adaptctl.dynamics.continuation import Continuation
 from adaptctl.dynamics.equations import TreeEquations
 from adaptctl.dynamics.loop_equations import LoopEquations
+from adaptctl.dynamics.related_equations import RelatedEquations
 from adaptctl.dynamics.segment import segments
 from adaptctl.errors import InputError, LoopError
 from adaptctl.mechanism import Description, Joint, Link
@@ -26,7 +27,7 @@ from adaptctl.scalars import Column
 if TYPE_CHECKING:
     import pinocchio
 
-Equations: TypeAlias = TreeEquations | LoopEquations
+Equations: TypeAlias = TreeEquations | LoopEquations | RelatedEquations
 
 
 class Mechanism:
@@ -96,6 +97,16 @@ class Mechanism:
     def inertial_parameters(self) -> Array:
         """The P inertial parameters D, read-only."""
         return self.description.inertial_parameters
+
+    @property
+    def energetic(self) -> int:
+        """How many of the parameters enter the energy: all but friction, which comes last."""
+        return self.description.energetic
+
+    @property
+    def geometry_sha256(self) -> str:
+        """A hash of what decides which parameters matter; inertial values do not count."""
+        return self.description.geometry_sha256
 
     @property
     def effort_limits(self) -> Array:

@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 
 from adaptctl.dynamics.equations import TreeEquations
 from adaptctl.dynamics.loop_equations import LoopEquations
+from adaptctl.dynamics.related_equations import RelatedEquations
+from adaptctl.errors import InputError
 from adaptctl.scalars import ZERO, Column, Dual
 
 
@@ -21,12 +23,15 @@ class MomentumTerms(NamedTuple):
 
 
 def momentum_terms(
-    equations: TreeEquations | LoopEquations, q: Column, v: Column, columns: Sequence[int]
+    equations: TreeEquations | LoopEquations | RelatedEquations, q: Column, v: Column, columns: Sequence[int]
 ) -> MomentumTerms:
     """The momenta's regressor and what changes them besides the torque, at configuration q (n,), velocities v (r,).
 
-    C'v = M' v - C v for the Christoffel C (M' = C + C'), and dual numbers along the motion give M' v.
+    C'v = M' v - C v for the Christoffel C (M' = C + C'), and dual numbers along the motion give M' v. Raises
+    `InputError` for equations with known parameters other than zero: the regressors would leave out their share.
     """
+    if isinstance(equations, RelatedEquations) and any(equations.known):
+        raise InputError("learning from filtered torques needs relations without known values other than zero")
     still = Column.zeros(equations.dof)
     moving = Column(map(Dual, q, equations.rates(q, v)))
     rows = weightless(equations).torque_regressor(moving, still, still, v, columns)
@@ -36,8 +41,16 @@ def momentum_terms(
     return MomentumTerms(momentum, [c - b for c, b in zip(change, bias, strict=True)])
 
 
-def weightless(equations: TreeEquations | LoopEquations) -> TreeEquations | LoopEquations:
+def weightless(
+    equations: TreeEquations | LoopEquations | RelatedEquations,
+) -> TreeEquations | LoopEquations | RelatedEquations:
     """The same equations without gravity."""
+    if isinstance(equations, RelatedEquations):
+        return replace(equations, whole=_weightless(equations.whole))
+    return _weightless(equations)
+
+
+def _weightless(equations: TreeEquations | LoopEquations) -> TreeEquations | LoopEquations:
     if isinstance(equations, LoopEquations):
         return replace(equations, tree=replace(equations.tree, gravity=ZERO))
     return replace(equations, gravity=ZERO)

@@ -2,6 +2,8 @@
 
 from adaptctl.identifiability.certificate import Certificate, Leftover
 from adaptctl.identifiability.consistency import Lift, nearest_consistent
+from adaptctl.identifiability.constrained import constrained
+from adaptctl.identifiability.constraints import Constraints, Relation
 from adaptctl.identifiability.essential_space import EssentialSpace, essential_space
 from adaptctl.identifiability.fundamental_basis import FundamentalBasis, fundamental_basis
 from adaptctl.identifiability.priority import Priority
@@ -12,6 +14,7 @@ from adaptctl.identifiability.sampling import States, random_states, states_with
 
 __all__ = [
     "Certificate",
+    "Constraints",
     "EssentialSpace",
     "FundamentalBasis",
     "Leftover",
@@ -20,7 +23,9 @@ __all__ = [
     "Priority",
     "ReducedModel",
     "Reduction",
+    "Relation",
     "States",
+    "constrained",
     "essential_space",
     "fundamental_basis",
     "nearest_consistent",

@@ -126,7 +126,7 @@ def _space(
     return EssentialSpace(
         mechanism_name=mechanism.name,
         sha256=mechanism.description.sha256,
-        geometry_sha256=mechanism.description.geometry_sha256,
+        geometry_sha256=mechanism.geometry_sha256,
         parameter_names=energetic_names(mechanism),
         rank=certificate.rank,
         singular_values=singular_values(H),

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.related_mechanism import RelatedMechanism
 from adaptctl.errors import InputError
 from adaptctl.identifiability.fundamental_basis import FundamentalBasis
 from adaptctl.mechanism.pose import Array, frozen_array
@@ -28,7 +29,7 @@ class ReducedModel:
     def __post_init__(self) -> None:
         if self.basis is None:
             return
-        geometry = self.mechanism.description.geometry_sha256
+        geometry = self.mechanism.geometry_sha256
         if self.basis.geometry_sha256 != geometry:
             raise InputError(
                 f"the basis was found for {self.basis.mechanism_name!r}, whose geometry, gravity or link names are "
@@ -46,7 +47,7 @@ class ReducedModel:
         everything = range(len(self.mechanism.parameter_names))
         if self.basis is None:
             return tuple(everything)
-        return (*self.basis.columns, *everything[self.mechanism.description.energetic :])
+        return (*self.basis.columns, *everything[self.mechanism.energetic :])
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -56,7 +57,7 @@ class ReducedModel:
     @cached_property
     def regrouping(self) -> Array:
         """K (k, P): beta = K D."""
-        P, energetic = len(self.mechanism.parameter_names), self.mechanism.description.energetic
+        P, energetic = len(self.mechanism.parameter_names), self.mechanism.energetic
         K = np.eye(P)[list(self.columns)]
         if self.basis is not None:
             K[: len(self.basis.columns), :energetic] = self.basis.regrouping
@@ -80,7 +81,9 @@ class ReducedModel:
     def inverse_dynamics(self, p: ArrayLike, v: ArrayLike, a: ArrayLike, beta: ArrayLike | None = None) -> Array:
         """Torque (..., r) that gives the accelerations a, with parameters beta (..., k), the true ones by default."""
         values = self.fundamental_parameters if beta is None else self._checked(beta)
-        return np.einsum("...ij,...j->...i", self.torque_regressor(p, v, a), values)
+        torque = np.einsum("...ij,...j->...i", self.torque_regressor(p, v, a), values)
+        known = self.mechanism.known_torque(p, v, a) if isinstance(self.mechanism, RelatedMechanism) else 0.0
+        return np.asarray(torque + known)
 
     def embed(self, beta: ArrayLike) -> Array:
         """D_I = F1 beta (..., P): beta at the kept columns, zeros elsewhere, with the same torques."""

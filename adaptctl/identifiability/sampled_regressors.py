@@ -16,12 +16,12 @@ from adaptctl.mechanism.pose import Array
 
 def energetic_names(mechanism: Mechanism) -> tuple[str, ...]:
     """Names of the P parameters that enter the energy: all but friction, which energies can never find."""
-    return mechanism.parameter_names[: mechanism.description.energetic]
+    return mechanism.parameter_names[: mechanism.energetic]
 
 
 def energies(mechanism: Mechanism, states: States) -> Array:
     """Kinetic plus potential energies (samples, P) per unit of each parameter, in J."""
-    return mechanism.energy_regressor(states.p, states.v)[..., : mechanism.description.energetic]
+    return mechanism.energy_regressor(states.p, states.v)[..., : mechanism.energetic]
 
 
 def energy_differences(mechanism: Mechanism, states: States) -> Array:
@@ -35,7 +35,7 @@ def energy_differences(mechanism: Mechanism, states: States) -> Array:
 
 def torque_rows(mechanism: Mechanism, generator: np.random.Generator) -> Array:
     """Torque regressors (at least 2 P, P) at random states, one above the other, in N m: forces times L."""
-    columns = range(mechanism.description.energetic)
+    columns = range(mechanism.energetic)
     samples = max(2, -(-2 * len(columns) // mechanism.dof))
     states = random_states(mechanism, samples, generator)
     a = random_accelerations(mechanism, samples, generator)

@@ -16,13 +16,18 @@ SMALLEST_NORM = 1e-3
 """Of the largest: the floor under column norms. Without it, columns of mere round-off are blown up."""
 
 
+def length_scales(parameter_names: Sequence[str], length: float) -> Array:
+    """(P,): 1, L, L^2 for mass, first moment and inertia."""
+    powers = np.array([LENGTH_POWERS[name.rsplit(".", 1)[-1]] for name in parameter_names], dtype=np.float64)
+    return np.asarray(length**powers)
+
+
 def column_scales(regressor: Array, parameter_names: Sequence[str], length: float) -> Array:
     """Factors (P,) by which columns of `regressor` (rows, P) are multiplied before its rank is decided.
 
     Columns by (1, L, L^2) for mass, first moment and inertia, then by one over max(norm, floor). Energies must
     be given before differencing: a column that is constant then keeps its size, and its round-off stays small.
     """
-    powers = np.array([LENGTH_POWERS[name.rsplit(".", 1)[-1]] for name in parameter_names], dtype=np.float64)
-    sizes = length**powers
+    sizes = length_scales(parameter_names, length)
     norms = np.linalg.norm(regressor * sizes, axis=0)
     return sizes / np.maximum(norms, SMALLEST_NORM * norms.max())

@@ -1,0 +1,133 @@
+"""Equations on fewer parameters, where relations among them are known: D = D0 + N z."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from adaptctl.dynamics.equations import TreeEquations
+from adaptctl.dynamics.loop_equations import LoopEquations
+from adaptctl.dynamics.newton_euler import AdaptiveTick
+from adaptctl.dynamics.segment import Segment
+from adaptctl.scalars import Column, Scalar
+
+
+@dataclass(frozen=True)
+class RelatedEquations:
+    """The equations of a mechanism in the parameters z that are left; parameter columns have their length.
+
+    Regressors are those of z alone, N' times the whole ones; torques and accelerations include what is known,
+    D0. Columns of N that are all zero but for a one cost nothing: the same parameter is then simply kept.
+    """
+
+    whole: TreeEquations | LoopEquations
+    spread: tuple[tuple[tuple[int, float], ...], ...]
+    """for every z, the parameters it enters and its weight there: N by columns"""
+    known: tuple[float, ...]
+    """D0"""
+
+    @property
+    def dof(self) -> int:
+        """Number of primary joints r."""
+        return self.whole.dof
+
+    @property
+    def joints(self) -> int:
+        """Number of tree joints n."""
+        return self.whole.joints
+
+    @property
+    def links(self) -> tuple[Segment, ...]:
+        """The tree's links."""
+        return self.whole.links
+
+    @property
+    def parameters(self) -> int:
+        """Number of parameters that are left."""
+        return len(self.spread)
+
+    def closed(self, p: Column, guess: Column) -> Column:
+        """q = U(p), from a nearby configuration."""
+        return self.whole.closed(p, guess)
+
+    def projected(self, q: Column) -> Column:
+        """One Newton step of the dependent joints."""
+        return self.whole.projected(q)
+
+    def rates(self, q: Column, v: Column) -> Column:
+        """How the configuration moves."""
+        return self.whole.rates(q, v)
+
+    def energy_regressor(self, q: Column, v: Column) -> Column:
+        """E N: the energy of what is left, per unit of each."""
+        return self._gathered(self.whole.energy_regressor(q, v).of)
+
+    def potential_regressor(self, q: Column) -> Column:
+        """The potential part of it."""
+        return self._gathered(self.whole.potential_regressor(q).of)
+
+    def torque_regressor(self, q: Column, v: Column, v_r: Column, a_r: Column, columns: Sequence[int]) -> list[Column]:
+        """Rows of Y N, the asked columns only."""
+        needed = self._needed(columns)
+        rows = self.whole.torque_regressor(q, v, v_r, a_r, needed)
+        return [self._combined(dict(zip(needed, row, strict=True)), columns) for row in rows]
+
+    def inverse_dynamics(self, q: Column, v: Column, v_r: Column, a_r: Column, parameters: Column) -> Column:
+        """Torque M a_r + C(p, v) v_r + g + friction, the known share with it."""
+        return self.whole.inverse_dynamics(q, v, v_r, a_r, self.expanded(parameters))
+
+    def adaptive_tick(
+        self, q: Column, v: Column, v_r: Column, a_r: Column, s: Column, parameters: Column, columns: Sequence[int]
+    ) -> AdaptiveTick:
+        """Torque and Y_r' s without forming Y_r."""
+        needed = self._needed(columns)
+        tick = self.whole.adaptive_tick(q, v, v_r, a_r, s, self.expanded(parameters), needed)
+        return AdaptiveTick(tick.torque, self._combined(dict(zip(needed, tick.gradient, strict=True)), columns))
+
+    def adaptation_gradient(
+        self, q: Column, v: Column, v_r: Column, a_r: Column, s: Column, columns: Sequence[int]
+    ) -> Column:
+        """Y_r' s alone."""
+        needed = self._needed(columns)
+        gradient = self.whole.adaptation_gradient(q, v, v_r, a_r, s, needed)
+        return self._combined(dict(zip(needed, gradient, strict=True)), columns)
+
+    def forward_dynamics(self, q: Column, v: Column, torque: Column, parameters: Column) -> Column:
+        """Primary accelerations (r,) under primary torques."""
+        return self.whole.forward_dynamics(q, v, torque, self.expanded(parameters))
+
+    def mass_matrix(self, q: Column, parameters: Column) -> list[list[Scalar]]:
+        """Rows of M(p)."""
+        return self.whole.mass_matrix(q, self.expanded(parameters))
+
+    def expanded(self, parameters: Column) -> Column:
+        """D = D0 + N z (P,)."""
+        terms: list[list[tuple[float, Any]]] = [[(1.0, x)] if x else [] for x in self.known]
+        for z, enters in zip(parameters, self.spread, strict=True):
+            for place, weight in enters:
+                terms[place].append((weight, z))
+        return Column(map(_sum, terms))
+
+    @cached_property
+    def _everything(self) -> range:
+        return range(self.parameters)
+
+    def _needed(self, columns: Sequence[int]) -> list[int]:
+        """The parameters that the asked ones enter, rising."""
+        return sorted({place for column in columns for place, _ in self.spread[column]})
+
+    def _gathered(self, entries: Sequence[Scalar]) -> Column:
+        return self._combined(dict(enumerate(entries)), self._everything)
+
+    def _combined(self, entries: dict[int, Scalar], columns: Sequence[int]) -> Column:
+        return Column(_sum([(weight, entries[place]) for place, weight in self.spread[c]]) for c in columns)
+
+
+def _sum(terms: Sequence[tuple[float, Scalar]]) -> Scalar:
+    shares = [entry if weight == 1.0 else weight * entry for weight, entry in terms]
+    total: Any = shares[0] if shares else 0.0
+    for share in shares[1:]:
+        total = total + share
+    return total
