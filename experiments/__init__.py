@@ -55,6 +55,12 @@ EXPERIMENTS = (
         "AdaptationLaws",
     ),
     Entry(
+        "reduced-model",
+        "The PUMA 560 tracks while its controller carries only some of its essential components",
+        "adaptctl.experiments.reduced_model",
+        "ReducedModelTracking",
+    ),
+    Entry(
         "adaptive",
         "The same for any arm: a built-in robot or a file of yours",
         "adaptctl.experiments.adaptive",

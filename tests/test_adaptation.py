@@ -23,6 +23,7 @@ from adaptctl.control import (
     ReferencePoint,
     SigmaModification,
     SlotineLi,
+    Subspace,
     adaptation_gain,
     limits,
     lyapunov,
@@ -55,6 +56,7 @@ LAWS: dict[str, Callable[[str], AdaptationLaw]] = {
     "dead zone": lambda name: DeadZone(gain(name), 0.01),
     "projection": lambda name: Projection(Composite(gain(name), 0.1), *widely(name)),
     "composite": lambda name: Composite(gain(name), 0.1),
+    "subspace": lambda name: Subspace(np.ones(4), np.eye(len(gain(name)))[:, 1:5]),
     "bounded-gain forgetting": lambda name: BoundedGainForgetting(gain(name), 0.1),
 }
 
@@ -187,6 +189,23 @@ def test_natural_adaptation_keeps_every_body_a_body_when_shaken() -> None:
     assert run.estimate[:, 60:].min() > 0.0
 
 
+def test_adapting_along_directions_is_a_gain_of_lower_rank() -> None:
+    """W diag(g) W' as a gain: all directions are `Gradient`'s controller, fewer never leave their span."""
+    name, mechanism = "puma560_arm3", arm("puma560_arm3")
+    directions = np.random.default_rng(0).normal(size=(K, K))
+    whole = directions @ np.diag(gain(name)) @ directions.T
+    runs = [
+        loop(on(name, law), mechanism, swinging(mechanism), 0.2)
+        for law in (Subspace(gain(name), directions), Gradient(whole))
+    ]
+    np.testing.assert_allclose(runs[0].torque, runs[1].torque, atol=1e-9 * np.abs(runs[1].torque).max())
+    few = directions[:, :3]
+    estimates = loop(on(name, Subspace(gain(name)[:3], few)), mechanism, swinging(mechanism), 0.2).estimate
+    beyond = estimates - estimates @ np.linalg.pinv(few).T @ few.T
+    assert np.abs(beyond).max() < 1e-12 * np.abs(estimates).max()
+    assert np.abs(estimates[-1]).max() > 0.1
+
+
 def test_the_truth_is_at_no_distance_and_everything_else_at_some() -> None:
     name = "semi_direct_drive"
     model, true = full(name), arm(name).inertial_parameters
@@ -226,6 +245,11 @@ ONES = np.ones(K)
         (lambda: BoundedGainForgetting(ONES, bound=0.5), "bound: expected at least 1"),
         (lambda: BoundedGainForgetting(ONES, forgetting=-1.0), "forgetting: expected at least 0"),
         (lambda: on("puma560_arm3", BoundedGainForgetting(ONES, forgetting=1e3)), "use at most 100 1/s"),
+        (lambda: Subspace(np.ones(2), np.ones((K, 2))), "directions are not independent"),
+        (lambda: Subspace(np.ones(3), np.eye(K)[:, :2]), r"subspace: gain: expected shape \(2,\)"),
+        (lambda: Subspace(np.zeros(2), np.eye(K)[:, :2]), "subspace: gain: expected positive"),
+        (lambda: Subspace(np.ones(K), np.ones(K)), r"expected shape \(k, s\)"),
+        (lambda: on("puma560_arm3", Subspace(np.ones(2), np.eye(4)[:, :2])), "directions: expected 15 numbers"),
         (lambda: Natural(0.0), "natural adaptation: rate"),
         (lambda: on("puma560_arm3", Natural(0.1)), "15 fundamental parameters are none"),
         (

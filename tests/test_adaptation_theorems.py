@@ -33,6 +33,7 @@ from adaptctl.control import (
     Projection,
     SigmaModification,
     SlotineLi,
+    Subspace,
     adaptation_gain,
     mapped_gain,
 )
@@ -96,6 +97,22 @@ def test_gradient(name: str, bandwidth: float, rate: float, mass: float, seed: i
     V = kinetic(mechanism.with_parameters(true), run) + distance(law, run, true)
     assert rise(V) < 1e-6
     assert imbalance(V, dissipated(run, law.damping)) < 1e-2
+
+
+@settings(max_examples=4, deadline=None)
+@given(name=st.sampled_from(ARMS), count=st.integers(1, 15), seed=st.integers(0, 100))
+def test_subspace(name: str, count: int, seed: int) -> None:
+    """Where the truth differs from the first estimate along the directions alone, all is as with `Gradient`."""
+    mechanism, true = arm(name), reduced(name).fundamental_parameters
+    rng = np.random.default_rng(seed)
+    directions = np.sqrt(own_gain(name) / len(true))[:, None] * rng.normal(size=(len(true), count))
+    law = slotine_li(
+        name, Subspace(np.ones(count), directions), initial=true - 3.0 * directions @ rng.normal(size=count)
+    )
+    run = loop(law, mechanism, swinging(mechanism, seed), 0.4)
+    V = kinetic(mechanism, run) + distance(law, run, mechanism.inertial_parameters)
+    assert rise(V) < 1e-5
+    assert imbalance(V, dissipated(run, law.damping)) < 5e-2
 
 
 @settings(max_examples=6, deadline=None)

@@ -9,6 +9,7 @@ from adaptctl.control.adaptation.leakage import EModification, SigmaModification
 from adaptctl.control.adaptation.natural import Natural
 from adaptctl.control.adaptation.prior_ranges import PriorRanges, adaptation_gain, mapped_gain
 from adaptctl.control.adaptation.projection import Projection, limits
+from adaptctl.control.adaptation.subspace import Subspace
 
 __all__ = [
     "AdaptationLaw",
@@ -22,6 +23,7 @@ __all__ = [
     "PriorRanges",
     "Projection",
     "SigmaModification",
+    "Subspace",
     "adaptation_gain",
     "limits",
     "mapped_gain",

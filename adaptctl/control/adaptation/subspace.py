@@ -1,0 +1,71 @@
+"""Adaptation along some directions only: a controller that carries fewer numbers than parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from adaptctl.control.adaptation.gain import numbers, require_size
+from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
+from adaptctl.errors import InputError
+from adaptctl.identifiability import ReducedModel
+from adaptctl.mechanism.pose import Array, frozen_array
+from adaptctl.scalars import Column
+
+INDEPENDENT = 1e-10
+"""Smallest singular value of the directions over their largest."""
+
+
+@dataclass(frozen=True, eq=False)
+class Subspace(AdaptationLaw[NoMemory]):
+    """estimate' = -W diag(gain) W'Y's: gradient adaptation of s numbers, the estimate's along the columns of W.
+
+    `directions` is W (k, s), independent; `gain` (s,) positive. With W = K V_s, V_s some right singular vectors
+    of the energies, it adapts essential parameters of a model reduced as Sheu and Walker (1991, section 3.2) do.
+
+    Guarantees: where the truth is within the first estimate plus the span of W, all that `Gradient` does.
+
+    Gives up: what is beyond the span acts as a disturbance Y rest, which leaves a tracking error and, without
+    excitation, a drift.
+    """
+
+    gain: Array
+    directions: Array
+
+    def __post_init__(self) -> None:
+        shape = np.shape(self.directions)
+        if len(shape) != 2 or not 0 < shape[1] <= shape[0]:
+            raise InputError(f"subspace: directions: expected shape (k, s) with 0 < s <= k, got {shape}")
+        object.__setattr__(self, "directions", frozen_array(self.directions, shape, "subspace: directions"))
+        object.__setattr__(self, "gain", frozen_array(self.gain, shape[1:], "subspace: gain"))
+        if np.any(self.gain <= 0.0):
+            raise InputError("subspace: gain: expected positive numbers, one a direction")
+        values = np.linalg.svd(self.directions, compute_uv=False)
+        if values[-1] < INDEPENDENT * values[0]:
+            raise InputError("subspace: the directions are not independent: leave out what others combine to")
+
+    def require(self, model: ReducedModel, initial: Array, period: float) -> None:
+        """One entry of each direction for each parameter."""
+        require_size(self.directions, model, "subspace: directions")
+
+    def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
+        """Nothing."""
+        return NoMemory()
+
+    def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
+        """One step down the gradient, by the trapezium."""
+        gradient = period.gradient(period.mean)
+        for step, direction in zip(self.gain.tolist(), self._directions, strict=True):
+            estimate = estimate - (period.elapsed * step * (direction @ gradient)) * direction
+        return estimate, memory
+
+    def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array:
+        """That of the numbers which are adapted: what is beyond the span does not count."""
+        along = (estimate - true) @ np.linalg.pinv(self.directions).T
+        return 0.5 * np.asarray(along**2 / self.gain).sum(axis=-1)
+
+    @cached_property
+    def _directions(self) -> list[Column]:
+        return [numbers(direction) for direction in self.directions.T]

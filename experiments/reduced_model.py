@@ -1,0 +1,156 @@
+"""How well a controller tracks that carries only some of the arm's essential components."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from adaptctl.control import PriorRanges, SlotineLi, Subspace
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
+from adaptctl.experiments.contest import Contender, Outcome
+from adaptctl.experiments.experiment import setting
+from adaptctl.experiments.learning import ADAPTATION_OFF
+from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
+from adaptctl.identifiability import (
+    FundamentalBasis,
+    ReducedModel,
+    Reduction,
+    essential_space,
+    reduce,
+    states_within_limits,
+)
+from adaptctl.mechanism.pose import Array
+from adaptctl.recording import Finding, Run
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from adaptctl.recording.drawing import Drawing
+
+ADAPTIVE, FIXED = "adaptive", "fixed"
+
+
+@dataclass(frozen=True)
+class ReducedModelTracking(Puma560Adaptive):
+    """Table 3 of Sheu and Walker (1991) carried over to adaptive control.
+
+    The components alpha_j v_j of the essential parameters are sorted by the energy they carry over sampled states.
+    For each count s, Slotine and Li's controller adapts s numbers from zero, those along the first s of the v_j;
+    and, with adaptation off, holds the first s components of the truth.
+    """
+
+    name: ClassVar[str] = "reduced-model"
+    title: ClassVar[str] = "{robot}: adapting only the essential components that carry the energy"
+
+    components: tuple[int, ...] = setting(
+        (36, 34, 30, 25, 10), "how many components each controller carries, the subject first", symbol="s", low=1
+    )
+    samples: int = setting(
+        101, "states within the joints' limits over which energies are compared", low=10, high=10_000
+    )
+
+    @property
+    def purpose(self) -> str:
+        """What is asked."""
+        return (
+            "Sheu and Walker sort the components of the essential parameters by the energy that each carries, and "
+            "tell how little energy is lost when only the first s are kept. Here the controller carries only these: "
+            "it adapts s numbers from zero, or holds the true values of the first s components. The order needs the "
+            "true parameters and the sampled states; the values are learned. Every controller drives the same "
+            f"environment from the same seed, and starts {self.initial_error:g} rad off in every joint."
+        )
+
+    def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
+        """Adapting controllers by falling s, then fixed ones, then one that knows nothing."""
+        model, reduction, space_basis = ReducedModel(mechanism, basis), *self._reduction(mechanism)
+        gains = self.gains(mechanism)
+        self._require_counts(mechanism, model, len(reduction.weights))
+
+        def slotine_li(law: Subspace | None, first: Array) -> SlotineLi:
+            return SlotineLi(model, gains.bandwidth, gains.damping, law, first, self.control_period)
+
+        nothing = np.zeros(len(model.columns))
+        directions = model.regrouping @ space_basis[:, reduction.order]
+        gain = self._gain(mechanism, space_basis[:, reduction.order])
+        found = []
+        for s in self.components:
+            law = Subspace(gain[:s], directions[:, :s])
+            found.append(Contender(f"{ADAPTIVE}-{s}", f"Adapting {s}", "nothing", slotine_li(law, nothing)))
+        for s in self.components:
+            first = model.regrouping @ reduction.parameters(s)
+            found.append(Contender(f"{FIXED}-{s}", f"True {s}", f"{s} components", slotine_li(None, first)))
+        return [*found, Contender(ADAPTATION_OFF, "Adaptation off", "nothing", slotine_li(None, nothing))]
+
+    def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
+        """The energy errors, as in Table 3, and the tracking errors of each s."""
+        errors = self._reduction(outcome.mechanism)[0].percent_errors
+        for s in self.components:
+            yield Finding(f"energy_error.{s}", float(errors[s]), "%", f"energy error of {s} components (equation 23)")
+        for run in outcome.runs:
+            if (error := run.final_rms_error) is not None:
+                yield Finding(f"final_rms_error.{run.name}", 1e3 * error, "mrad", f"{run.label}: RMS error, last 2 s")
+
+    def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
+        """Tracking and energy errors over s."""
+        from adaptctl.recording.drawing import Drawing
+
+        errors = self._reduction(outcome.mechanism)[0].percent_errors
+        yield Drawing(
+            "components",
+            "Tracking error over the last two seconds, and the energy error of Sheu and Walker's equation 23, by the "
+            "number of components that the controller carries.",
+            partial(error_by_count, self.components, outcome.runs, errors),
+        )
+
+    def _reduction(self, mechanism: Mechanism) -> tuple[Reduction, Array]:
+        """The model reduction, and V1 (P, k), over states within the limits."""
+        space = essential_space(
+            mechanism, seed=self.seed, states=states_within_limits(mechanism, self.samples, self.seed)
+        )
+        return reduce(space, mechanism, components=space.rank), space.basis
+
+    def _gain(self, mechanism: Mechanism, basis: Array) -> Array:
+        """The rate times the variance of each v_j'D, the parameters' prior ranges being independent."""
+        ranges = PriorRanges(self.mass_range, self.first_moment_range, self.inertia_range)
+        return np.asarray(self.rate * (basis.T**2 @ ranges.of(mechanism.parameter_names) ** 2))
+
+    def _require_counts(self, mechanism: Mechanism, model: ReducedModel, rank: int) -> None:
+        if model.regrouping.shape[1] != mechanism.energetic:
+            raise InputError(f"robot: {mechanism.name} has friction, which carries no energy: use an arm without")
+        wrong = [s for s in self.components if s > rank]
+        if wrong:
+            raise InputError(f"components: {mechanism.name} has {rank} essential parameters, got {wrong[0]}")
+        if len(set(self.components)) < len(self.components):
+            raise InputError("components: expected each at most once")
+
+
+def error_by_count(counts: tuple[int, ...], runs: tuple[Run, ...], percent_errors: Array) -> Figure:
+    """Final tracking errors and energy errors over the number of components, on logarithmic scales."""
+    from matplotlib.figure import Figure
+
+    from adaptctl.recording.drawing import DOTS, WIDTH
+    from adaptctl.recording.palette import MUTED, run_color
+
+    figure = Figure(figsize=(WIDTH, 3.6), dpi=DOTS, layout="constrained")
+    axes = figure.subplots()
+    found = {run.name: run.final_rms_error for run in runs}
+    for i, (kind, label) in enumerate(((ADAPTIVE, "adapted from zero"), (FIXED, "true values held"))):
+        drawn = [(s, 1e3 * error) for s in sorted(counts) if (error := found.get(f"{kind}-{s}")) is not None]
+        axes.semilogy(*zip(*drawn, strict=True), "o-", color=run_color(i).hex, label=label)
+    off = found.get(ADAPTATION_OFF)
+    if off is not None:
+        axes.axhline(1e3 * off, color=MUTED.hex, linestyle=(0, (4, 3)), label="adaptation off, nothing known")
+    axes.set_xlabel("components")
+    axes.set_ylabel("RMS tracking error [mrad]")
+    energy = axes.twinx()
+    every = np.arange(1, len(percent_errors))
+    energy.semilogy(every[:-1], percent_errors[1:-1], color=run_color(2).hex, linewidth=1.2)
+    energy.set_ylabel("energy error [%]", color=run_color(2).hex)
+    energy.grid(visible=False)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=3)
+    return figure
