@@ -61,6 +61,12 @@ EXPERIMENTS = (
         "ReducedModelTracking",
     ),
     Entry(
+        "task-space",
+        "A tool follows a path in the world: control of the tool against control of the joints",
+        "adaptctl.experiments.task_space",
+        "TaskSpaceTracking",
+    ),
+    Entry(
         "adaptive",
         "The same for any arm: a built-in robot or a file of yours",
         "adaptctl.experiments.adaptive",

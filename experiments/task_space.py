@@ -1,0 +1,219 @@
+"""A tool that follows a path in the world: control of the tool against control of the joints."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from adaptctl.control import (
+    Composite,
+    ComputedTorque,
+    Gains,
+    PriorRanges,
+    Sinusoids,
+    SlotineLi,
+    Spline,
+    TaskSpaceSlotineLi,
+    adaptation_gain,
+)
+from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.inverse_kinematics import Tip
+from adaptctl.envs.torque_limits import finite_torque_limits
+from adaptctl.errors import InputError
+from adaptctl.experiments.contest import Contender, Outcome
+from adaptctl.experiments.experiment import setting
+from adaptctl.experiments.learning import ADAPTATION_OFF, Learning
+from adaptctl.experiments.serial_versus_graph import AHEAD, ARMS, KNOT, Arm
+from adaptctl.identifiability import FundamentalBasis, ReducedModel
+from adaptctl.mechanism.pose import Array
+from adaptctl.recording import Finding, Run, Setting
+
+if TYPE_CHECKING:
+    import gymnasium
+    from matplotlib.figure import Figure
+
+    from adaptctl.recording.drawing import Drawing
+
+BEGINNING, END = 1.0, 2.0
+"""s at the start and at the end of a run over which the tool's error is told"""
+SAMPLES = 600
+
+
+@dataclass(frozen=True)
+class TaskSpaceTracking(Learning):
+    """The tool of an arm of three freedoms on a path in the world, from estimates of zero.
+
+    Task-space Slotine-Li, with the gradient, with composite adaptation, and with a damped Jacobian; against
+    Slotine-Li in joints on the same path turned into joints, adaptation off, and computed torque with the truth.
+    """
+
+    name: ClassVar[str] = "task-space"
+    title: ClassVar[str] = "{robot}: a tool on a path in the world"
+
+    robot: str = setting("puma560_arm3", "puma560_arm3, or semi_direct_drive, whose tool moves through a closed loop")
+    stiffness: float = setting(
+        3.0, "damping K is this times Λ times each joint's typical inertia", symbol="K/(Λ I)", low=0.1, high=100.0
+    )
+    mass_range: float = setting(10.0, "prior range of masses, kg", low=1e-3, high=1e3)
+    first_moment_range: float = setting(4.0, "prior range of first moments, kg m", low=1e-3, high=1e3)
+    inertia_range: float = setting(1.0, "prior range of inertias, kg m^2", low=1e-3, high=1e3)
+    singularity: float = setting(0.1, "damping of the damped Jacobian, m", symbol="μ", low=0.0, high=10.0)
+    prediction: float = setting(
+        100.0, "weight of torque prediction errors in parts of the torque limits, N m/s", symbol="R", low=1e-6, high=1e9
+    )
+    center: tuple[float, ...] = setting((0.55, 0.0, 0.47), "centre of the tool's path, m", low=-10.0, high=10.0)
+    amplitude: tuple[float, ...] = setting((0.1, 0.25, 0.15), "amplitude of the tool's path, m", low=0.0, high=10.0)
+    frequency: tuple[float, ...] = setting((0.4, 0.2, 0.2), "frequency of the tool's path, Hz", low=0.0, high=5.0)
+    phase: tuple[float, ...] = setting((1.5708, 0.0, 1.5708), "phase of the tool's path, rad", low=-10.0, high=10.0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("center", "amplitude", "frequency", "phase"):
+            if (count := len(getattr(self, name))) != 3:
+                raise InputError(f"{name}: expected 3 numbers, x, y and z, got {count}")
+
+    @property
+    def purpose(self) -> str:
+        """What is asked."""
+        return (
+            "A tool follows a path in the world, and nobody tells the controller the arm's inertial parameters. The "
+            "task-space law takes the tool's error and chooses joint velocities through the Jacobian; the law in "
+            "joints gets the same path by inverse kinematics. Every controller drives the same environment from the "
+            f"same seed, and starts {self.initial_error:g} rad off in every joint."
+        )
+
+    def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
+        """The tracking environment on the path, turned into joints."""
+        import gymnasium
+
+        return gymnasium.make(
+            "adaptctl.envs:adaptctl/Tracking-v0",
+            robot=mechanism,
+            reference=self.reference(mechanism),
+            duration=self.duration,
+            control_period=self.control_period,
+            initial_error=self.initial_error,
+        )
+
+    @property
+    def path(self) -> Sinusoids:
+        """Where the tool should be, in the world, m."""
+        center, amplitude, frequency = np.array(self.center), np.array(self.amplitude), np.array(self.frequency)
+        return Sinusoids(center, amplitude, frequency, np.array(self.phase))
+
+    def reference(self, mechanism: Mechanism) -> Spline:
+        """The path in joints."""
+        times = np.arange(0.0, self.duration + AHEAD + KNOT, KNOT)
+        return Spline(self.tip(mechanism).joints(self.path(times).p, np.array(self.arm.start)), times)
+
+    @property
+    def arm(self) -> Arm:
+        """What is known of the robot's tool."""
+        known = {arm.robot: arm for arm in ARMS}
+        if self.robot not in known:
+            raise InputError(f"robot: expected one whose tool is known, {' or '.join(known)}, got {self.robot!r}")
+        return known[self.robot]
+
+    def tip(self, mechanism: Mechanism) -> Tip:
+        """The tool."""
+        return Tip(mechanism, self.arm.link, np.array(self.arm.tip))
+
+    def gains(self, mechanism: Mechanism) -> Gains:
+        """Lambda as set, K from typical inertia."""
+        return Gains.from_bandwidth(mechanism, self.bandwidth, self.stiffness)
+
+    def adaptation(self, model: ReducedModel) -> Array:
+        """Gamma from the prior ranges as set."""
+        ranges = PriorRanges(self.mass_range, self.first_moment_range, self.inertia_range)
+        return adaptation_gain(model, ranges, self.rate)
+
+    def adaptation_setting(self, mechanism: Mechanism) -> str:
+        """Gamma by kinds of parameters."""
+        of = ((self.mass_range, "kg"), (self.first_moment_range, "kg·m"), (self.inertia_range, "kg·m²"))
+        return "; ".join(f"{self.rate:g}·({value:g} {unit})²" for value, unit in of)
+
+    def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
+        """The path, and how it becomes joints."""
+        yield Setting(
+            "path", "x(t) = centre + fade(t) · amplitude · sin(2π · frequency · t + phase)", "of the tool, in the world"
+        )
+        yield Setting("reference", f"spline of degree 5, knots every {KNOT:g} s", "in joints, by inverse kinematics")
+        yield Setting("tool", " ".join(f"{x:g}" for x in self.arm.tip), f"m, in the frame of {self.arm.link}")
+
+    def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
+        """Who drives, in order; the first is the subject."""
+        model, gains = ReducedModel(mechanism, basis), self.gains(mechanism)
+        gain, tool = self.adaptation(model), np.array(self.arm.tip)
+        composite = Composite(gain, self.prediction / finite_torque_limits(mechanism) ** 2)
+
+        def task_space(law: Any, singularity: float = 0.0) -> TaskSpaceSlotineLi:
+            return TaskSpaceSlotineLi(
+                model,
+                gains.bandwidth,
+                gains.damping,
+                law,
+                period=self.control_period,
+                link=self.arm.link,
+                tool=tool,
+                singularity=singularity,
+                reference_in_joints=True,
+            )
+
+        joints = SlotineLi(model, gains.bandwidth, gains.damping, gain, period=self.control_period)
+        true = ComputedTorque(mechanism, gains.bandwidth)
+        return [
+            Contender("task-space", "Task space, gradient", "nothing", task_space(gain)),
+            Contender(ADAPTATION_OFF, "Task space, adaptation off", "nothing", task_space(None)),
+            Contender("task-space-composite", "Task space, composite", "nothing", task_space(composite)),
+            Contender("task-space-damped", "Task space, damped", "nothing", task_space(gain, self.singularity)),
+            Contender("joint-space", "Joints, gradient", "nothing", joints),
+            Contender("computed-torque", "Computed torque, true model", "everything", true),
+        ]
+
+    def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
+        """The tool's errors."""
+        for run in outcome.runs:
+            errors, time = self._tool_errors(outcome.mechanism, run), run.rollout.time
+            for what, inside in (("first", time < BEGINNING), ("final", time >= run.duration - END)):
+                told = float(np.sqrt(np.mean(errors[inside] ** 2)))
+                meaning = f"{run.label}: the tool's RMS error, {what} {BEGINNING if what == 'first' else END:g} s"
+                yield Finding(f"{what}_tool_error.{run.name}", 1e3 * told, "mm", meaning)
+
+    def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
+        """The tool's errors over time."""
+        from adaptctl.recording.drawing import Drawing
+
+        curves = [(i, run, self._tool_errors(outcome.mechanism, run)) for i, run in enumerate(outcome.runs)]
+        yield Drawing(
+            "tool-error",
+            "Distance of the tool from its path, one line a controller (logarithmic scale).",
+            partial(tool_errors, curves),
+        )
+
+    def _tool_errors(self, mechanism: Mechanism, run: Run) -> Array:
+        """Distances (T,) of the tool from its path, m."""
+        away = self.tip(mechanism).at(run.rollout.p) - self.path(run.rollout.time).p
+        return np.asarray(np.linalg.norm(away, axis=1))
+
+
+def tool_errors(curves: list[tuple[int, Run, Array]]) -> Figure:
+    """The tool's errors over time, on a logarithmic scale."""
+    from matplotlib.figure import Figure
+
+    from adaptctl.recording.drawing import DOTS, WIDTH
+    from adaptctl.recording.palette import run_color
+    from adaptctl.recording.series import thinned
+
+    figure = Figure(figsize=(WIDTH, 3.8), dpi=DOTS, layout="constrained")
+    axes = figure.subplots()
+    for i, run, values in curves:
+        every = thinned(len(values), SAMPLES)
+        axes.semilogy(run.rollout.time[every], 1e3 * values[every], color=run_color(i).hex, label=run.label)
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel("tool error [mm]")
+    figure.legend(loc="outside upper left", ncols=3)
+    return figure

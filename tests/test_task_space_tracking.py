@@ -1,0 +1,47 @@
+"""The experiment of a tool on a path in the world."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from adaptctl.errors import InputError
+from adaptctl.experiments.task_space import TaskSpaceTracking
+
+
+@pytest.fixture(scope="module", params=["puma560_arm3", "semi_direct_drive"])
+def compared(request: pytest.FixtureRequest) -> Any:
+    return TaskSpaceTracking(robot=request.param, duration=5.0).compare(lambda what, share: None)
+
+
+@pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
+def test_the_tool_learns_its_path_as_the_joints_do(compared: Any) -> None:
+    found = {finding.name: finding.value for finding in compared.findings}
+    final = {name.partition(".")[2]: value for name, value in found.items() if name.startswith("final")}
+    assert compared.complete
+    assert final["task-space"] < 0.5 * final["adaptation-off"]
+    assert final["task-space"] < 2.0 * final["joint-space"]
+    assert final["task-space"] < 0.3 * found["first_tool_error.task-space"]
+    assert final["computed-torque"] < 0.2
+    assert final["task-space-damped"] > final["task-space"], "a damped Jacobian lags"
+
+
+def test_the_tools_errors_are_drawn(compared: Any) -> None:
+    (drawing,) = compared.more_drawings
+    (axes,) = drawing.draw().axes
+    assert [line.get_label() for line in axes.lines] == [run.label for run in compared.runs]
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"center": (0.5, 0.0)}, "center: expected 3 numbers, x, y and z, got 2"),
+        ({"robot": "puma560_geared"}, "expected one whose tool is known, puma560_arm3 or semi_direct_drive"),
+        ({"center": (2.0, 0.0, 0.0)}, "cannot reach"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
+def test_what_cannot_be_is_refused(options: dict[str, Any], says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        TaskSpaceTracking(duration=0.1, **options).compare(lambda what, share: None)
