@@ -7,6 +7,7 @@ from adaptctl.mechanism.description import GROUND, Description, Joint, JointKind
 from adaptctl.mechanism.floating_base import with_floating_base
 from adaptctl.mechanism.loops import Closure, ClosureKind, Condition, Coupling, Loops
 from adaptctl.mechanism.mechanism_file import read_mechanism_file
+from adaptctl.mechanism.mjcf import read_mjcf
 from adaptctl.mechanism.pose import Pose
 from adaptctl.mechanism.snapping import snapped
 from adaptctl.mechanism.sources import builtin_names, read
@@ -35,6 +36,7 @@ __all__ = [
     "read",
     "read_denavit_hartenberg",
     "read_mechanism_file",
+    "read_mjcf",
     "read_urdf",
     "snapped",
     "to_pinocchio",

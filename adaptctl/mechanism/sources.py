@@ -19,6 +19,7 @@ from adaptctl.mechanism.denavit_hartenberg import read_denavit_hartenberg
 from adaptctl.mechanism.description import Description
 from adaptctl.mechanism.inertia import pseudo_inertia
 from adaptctl.mechanism.mechanism_file import read_mechanism_file
+from adaptctl.mechanism.mjcf import read_mjcf
 from adaptctl.mechanism.pose import Array
 from adaptctl.mechanism.snapping import snapped
 from adaptctl.mechanism.urdf import read_urdf
@@ -38,7 +39,7 @@ def read_toml_mechanism(path: str | Path) -> Description:
     return read_denavit_hartenberg(path) if schema == DENAVIT_HARTENBERG else read_mechanism_file(path)
 
 
-_READERS: dict[str, Reader] = {".toml": read_toml_mechanism, ".urdf": read_urdf}
+_READERS: dict[str, Reader] = {".toml": read_toml_mechanism, ".urdf": read_urdf, ".xml": read_mjcf, ".mjcf": read_mjcf}
 _ROBOTS = files("adaptctl.mechanism") / "robots"
 
 _ASSIGNED = {
