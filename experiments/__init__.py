@@ -55,6 +55,24 @@ EXPERIMENTS = (
         "AdaptationLaws",
     ),
     Entry(
+        "payload-drop",
+        "A payload picked up and dropped in mid-motion: how long each law takes to recover",
+        "adaptctl.experiments.payload_drop",
+        "PayloadDrop",
+    ),
+    Entry(
+        "friction",
+        "Joints that rub: friction learned as parameters, and friction ignored",
+        "adaptctl.experiments.friction",
+        "FrictionInJoints",
+    ),
+    Entry(
+        "saturation",
+        "Motors too weak for a payload, for a while: adaptation frozen while they saturate, and not",
+        "adaptctl.experiments.saturation",
+        "Saturation",
+    ),
+    Entry(
         "reduced-model",
         "The PUMA 560 tracks while its controller carries only some of its essential components",
         "adaptctl.experiments.reduced_model",
@@ -65,6 +83,12 @@ EXPERIMENTS = (
         "A tool follows a path in the world: control of the tool against control of the joints",
         "adaptctl.experiments.task_space",
         "TaskSpaceTracking",
+    ),
+    Entry(
+        "noise-and-delay",
+        "Encoders, delay, lag and weak motors, and nothing that excites: which laws drift",
+        "adaptctl.experiments.noise_and_delay",
+        "NoiseAndDelay",
     ),
     Entry(
         "adaptive",

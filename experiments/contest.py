@@ -96,6 +96,8 @@ def _lyapunov(controller: Controller[Any], run: Rollout, mechanism: Mechanism) -
     """The Lyapunov function of a law that adapts."""
     if not isinstance(controller, SlotineLi) or controller.adaptation_law is None or not len(run.time):
         return None
+    if controller.model.regrouping.shape[1] != len(mechanism.parameter_names):
+        return None  # its model knows less of the arm, friction for one
     if controller.adaptation_law.distance(controller.model, run.estimate[:1], run.estimate[0]) is None:
         return None
     return lyapunov(controller, run, mechanism)

@@ -35,13 +35,22 @@ class ParameterErrors:
 
     def of(self, run: Run) -> Array | None:
         """The error (T,) over a run, in shares of the torque of all parameters; None for a law that knows none."""
-        estimate, regrouping = run.rollout.estimate, self.model.regrouping
-        if estimate.shape[1] == 0:
+        if run.rollout.estimate.shape[1] == 0:
             return None
-        reduced = estimate @ regrouping.T if estimate.shape[1] == regrouping.shape[1] else estimate
-        true = self.model.fundamental_parameters
-        weighed = np.linalg.norm((reduced - true) * self.weights, axis=1)
-        return np.asarray(weighed / np.linalg.norm(true * self.weights))
+        return self._apart(self._reduced(run.rollout.estimate), self.model.fundamental_parameters)
+
+    def apart(self, one: Array, other: Array) -> float:
+        """How far two estimates (k,) are from each other, likewise."""
+        return float(self._apart(self._reduced(one), self._reduced(other)))
+
+    def _reduced(self, estimate: Array) -> Array:
+        """Estimates (..., k), of all parameters or of the kept ones, as kept ones."""
+        regrouping = self.model.regrouping
+        return estimate @ regrouping.T if estimate.shape[-1] == regrouping.shape[1] else estimate
+
+    def _apart(self, one: Array, other: Array) -> Array:
+        weighed = np.linalg.norm((one - other) * self.weights, axis=-1)
+        return np.asarray(weighed / np.linalg.norm(self.model.fundamental_parameters * self.weights))
 
 
 def parameter_errors(curves: Sequence[tuple[int, Run, Array]]) -> Figure:

@@ -1,0 +1,133 @@
+"""Joints that rub: friction adapted as parameters, against laws whose model knows none."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from adaptctl.control import ComputedTorque
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
+from adaptctl.experiments.contest import Contender, Outcome
+from adaptctl.experiments.experiment import setting
+from adaptctl.experiments.learning import ADAPTATION_OFF, ADAPTIVE
+from adaptctl.experiments.on_real_plant import OnRealPlant
+from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
+from adaptctl.mechanism.drive import Drive
+from adaptctl.mechanism.pose import Array
+from adaptctl.recording import Finding
+
+if TYPE_CHECKING:
+    from adaptctl.simulation.effects import Effect
+
+NO_COLUMNS = "no-friction-columns"
+KINDS = ("viscous", "coulomb")
+
+
+@dataclass(frozen=True)
+class FrictionInJoints(OnRealPlant):
+    """Slotine-Li with the friction's columns and without them; computed torque with friction and without.
+
+    The drives' friction is a parameter like the others, and its first estimate is zero. Stribeck's excess is in the
+    plant alone: no column stands for it, so something is left even for a law that learns.
+    """
+
+    name: ClassVar[str] = "friction"
+    title: ClassVar[str] = "{robot}: friction learned, and friction ignored"
+    first_estimate: ClassVar[str] = "a rough model: every link off by --parameter-error; of friction, zero"
+
+    robot: str = setting("puma560_friction", "puma560_friction, or another arm of six joints with friction")
+    stribeck: float = setting(0.2, "static friction exceeds Coulomb friction by this share of it", low=0.0, high=10.0)
+    stribeck_speed: float = setting(0.1, "speed at which half of that excess is gone, rad/s", low=1e-3, high=10.0)
+    friction_range: float = setting(
+        0.1,
+        "prior range of Coulomb friction over the torque limit; of viscous friction, at 1 rad/s",
+        low=1e-4,
+        high=1.0,
+    )
+
+    @property
+    def purpose(self) -> str:
+        """What is asked."""
+        return (
+            "Gears rub. Viscous and Coulomb friction are two more columns of the regressor a joint: the controller "
+            "that has them starts from zero friction and learns it with the rest. Another has the same gains and no "
+            "such columns, so that its inertias and masses must make up for what they cannot. Static friction beyond "
+            f"Coulomb's, {100 * self.stribeck:.0f} % of it, is in nobody's model."
+        )
+
+    def effects(self, mechanism: Mechanism) -> Sequence[Effect]:
+        """Stribeck's excess."""
+        from adaptctl.simulation.effects import Friction
+
+        coulomb = np.array([joint.drive.coulomb or 0.0 for joint in mechanism.primary_joints])
+        if not coulomb.any() and not any(joint.drive.viscous for joint in mechanism.primary_joints):
+            raise InputError(
+                f"robot: {mechanism.name} has no friction in its joints: give them viscous or coulomb in its file, or "
+                "use puma560_friction"
+            )
+        return (Friction(stribeck=self.stribeck * coulomb, speed=self.stribeck_speed),)
+
+    def adaptation(self, model: ReducedModel) -> Array:
+        """Gamma from how far off the rough links may be, and from the friction's range."""
+        gain, ranges = super().adaptation(model), self.friction_range * self.torque_limits(model.mechanism)
+        for k, joint in _friction_columns(model):
+            gain[k] = self.rate * ranges[joint] ** 2
+        return gain
+
+    def first(self, model: ReducedModel) -> Array:
+        """The rough model, without friction."""
+        estimate = super().first(model)
+        estimate[[k for k, _ in _friction_columns(model)]] = 0.0
+        return estimate
+
+    def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
+        """Who drives, in order; the first is the subject."""
+        model, smooth = ReducedModel(mechanism, basis), without_friction(mechanism)
+        bare = ReducedModel(smooth, fundamental_basis(essential_space(smooth, seed=self.seed)))
+        bandwidth, knows = self.gains(mechanism).bandwidth, f"links within {100 * self.parameter_error:.0f} %"
+        return [
+            Contender(ADAPTIVE, f"{len(model.columns)} parameters, with friction", knows, self.slotine_li(model)),
+            Contender(ADAPTATION_OFF, "Adaptation off", knows, self.slotine_li(model, adapting=False)),
+            Contender(NO_COLUMNS, f"{len(bare.columns)} parameters, no friction", knows, self.slotine_li(bare)),
+            Contender(
+                "computed-torque",
+                "Computed torque, true drives",
+                "all but Stribeck",
+                ComputedTorque(mechanism, bandwidth),
+            ),
+            Contender(
+                "computed-torque-smooth", "Computed torque, no friction", "the links", ComputedTorque(smooth, bandwidth)
+            ),
+        ]
+
+    def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
+        """What the friction's columns are worth, and what was learned of it."""
+        runs = {run.name: run for run in outcome.runs}
+        if {ADAPTIVE, NO_COLUMNS} <= set(runs):
+            with_columns, without = (runs[name].final_rms_error or np.nan for name in (ADAPTIVE, NO_COLUMNS))
+            meaning = "RMS error of the last two seconds, with the friction's columns over without"
+            yield Finding("columns_over_none", with_columns / without, "1", meaning)
+        model = ReducedModel(outcome.mechanism, basis)
+        final, true = runs[ADAPTIVE].rollout.estimate[-1], model.fundamental_parameters
+        for k, _ in _friction_columns(model):
+            kind = model.names[k].rsplit(".", 1)[-1]
+            unit = "N m s" if kind == KINDS[0] else "N m"
+            yield Finding(f"learned.{model.names[k]}", float(final[k]), unit, f"learned at the end; true {true[k]:.4g}")
+
+
+def without_friction(mechanism: Mechanism) -> Mechanism:
+    """The same arm with its rotors alone."""
+    return mechanism.with_drives([Drive(link.joint.drive.rotor_inertia) for link in mechanism.links])
+
+
+def _friction_columns(model: ReducedModel) -> Iterator[tuple[int, int]]:
+    """Places among the kept parameters of the friction's, and their joints'."""
+    joints = [joint.name for joint in model.mechanism.primary_joints]
+    for k, name in enumerate(model.names):
+        owner, _, kind = name.rpartition(".")
+        if kind in KINDS:
+            yield k, joints.index(owner)

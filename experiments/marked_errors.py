@@ -1,0 +1,54 @@
+"""Parameter errors over time, and below them when a run was marked: saturated, loaded, stopped."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from adaptctl.experiments.parameter_errors import SAMPLES
+from adaptctl.mechanism.pose import Array
+from adaptctl.recording import Run
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+class Marked(NamedTuple):
+    """A run's parameter error (T,) and when it was marked (T,)."""
+
+    run: Run
+    error: Array
+    marked: Array
+
+
+def marked_errors(curves: Sequence[Marked], meaning: str) -> Figure:
+    """Errors on a logarithmic scale, and a bar a run that is filled while the run was marked."""
+    from matplotlib.figure import Figure
+
+    from adaptctl.recording.drawing import DOTS, WIDTH
+    from adaptctl.recording.palette import run_color
+    from adaptctl.recording.series import thinned
+
+    figure = Figure(figsize=(WIDTH, 3.6 + 0.22 * len(curves)), dpi=DOTS, layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3.0, 0.25 * len(curves) + 0.2))
+    for i, (run, error, marked) in enumerate(curves):
+        every, color = thinned(len(error), SAMPLES), run_color(i).hex
+        above.semilogy(run.rollout.time[every], error[every], color=color, label=run.label)
+        below.broken_barh(spans(run.rollout.time, marked), (-i - 0.35, 0.7), color=color)
+    above.set_ylabel("parameter error")
+    below.set_yticks([-i for i in range(len(curves))], [curve.run.label for curve in curves])
+    below.set_ylim(-len(curves) + 0.4, 0.6)
+    below.set_title(meaning)
+    below.set_xlabel("time [s]")
+    figure.legend(*above.get_legend_handles_labels(), loc="outside upper left", ncols=4)
+    return figure
+
+
+def spans(time: Array, marked: Array) -> list[tuple[float, float]]:
+    """Start and length (s) of every stretch of marked samples."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], (marked > 0.0).astype(int), [0]))))
+    period = float(time[1] - time[0]) if len(time) > 1 else 0.0
+    starts, stops = edges[::2], edges[1::2]
+    return [(float(time[a]), float(time[b - 1] - time[a]) + period) for a, b in zip(starts, stops, strict=True)]

@@ -1,0 +1,144 @@
+"""Slow computing, encoders and weak motors, for long, at rest: which laws stay where they are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from adaptctl.dynamics import Mechanism
+from adaptctl.experiments.adaptation_laws import AdaptationLaws
+from adaptctl.experiments.contest import Contender, Outcome
+from adaptctl.experiments.experiment import setting
+from adaptctl.experiments.parameter_errors import SAMPLES, ParameterErrors
+from adaptctl.identifiability import FundamentalBasis, ReducedModel
+from adaptctl.recording import Finding, Run
+
+if TYPE_CHECKING:
+    import gymnasium
+
+    from adaptctl.simulation.effects import Effect
+
+LAWS = (
+    "sigma-modification",
+    "e-modification",
+    "dead-zone",
+    "projection",
+    "composite",
+    "bounded-gain-forgetting",
+    "gradient",
+)
+EXCITING = 0.25
+"""rad at 0.2 Hz: of the motion along which parameters are weighed"""
+
+
+@dataclass(frozen=True)
+class NoiseAndDelay(AdaptationLaws):
+    """All laws on a plant with everything that real ones have, holding still: nothing is to be learned, and noise is.
+
+    Velocities come from filtered differences of encoder counts, torques are late, lag and are limited. Noise enters
+    the sliding variable and the regressor alike, so that their product has a mean, and an estimate that nothing
+    holds follows it (Ioannou and Kokotovic 1984).
+    """
+
+    name: ClassVar[str] = "noise-and-delay"
+    title: ClassVar[str] = "{robot}: noise, delay and lag, without excitation"
+
+    laws: tuple[str, ...] = setting(LAWS, "which laws run, the subject first")
+    duration: float = setting(60.0, "length of every run, s", low=0.01, high=600.0)
+    control_period: float = setting(2e-3, "time a torque is held, s", low=1e-4, high=0.02)
+    amplitude: float = setting(0.0, "of each joint's term at 0.2 Hz, rad; 0 holds still", low=0.0, high=2.0)
+    dead_zone: float = setting(0.05, "width of the dead zone of s, rad/s", low=1e-6, high=10.0)
+    resolution: float = setting(1e-4, "of the encoders at the joints, rad", low=0.0, high=0.1)
+    noise: float = setting(1e-4, "deviation of positions before they are counted, rad", low=0.0, high=0.1)
+    filter: float = setting(50.0, "cutoff of the differences that velocities are, Hz", low=0.1, high=1e4)
+    delay: int = setting(1, "control periods from measurement to torque", low=0, high=64)
+    lag: float = setting(3e-3, "time constant of the drives, s; 0 for none", low=0.0, high=1.0)
+    strength: float = setting(0.4, "the motors have this share of their torque limits", low=0.01, high=1.0)
+
+    @property
+    def purpose(self) -> str:
+        """What is asked."""
+        return (
+            f"For {self.duration:g} s an arm is to hold still, seen through encoders of {self.resolution:g} rad with "
+            f"{self.noise:g} rad of noise, its torques {self.delay} periods late and lagging. Nothing excites it, so "
+            "errors say nothing of most parameters; but noise in the regressor times noise in the error has a mean, "
+            "and the gradient follows it. " + super().purpose
+        )
+
+    def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
+        """The tracking environment with the effects; no error ends a run."""
+        import gymnasium
+
+        return gymnasium.make(
+            "adaptctl.envs:adaptctl/Tracking-v0",
+            robot=mechanism,
+            reference=self.reference(mechanism),
+            duration=self.duration,
+            control_period=self.control_period,
+            initial_error=self.initial_error,
+            error_bound=np.inf,
+            torque_limits=self.strength * self._limits(mechanism),
+            effects=tuple(self.effects()),
+        )
+
+    def effects(self) -> Iterator[Effect]:
+        """All of them."""
+        from adaptctl.simulation.effects import ActuatorLag, ControlDelay, Encoder, FilteredDifferences
+
+        yield Encoder(self.resolution, self.noise, self.velocity_noise)
+        yield FilteredDifferences(self.filter)
+        yield ControlDelay(self.delay)
+        if self.lag:
+            yield ActuatorLag(self.lag)
+
+    def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
+        """All laws behind guards that know the limits: what saturates is not learned from."""
+        from adaptctl.control import Guarded
+
+        limits = self.strength * self._limits(mechanism)
+        brake = self.gains(mechanism).damping
+        return [
+            replace(one, controller=Guarded(one.controller, limits, stop_damping=brake))
+            for one in super().contenders(mechanism, basis)
+        ]
+
+    def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
+        """How fast each estimate drifts, how far it went, and what the loop tolerates."""
+        errors = self._errors(outcome, basis)
+        for run in outcome.runs:
+            if (over_time := errors.of(run)) is None:
+                continue
+            yield Finding(f"parameter_error.{run.name}", float(over_time[-1]), "1", f"{run.label}: at the end")
+            meaning = f"{run.label}: how far the estimate moves in a minute of the second half"
+            yield Finding(f"drift.{run.name}", _drift(errors, run), "1/min", meaning)
+            yield Finding(f"true_rms_error.{run.name}", run.rms_error() or np.nan, "rad", f"{run.label}: of all joints")
+        yield from self._loop(outcome.mechanism)
+
+    def _loop(self, mechanism: Mechanism) -> Iterator[Finding]:
+        """What the tracking loop tolerates of delay, and what there is of it."""
+        from adaptctl.control.error_feedback import ErrorFeedback
+        from adaptctl.control.gains import typical_inertia
+        from adaptctl.control.margins import margins
+
+        gains, inertia = self.gains(mechanism), typical_inertia(mechanism)
+        inner = gains.damping / inertia
+        loops = {ErrorFeedback(a * b, a + b, self.control_period) for a, b in zip(gains.bandwidth, inner, strict=True)}
+        least = min(margins(loop.loop()).delay for loop in loops)
+        late = (self.delay + 0.5) * self.control_period + self.lag + 1.0 / (2.0 * np.pi * self.filter)
+        yield Finding("delay_margin", least, "s", "what the tracking loop tolerates of delay, at typical inertia")
+        yield Finding("delay", float(late), "s", "of computing, drives and velocity filter together, to first order")
+
+    def _errors(self, outcome: Outcome, basis: FundamentalBasis) -> ParameterErrors:
+        """Weighed along a motion that excites: at rest most parameters make no torque."""
+        mechanism = outcome.mechanism
+        points = replace(self, amplitude=EXCITING).reference(mechanism)(np.linspace(0.0, 20.0, SAMPLES))
+        return ParameterErrors.along(ReducedModel(mechanism, basis), points.p, points.v, points.a)
+
+
+def _drift(errors: ParameterErrors, run: Run) -> float:
+    """How fast an estimate moves (1/min): between the means of the third and of the fourth quarter of a run."""
+    third, fourth = (part.mean(axis=0) for part in np.array_split(run.rollout.estimate, 4)[2:])
+    return errors.apart(third, fourth) / (0.25 * run.duration / 60.0)

@@ -1,0 +1,121 @@
+"""What experiments with real effects have in common: a PUMA with its rotors, a stated reference, a rough model."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from adaptctl.control import Gains, Sinusoids, SlotineLi
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
+from adaptctl.experiments.experiment import setting
+from adaptctl.experiments.learning import Learning
+from adaptctl.experiments.rough_model import deviations, scaled_links
+from adaptctl.identifiability import ReducedModel
+from adaptctl.mechanism.pose import Array
+from adaptctl.recording import Setting
+
+if TYPE_CHECKING:
+    import gymnasium
+
+    from adaptctl.simulation.effects import Effect
+
+JOINTS = 6
+
+
+@dataclass(frozen=True)
+class OnRealPlant(Learning):
+    """Learning on a plant with effects, from a rough model, as `Learning` compares it."""
+
+    robot: str = setting("puma560_geared", "puma560_geared, puma560_friction, or another arm of six joints")
+    rate: float = setting(
+        5.0,
+        "adaptation rate: the gain is it times the square of each parameter's deviation",
+        symbol="Γ",
+        low=1e-6,
+        high=1e6,
+    )
+    initial_error: float = setting(0.0, "initial error of every joint, rad or m", low=-1.0, high=1.0)
+    parameter_error: float = setting(
+        0.3, "the rough model has each link's parameters off by this share, up or down by seed", low=0.01, high=0.9
+    )
+    ratio: float = setting(
+        2.0, "damping over bandwidth times each joint's typical inertia", symbol="K", low=0.1, high=100.0
+    )
+    center: tuple[float, ...] = setting(
+        (0.0, -0.6, 0.8, 0.0, 0.5, 0.0), "centre of the reference, rad", low=-10.0, high=10.0
+    )
+    amplitude: tuple[float, ...] = setting(
+        (0.5, 0.4, 0.4, 0.4, 0.4, 0.4), "amplitude of the reference, rad", low=0.0, high=3.2
+    )
+    frequency: tuple[float, ...] = setting(
+        (0.1, 0.125, 0.15, 0.175, 0.2, 0.225), "frequency of the reference, Hz", low=0.0, high=5.0
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("center", "amplitude", "frequency"):
+            if (count := len(getattr(self, name))) != JOINTS:
+                raise InputError(f"{name}: expected {JOINTS} numbers, one a joint, got {count}")
+
+    @abstractmethod
+    def effects(self, mechanism: Mechanism) -> Sequence[Effect]:
+        """What the plant has besides rigid links."""
+
+    def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
+        """The tracking environment with the effects; no error ends a run, so that all can be compared."""
+        import gymnasium
+
+        if mechanism.dof != JOINTS:
+            raise InputError(
+                f"robot: {mechanism.name} has {mechanism.dof} joints, this experiment is for {JOINTS}; "
+                "use the experiment 'adaptive'"
+            )
+        return gymnasium.make(
+            "adaptctl.envs:adaptctl/Tracking-v0",
+            robot=mechanism,
+            reference=Sinusoids(np.array(self.center), np.array(self.amplitude), np.array(self.frequency)),
+            duration=self.duration,
+            control_period=self.control_period,
+            initial_error=self.initial_error,
+            error_bound=np.inf,
+            torque_limits=self.torque_limits(mechanism),
+            effects=tuple(self.effects(mechanism)),
+        )
+
+    def torque_limits(self, mechanism: Mechanism) -> Array:
+        """The limits (r,) of the joints' torques, N m."""
+        from adaptctl.envs.torque_limits import finite_torque_limits
+
+        return finite_torque_limits(mechanism)
+
+    def gains(self, mechanism: Mechanism) -> Gains:
+        """Lambda as set, K from typical inertia."""
+        return Gains.from_bandwidth(mechanism, self.bandwidth, self.ratio)
+
+    def adaptation(self, model: ReducedModel) -> Array:
+        """Gamma from how far off the rough model may be."""
+        rough = scaled_links(model.mechanism, self.parameter_error, self.seed)
+        return self.rate * deviations(model, rough, self.parameter_error) ** 2
+
+    def adaptation_setting(self, mechanism: Mechanism) -> str:
+        """Gamma in words."""
+        return f"{self.rate:g} × (deviation)², {100 * self.parameter_error:.0f} % of each link's and drive's size"
+
+    def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
+        """The settings say it all."""
+        yield Setting("reference", "p(t) = centre + fade(t) · amplitude · sin(2π · frequency · t)", "faded in over 2 s")
+
+    def slotine_li(self, model: ReducedModel, *, adapting: bool = True) -> SlotineLi:
+        """Slotine and Li's law from the rough model, on the parameters of a model."""
+        gains, first = self.gains(model.mechanism), self.first(model)
+        gain = self.adaptation(model) if adapting else None
+        return SlotineLi(model, gains.bandwidth, gains.damping, gain, first, self.control_period)
+
+    def first(self, model: ReducedModel) -> Array:
+        """The rough model's parameters (k,)."""
+        return np.asarray(model.regrouping @ scaled_links(model.mechanism, self.parameter_error, self.seed))

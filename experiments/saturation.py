@@ -1,0 +1,126 @@
+"""A motor that is too weak for what is asked of it, and what the estimates make of that."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from adaptctl.control import Guarded
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
+from adaptctl.experiments.contest import Contender, Outcome
+from adaptctl.experiments.experiment import setting
+from adaptctl.experiments.learning import ADAPTATION_OFF, ADAPTIVE
+from adaptctl.experiments.marked_errors import Marked, marked_errors
+from adaptctl.experiments.on_real_plant import OnRealPlant
+from adaptctl.experiments.parameter_errors import SAMPLES, ParameterErrors
+from adaptctl.identifiability import FundamentalBasis, ReducedModel
+from adaptctl.mechanism.pose import Array
+from adaptctl.recording import Finding, Run
+
+if TYPE_CHECKING:
+    from adaptctl.recording.drawing import Drawing
+    from adaptctl.simulation.effects import Effect
+
+WITHOUT_FREEZE = "without-freeze"
+
+
+@dataclass(frozen=True)
+class Saturation(OnRealPlant):
+    """Slotine-Li behind guards with weak motors: adaptation frozen while they saturate, and not.
+
+    For a while the arm holds a payload that its motors cannot carry. It sags, whatever the law does; the question
+    is what is left when the payload is gone.
+    """
+
+    name: ClassVar[str] = "saturation"
+    title: ClassVar[str] = "{robot}: saturated motors, with and without adaptation frozen"
+    first_estimate: ClassVar[str] = "a rough model: every link off by --parameter-error, up or down by seed"
+
+    strength: float = setting(0.3, "the motors have this share of their torque limits", low=0.01, high=1.0)
+    rate_limit: float = setting(2e4, "torques change by at most this, N m/s", low=1.0, high=1e9)
+    payload: float = setting(4.0, "mass that is held for a while, kg", low=0.0, high=1e3)
+    start: float = setting(6.0, "when it is picked up, s", low=0.0, high=300.0)
+    stop: float = setting(9.0, "when it is dropped, s", low=0.0, high=300.0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.start < self.stop <= self.duration:
+            raise InputError(
+                f"stop: expected a time after the start, {self.start:g} s, and within the {self.duration:g} s of the "
+                f"run, got {self.stop:g}"
+            )
+
+    @property
+    def purpose(self) -> str:
+        """What is asked."""
+        return (
+            f"An arm whose motors have {100 * self.strength:.0f} % of their strength holds {self.payload:g} kg from "
+            f"{self.start:g} to {self.stop:g} s, more than it can carry. While a motor saturates, the error says "
+            "nothing of the parameters: an estimate that goes on learning from it winds up, as an integrator does. "
+            "All controllers have the same gains; only one freezes its adaptation while its torque is held back."
+        )
+
+    def effects(self, mechanism: Mechanism) -> Sequence[Effect]:
+        """The payload."""
+        from adaptctl.simulation.effects import PayloadHeld, TorqueRateLimit
+
+        return (PayloadHeld(self.payload, self.start, self.stop), TorqueRateLimit(self.rate_limit))
+
+    def torque_limits(self, mechanism: Mechanism) -> Array:
+        """Weak motors."""
+        return self.strength * super().torque_limits(mechanism)
+
+    def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
+        """Who drives, in order; the first is the subject."""
+        model = ReducedModel(mechanism, basis)
+        law, off = self.slotine_li(model), self.slotine_li(model, adapting=False)
+        limits, knows = self.torque_limits(mechanism), f"links within {100 * self.parameter_error:.0f} %"
+        return [
+            Contender(ADAPTIVE, "Frozen while saturated", knows, Guarded(law, limits, self.rate_limit)),
+            Contender(ADAPTATION_OFF, "Adaptation off", knows, Guarded(off, limits, self.rate_limit)),
+            Contender(WITHOUT_FREEZE, "Never frozen", knows, Guarded(law, limits, self.rate_limit, freeze=False)),
+        ]
+
+    def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
+        """The errors after the payload is gone, and how far the estimates went."""
+        runs = {run.name: run for run in outcome.runs}
+        for run in outcome.runs:
+            meaning = f"{run.label}: RMS error of all joints from the drop on"
+            yield Finding(f"rms_error_after.{run.name}", run.rms_error(start=self.stop) or np.nan, "rad", meaning)
+        if {ADAPTIVE, WITHOUT_FREEZE} <= set(runs):
+            ratio = (runs[ADAPTIVE].rms_error() or np.nan) / (runs[WITHOUT_FREEZE].rms_error() or np.nan)
+            yield Finding("freeze_over_none", ratio, "1", "RMS error of the whole run, frozen over never frozen")
+        for run in outcome.runs:
+            share, moved = float(np.mean(held_back(run))), float(np.abs(run.rollout.estimate).max(initial=0.0))
+            yield Finding(f"saturated.{run.name}", share, "1", f"{run.label}: share of periods with a torque held back")
+            yield Finding(
+                f"largest_estimate.{run.name}", moved, "SI", f"{run.label}: largest estimate of any parameter"
+            )
+
+    def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
+        """The estimates' errors, and when a torque was held back."""
+        from adaptctl.recording.drawing import Drawing
+
+        points = outcome.runs[0].rollout
+        every = slice(None, None, max(1, len(points.time) // SAMPLES))
+        errors = ParameterErrors.along(
+            ReducedModel(outcome.mechanism, basis), *(x[every] for x in (points.p, points.v, points.reference_a))
+        )
+        found = ((run, errors.of(run)) for run in outcome.runs)
+        curves = [Marked(run, error, held_back(run)) for run, error in found if error is not None]
+        yield Drawing(
+            "saturation",
+            "Parameter errors in shares of the torque of all parameters, and when limits held a torque back.",
+            partial(marked_errors, curves, "torque held back"),
+        )
+
+
+def held_back(run: Run) -> Array:
+    """1 in the periods (T,) in which the torque was not what the law wanted."""
+    marks = [run.rollout.marks[name] for name in ("torque_limited", "rate_limited") if name in run.rollout.marks]
+    return np.asarray(np.max([run.rollout.clipped, *marks], axis=0))

@@ -1,0 +1,140 @@
+"""Experiments on plants like real ones: what each was made to show, at a length that takes seconds."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from adaptctl.errors import InputError
+from adaptctl.experiments.experiment import Experiment
+from adaptctl.experiments.friction import FrictionInJoints
+from adaptctl.experiments.marked_errors import spans
+from adaptctl.experiments.noise_and_delay import NoiseAndDelay
+from adaptctl.experiments.payload_drop import PayloadDrop
+from adaptctl.experiments.saturation import Saturation
+from adaptctl.recording import Comparison
+from adaptctl.recording.summary import summary
+
+
+def told(what: str, share: float) -> None:
+    assert 0.0 <= share <= 1.0
+
+
+def shown(experiment: Experiment) -> dict[str, Any]:
+    """Its summary, which must be fit for JSON, and its figures, which must draw."""
+    comparison = experiment.compare(told)
+    assert isinstance(comparison, Comparison)
+    for drawing in comparison.more_drawings:
+        assert drawing.draw().axes
+    content: dict[str, Any] = json.loads(json.dumps(summary(comparison), allow_nan=False))
+    assert content["complete"]
+    return content
+
+
+def found(content: dict[str, Any], name: str) -> float:
+    return float(content["findings"][name]["value"])
+
+
+def test_frozen_while_saturated_the_error_is_at_most_a_tenth() -> None:
+    content = shown(Saturation())
+    assert found(content, "freeze_over_none") < 0.1
+    assert found(content, "rms_error_after.adaptive") < 0.1 * found(content, "rms_error_after.without-freeze")
+    assert content["runs"]["adaptive"]["final_rms_error"] < 2e-3 < content["runs"]["without-freeze"]["final_rms_error"]
+    assert 0.0 < found(content, "saturated.adaptive") < 0.5
+    assert found(content, "largest_estimate.without-freeze") > 100.0 * found(content, "largest_estimate.adaptive")
+    assert content["runs"]["adaptive"]["clipped_steps"] == 0  # the guard knows the limits
+
+
+def test_friction_is_learned_where_there_are_columns_for_it() -> None:
+    content = shown(FrictionInJoints(duration=6.0))
+    assert found(content, "columns_over_none") < 0.1
+    assert content["runs"]["adaptive"]["final_rms_error"] < 2e-3
+    assert found(content, "learned.joint1.coulomb") == pytest.approx(25.98, rel=0.3)
+    with_friction, without = (content["runs"][f"computed-torque{end}"]["rms_error"] for end in ("", "-smooth"))
+    assert with_friction < 0.2 * without
+
+
+def test_a_payload_is_learned_and_forgotten() -> None:
+    """The gradient from a rough model comes back after either event; the same without adaptation does not."""
+    content = shown(PayloadDrop(laws=("gradient",), duration=17.0, start=3.0, stop=10.0))
+    assert 0.0 <= found(content, "return_after_pickup.gradient") < 7.0
+    assert 0.0 <= found(content, "return_after_drop.gradient") < 7.0
+    assert found(content, "not_back_after_pickup.adaptation-off") > 2.0
+    assert content["final_rms_error"] < 0.3 * content["final_rms_error_adaptation_off"]
+
+
+def test_without_excitation_the_gradient_drifts_and_a_leak_holds() -> None:
+    laws = ("sigma-modification", "gradient")
+    content = shown(NoiseAndDelay(laws=laws, duration=30.0, control_period=4e-3, noise=4e-4, leakage=1.0))
+    assert found(content, "drift.gradient") > 5.0 * found(content, "drift.sigma-modification")
+    assert found(content, "parameter_error.gradient") > 2.0 * found(content, "parameter_error.sigma-modification")
+    assert found(content, "delay") < found(content, "delay_margin")
+    assert content["final_rms_error"] < 5e-3
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Saturation(start=9.0, stop=6.0), "stop: expected a time after the start, 9 s, and within the 20 s"),
+        (lambda: PayloadDrop(start=1.0), "start, stop: expected 2 s before the payload is picked up"),
+        (lambda: PayloadDrop(laws=("guesswork",)), "laws: unknown law 'guesswork'"),
+        (lambda: Saturation(center=(0.0,)), "center: expected 6 numbers, one a joint, got 1"),
+        (lambda: NoiseAndDelay(delay=65), "delay: expected a whole number from 0 to 64, got 65"),
+    ],
+)
+def test_settings_that_cannot_be_are_refused(make: Any, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("experiment", "message"),
+    [
+        (FrictionInJoints(robot="puma560_geared"), "puma560_geared has no friction in its joints"),
+        (Saturation(robot="semi_direct_drive"), "semi_direct_drive has 3 joints, this experiment is for 6"),
+    ],
+)
+def test_arms_that_do_not_fit_are_refused(experiment: Experiment, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        experiment.compare(told)
+
+
+def marks() -> Iterator[tuple[list[float], list[tuple[float, float]]]]:
+    yield [0, 0, 0, 0], []
+    yield [1, 1, 0, 1], [(0.0, 0.2), (0.3, 0.1)]
+    yield [0, 1, 1, 1], [(0.1, 0.3)]
+
+
+@pytest.mark.parametrize(("marked", "expected"), list(marks()))
+def test_spans_are_the_stretches_of_marks(marked: list[float], expected: list[tuple[float, float]]) -> None:
+    found_spans = spans(np.arange(4) * 0.1, np.array(marked, dtype=float))
+    np.testing.assert_allclose(np.array(found_spans).reshape(-1, 2), np.array(expected).reshape(-1, 2), atol=1e-12)
+
+
+def test_a_run_becomes_a_folder(tmp_path: Path) -> None:
+    from adaptctl.cli.main import main
+
+    out = tmp_path / "out"
+    command = [
+        "experiment",
+        "run",
+        "saturation",
+        "--out",
+        str(out),
+        "--duration",
+        "1",
+        "--start",
+        "0.2",
+        "--stop",
+        "0.6",
+    ]
+    assert main(command) == 0
+    content = json.loads((out / "summary.json").read_text())
+    assert math.isfinite(content["findings"]["freeze_over_none"]["value"])
+    assert (out / "figures" / "saturation.png").stat().st_size > 1000
