@@ -250,7 +250,7 @@ def test_memory_is_blocks_of_lanes_and_spare_lanes_repeat_the_last_member() -> N
 def test_a_stepper_describes_itself() -> None:
     stepper = compile_step(swing, **COLUMNS, name="pendulums")
     assert stepper.name == "pendulums"
-    assert stepper.outputs == (None, 2)
+    assert stepper.outputs == ((), (2,))
     assert {str(source): dict(part) for source, part in stepper.columns.items()} == COLUMNS
     assert stepper.operations["sin"] == 2
 

@@ -2,117 +2,125 @@
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from adaptctl.compilation.builtin import builtin, builtin_source, has_builtins
 from adaptctl.compilation.lanes import Lanes
 from adaptctl.compilation.llvm import program
 from adaptctl.compilation.loop import ENTRY, NativeLoop, Source, loop
 from adaptctl.compilation.native import load
 from adaptctl.compilation.routine import Routine, trace
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, NonFiniteError
 
 Array = NDArray[np.float64]
 
 
-def compile_function(function: Callable[..., Any], arguments: Mapping[str, int], *, name: str = "") -> Kernel:
+def compile_function(
+    function: Callable[..., Any], arguments: Mapping[str, int], *, name: str = "", finite: bool = False
+) -> Kernel:
     """Native code for `function`, which is called once with Columns by keyword: `arguments` has names and lengths.
 
-    The function returns a scalar, a Column, or a tuple or NamedTuple of these; the kernel returns the same with
-    numbers and arrays in their place.
+    The function returns a scalar, a Column, a list of Columns (the rows of a matrix), or a tuple or NamedTuple of
+    these; the kernel returns the same with numbers and arrays in their place. If `finite`, it refuses NaN and
+    infinity, in what it is given and in what it computes.
     """
-    return Kernel(trace(function, arguments, name=name), arguments)
-
-
-class _Frame:
-    """Memory for the scalars of one call, and its addresses."""
-
-    __slots__ = ("input", "native", "output")
-
-    def __init__(self, inputs: int, outputs: int) -> None:
-        self.input, self.output = np.empty(inputs), np.empty(outputs)
-        addresses = (ctypes.c_void_p(array.ctypes.data) for array in (self.input, self.output))
-        numbers = (ctypes.c_int64(k) for k in (0, 1, 1, 0, 0, 0))
-        self.native = *numbers, None, None, None, *addresses
+    if not arguments:
+        raise InputError(f"{name or function}: expected at least one argument")
+    return Kernel(trace(function, arguments, name=name), arguments, finite=finite)
 
 
 class Kernel:
     """A compiled function of vectors, made by `compile_function`.
 
-    `arguments` has their names and lengths, `outputs` the lengths of its results, `operations` what one sample
-    costs. Any number of threads may call it at once.
+    `kernel(*arguments)` evaluates at array-likes of shape (n,), by position; the results are fresh. It raises
+    InputError for arguments of another shape or kind, and NonFiniteError if that was asked for. Any number of threads
+    may call it at once.
+
+    `arguments` has their names and lengths, `outputs` the shapes of the results, `operations` what one sample costs.
     """
 
-    def __init__(self, routine: Routine, arguments: Mapping[str, int]) -> None:
-        if not arguments:
-            raise InputError(f"{routine.name}: expected at least one argument")
+    __slots__ = ("__call__", "__dict__", "__weakref__")
+    __call__: Callable[..., Any]  # kept in a slot, it is called with no step through Python
+
+    def __init__(self, routine: Routine, arguments: Mapping[str, int], *, finite: bool) -> None:
         self.name, self.operations = routine.name, routine.operations
-        self.arguments, self.outputs = MappingProxyType(dict(arguments)), routine.layout.sizes
-        self._contain, self._places = routine.layout.contain, routine.layout.places
-        self._lengths = list(arguments.values())
+        self.arguments, self.outputs = MappingProxyType(dict(arguments)), routine.layout.shapes
+        self._layout, self._given = routine.layout, _Given(routine.name, self.arguments)
+        self._widths, self._finite = (sum(routine.inputs), len(routine.outputs)), finite
         text, symbol = program(routine, Lanes())
-        columns = dict.fromkeys(Source, ()) | {Source.DRIVEN: routine.inputs}
-        self._code = load(text + "\n" + loop(routine, symbol, Lanes(), columns))
-        # One sample takes about a microsecond: letting other threads in meanwhile could cost milliseconds.
-        self._run = ctypes.PYFUNCTYPE(None)(self._code.address(ENTRY))
-        self._run_unlocked = NativeLoop(self._code.address(ENTRY))
-        self._frames: list[_Frame] = []  # those not in use: a call borrows one, so that threads never share
-
-    def __call__(self, *arguments: Any) -> Any:
-        """Evaluate at array-likes of shape (n,), by position; the results are fresh arrays.
-
-        Raises InputError for arguments of another shape or kind. Those that fit are looked at only once.
-        """
-        try:
-            frame = self._frames.pop()
-        except IndexError:
-            frame = self._new_frame()
-        try:
-            fits = list(map(len, arguments)) == self._lengths
-            fits = fits and np.concatenate(arguments, out=frame.input) is frame.input
-        except (TypeError, ValueError):
-            fits = False
-        if not fits:
-            np.concatenate(self._arrays(arguments), out=frame.input)
-        self._run(*frame.native)
-        results = frame.output.copy()
-        self._frames.append(frame)
-        return self._contain(map(results.__getitem__, self._places))
+        text += "\n" + loop(routine, symbol, Lanes(), dict.fromkeys(Source, ()) | {Source.DRIVEN: routine.inputs})
+        self._code = load(f"{text}\n{builtin_source(routine, symbol, finite=finite)}" if has_builtins() else text)
+        self._loop = NativeLoop(self._code.address(ENTRY))
+        self.__call__ = self._as_builtin() if has_builtins() else self._one_sample
 
     def map(self, *arguments: ArrayLike) -> Any:
-        """Evaluate at m samples: arrays (m, n) in; out (m, k), or (m,) where one sample gives a number."""
-        arrays = self._arrays(arguments, sample_axes=1)
-        samples = len(arrays[0])
-        packed = np.empty((samples, sum(self.arguments.values())))
-        results = np.empty((samples, sum(self.outputs)))
+        """Evaluate at m samples: arrays (m, n) in; out (m, ...), whatever the shape of one result."""
+        arrays = self._given.arrays(arguments, sample_axes=1)
+        samples, (taken, made) = len(arrays[0]), self._widths
+        packed, results = np.empty((samples, taken)), np.empty((samples, made))
         np.concatenate(arrays, axis=1, out=packed)
-        strides = 0, packed.shape[1], results.shape[1]
-        self._run_unlocked(0, 1, samples, *strides, None, None, None, packed.ctypes.data, results.ctypes.data)
-        return self._contain(results[:, place] for place in self._places)
+        self._loop(0, 1, samples, 0, taken, made, None, None, None, packed.ctypes.data, results.ctypes.data)
+        if self._finite and not np.isfinite(sound := packed.sum(axis=1) + results.sum(axis=1)).all():
+            self._given.refuse(*(array[int(np.isfinite(sound).argmin())] for array in arrays))
+        parts = zip(self._layout.places, self._layout.shapes, strict=True)
+        return self._layout.contain(results[:, place].reshape(samples, *shape) for place, shape in parts)
 
-    def _new_frame(self) -> _Frame:
-        return _Frame(sum(self.arguments.values()), sum(self.outputs))
+    def _as_builtin(self) -> Callable[..., Any]:
+        """A built-in function; what it finds unusual is made usual for another, which then only refuses."""
+        given, contain = self._given, self._layout.contain
+        strict = builtin(self._code, self.name, given.refuse)
+        usual = builtin(self._code, self.name, lambda *arguments: strict(*given.arrays(arguments)))
+        if self._layout.container in (None, tuple):
+            return usual
+        return lambda *arguments: contain(usual(*arguments))
 
-    def _arrays(self, arguments: Sequence[Any], sample_axes: int = 0) -> list[Array]:
-        """The arguments as float64 arrays; all have the samples of the first."""
-        if len(arguments) != len(self.arguments):
-            expected = f"{len(self.arguments)} arguments ({', '.join(self.arguments)})"
-            raise InputError(f"{self.name}: expected {expected}, got {len(arguments)}")
-        arrays = [self._numbers(name, x) for name, x in zip(self.arguments, arguments, strict=True)]
+    def _one_sample(self, *arguments: ArrayLike) -> Any:
+        """Without built-in functions: a map of one sample."""
+        results = self.map(*(array[None] for array in self._given.arrays(arguments)))
+        parts = results if self._layout.container else (results,)
+        return self._layout.contain(
+            part[0] if shape else part.item() for part, shape in zip(parts, self.outputs, strict=True)
+        )
+
+
+@dataclass(frozen=True)
+class _Given:
+    """What a kernel takes: names and lengths."""
+
+    kernel: str
+    columns: Mapping[str, int]
+
+    def arrays(self, arguments: Sequence[ArrayLike], sample_axes: int = 0) -> list[Array]:
+        """The arguments as new arrays of float64; all have the samples of the first."""
+        if len(arguments) != len(self.columns):
+            expected = f"{len(self.columns)} arguments ({', '.join(self.columns)})"
+            raise InputError(f"{self.kernel}: expected {expected}, got {len(arguments)}")
+        arrays = [self._numbers(name, x) for name, x in zip(self.columns, arguments, strict=True)]
         samples = arrays[0].shape[:sample_axes]
-        for (name, size), array in zip(self.arguments.items(), arrays, strict=True):
+        for (name, size), array in zip(self.columns.items(), arrays, strict=True):
             if array.shape != (*samples, size):
-                what = f"{self.name}: argument {name!r}: expected shape {(*samples, size)}, got {array.shape}"
+                what = f"{self.kernel}: argument {name!r}: expected shape {(*samples, size)}, got {array.shape}"
                 raise InputError(what + " (one row a sample)" * sample_axes)
         return arrays
 
+    def refuse(self, *arrays: Array) -> NoReturn:
+        """Say which of the arrays is not finite; if all are, the result is not."""
+        for name, array in zip(self.columns, arrays, strict=True):
+            if not np.isfinite(array).all():
+                raise NonFiniteError(f"{self.kernel}: argument {name!r}: expected finite numbers, got {array.tolist()}")
+        raise NonFiniteError(f"{self.kernel}: the result is not finite, though all it was given is")
+
     def _numbers(self, name: str, argument: ArrayLike) -> Array:
         try:
-            return np.asarray(argument).astype(np.float64, casting="same_kind", copy=False)
+            given = np.asarray(argument)
+            array = np.empty(given.shape)
+            np.copyto(array, given, casting="same_kind")
         except (TypeError, ValueError) as error:
-            raise InputError(f"{self.name}: argument {name!r}: expected real numbers ({error})") from error
+            raise InputError(f"{self.kernel}: argument {name!r}: expected real numbers ({error})") from error
+        return array

@@ -2,55 +2,74 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import accumulate
+from itertools import accumulate, islice
 from typing import Any
 
 from adaptctl.scalars import Column
 
+Shape = tuple[int, ...]
+
 
 @dataclass(frozen=True)
 class Layout:
-    """A scalar, a Column, or a tuple or NamedTuple (its type is `container`) of scalars and Columns.
+    """A scalar, a Column, a list of Columns (the rows of a matrix), or a tuple or NamedTuple (its type is
+    `container`) of these.
 
-    `lengths` has the length of each part, None for a scalar.
+    `shapes` has the shape of each part: (), (n,) or (rows, n).
     """
 
     container: type[tuple[Any, ...]] | None
-    lengths: tuple[int | None, ...]
+    shapes: tuple[Shape, ...]
 
     @property
     def sizes(self) -> tuple[int, ...]:
         """How many scalars each part holds."""
-        return tuple(1 if length is None else length for length in self.lengths)
+        return tuple(math.prod(shape) for shape in self.shapes)
 
     @property
-    def numbers(self) -> list[tuple[int, int]]:
-        """Which part each scalar belongs to, and which one of the part it is."""
-        return [(part, k) for part, size in enumerate(self.sizes) for k in range(size)]
-
-    @property
-    def places(self) -> tuple[int | slice, ...]:
-        """Where each part is among all scalars: an index for a scalar, a slice for a Column."""
-        spans = zip(self.lengths, accumulate(self.sizes), strict=True)
-        return tuple(end - 1 if length is None else slice(end - length, end) for length, end in spans)
+    def places(self) -> tuple[slice, ...]:
+        """Where each part is among all scalars."""
+        return tuple(slice(end - size, end) for size, end in zip(self.sizes, accumulate(self.sizes), strict=True))
 
     @property
     def contain(self) -> Callable[[Iterator[Any]], Any]:
         """Puts parts into their container; a part that needs none is the first and only one."""
         return next if self.container is None else getattr(self.container, "_make", tuple)
 
-    def columns(self, scalars: Sequence[Any]) -> Any:
-        """The scalars as scalars and Columns again, in their container."""
-        pairs = ((place, scalars[place]) for place in self.places)
-        return self.contain(Column(part) if isinstance(place, slice) else part for place, part in pairs)
+    def restored(self, scalars: Sequence[Any]) -> Any:
+        """The scalars in the form they had."""
+        parts = (scalars[place] for place in self.places)
+        return self.contain(_restored(part, shape) for part, shape in zip(parts, self.shapes, strict=True))
+
+
+def numbered(sizes: Iterable[int]) -> list[tuple[int, int]]:
+    """For parts of these sizes: which part each scalar belongs to, and which one of the part it is."""
+    return [(part, k) for part, size in enumerate(sizes) for k in range(size)]
 
 
 def flatten(value: Any) -> tuple[Layout, list[Any]]:
     """The layout of a result or of an argument tuple, and its scalars in order."""
     container = type(value) if isinstance(value, tuple) else None
-    parts = value if isinstance(value, tuple) else (value,)
-    lengths = tuple(len(part) if isinstance(part, Column) else None for part in parts)
-    scalars = [x for part in parts for x in (part if isinstance(part, Column) else (part,))]
-    return Layout(container, lengths), scalars
+    parts = [_flat(part) for part in (value if isinstance(value, tuple) else (value,))]
+    return Layout(container, tuple(shape for shape, _ in parts)), [x for _, scalars in parts for x in scalars]
+
+
+def _flat(part: Any) -> tuple[Shape, list[Any]]:
+    if isinstance(part, Column):
+        return (len(part),), list(part)
+    rows = part if isinstance(part, list) and all(isinstance(row, Column) for row in part) else []
+    if len({len(row) for row in rows}) == 1:
+        return (len(rows), len(rows[0])), [x for row in rows for x in row]
+    return (), [part]
+
+
+def _restored(scalars: Sequence[Any], shape: Shape) -> Any:
+    if not shape:
+        return scalars[0]
+    if len(shape) == 1:
+        return Column(scalars)
+    rest = iter(scalars)
+    return [Column(islice(rest, shape[1])) for _ in range(shape[0])]

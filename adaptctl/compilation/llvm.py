@@ -13,6 +13,7 @@ from itertools import islice
 
 from adaptctl.compilation.graph import Expression, Op
 from adaptctl.compilation.lanes import Lanes
+from adaptctl.compilation.layout import numbered
 from adaptctl.compilation.routine import Routine, trace
 from adaptctl.compilation.sine import FARTHEST, sine_and_cosine
 
@@ -49,10 +50,16 @@ def _function(routine: Routine, symbols: Mapping[Routine, str], lanes: Lanes, in
     inputs = [f"ptr noalias readonly %in{part}" for part in range(len(routine.inputs))]
     outputs = [f"ptr noalias %out{part}" for part in range(len(routine.layout.sizes))]
     body = _Body(symbols, lanes)
+    wanted: dict[int, list[tuple[int, int]]] = {}
+    for place, value in zip(numbered(routine.layout.sizes), routine.outputs, strict=True):
+        if isinstance(value, Expression):
+            wanted.setdefault(value.index, []).append(place)
+        else:
+            body.store(f"%out{place[0]}", place[1], value)
     for expression in routine.body:
         body.compute(expression)
-    for (part, k), value in zip(routine.layout.numbers, routine.outputs, strict=True):
-        body.store(f"%out{part}", k, value)
+        for part, k in wanted.get(expression.index, ()):  # at once: registers are few
+            body.store(f"%out{part}", k, expression)
     head = f"define internal void @{symbols[routine]}({', '.join(inputs + outputs)}) {inlining} {lanes.attributes} {{"
     return "\n".join([head, *body.memory, *body.lines, "ret void\n}"])
 

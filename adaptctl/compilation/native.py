@@ -7,6 +7,7 @@ import hashlib
 import os
 import threading
 import weakref
+from collections.abc import Mapping
 from typing import Any
 
 import llvmlite
@@ -38,6 +39,13 @@ def load(text: str, processor: Processor | None = None) -> NativeCode:
     """Machine code of a module, for this processor unless another is named."""
     with _compiler():
         return _loaded(text, processor or Processor.host())
+
+
+def define(addresses: Mapping[str, int]) -> None:
+    """Tell code loaded from now on where the functions and objects it names are."""
+    with _compiler():
+        for name, address in addresses.items():
+            llvm.add_symbol(name, address)
 
 
 def _loaded(text: str, processor: Processor) -> NativeCode:

@@ -10,7 +10,7 @@ from itertools import chain, islice
 from typing import Any, TypeVar, cast
 
 from adaptctl.compilation.graph import Expression, Graph, Op, reachable
-from adaptctl.compilation.layout import Layout, flatten
+from adaptctl.compilation.layout import Layout, flatten, numbered
 from adaptctl.compilation.node import Node, Value, lift
 from adaptctl.errors import TraceError
 from adaptctl.scalars import Column
@@ -86,7 +86,7 @@ def outlined(function: F) -> F:
         if not nodes or any(x is None for x in values):
             return function(*arguments)
         routine = _shared(function, layout, values, nodes[0].graph)
-        return routine.layout.columns(_results(routine, nodes))
+        return routine.layout.restored(_results(routine, nodes))
 
     return cast(F, call)
 
@@ -99,7 +99,7 @@ def _shared(function: Callable[..., Any], layout: Layout, values: Sequence[Any],
         sizes = tuple(sum(isinstance(x, Node) for x in islice(rest, size)) for size in layout.sizes)
         nodes = chain.from_iterable(_inputs(inner, sizes))
         scalars = [next(nodes) if isinstance(x, Node) else x for x in values]
-        graph.routines[key] = _routine(_name(function), inner, sizes, function(*layout.columns(scalars)))
+        graph.routines[key] = _routine(_name(function), inner, sizes, function(*layout.restored(scalars)))
     return cast(Routine, graph.routines[key])
 
 
@@ -109,7 +109,7 @@ def _results(routine: Routine, nodes: Sequence[Node]) -> list[Value]:
     call = graph.make(Expression, Op.CALL, *nodes, detail=routine)
     return [
         graph.make(Node, Op.RESULT, call, detail=place) if isinstance(output, Node) else output
-        for place, output in zip(routine.layout.numbers, routine.outputs, strict=True)
+        for place, output in zip(numbered(routine.layout.sizes), routine.outputs, strict=True)
     ]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from threading import Thread
 from types import MappingProxyType
@@ -39,7 +40,7 @@ def compile_step(
     `step` is called once with Columns by keyword: `state`, which each member has and each step replaces; `held`,
     which each member has and keeps; `shared`, other in each step and the same for all members; `driven`, other in
     each step and for each member. It returns a tuple: the new state, in the order of `state`, and after it any
-    outputs, Columns or scalars.
+    outputs, Columns, lists of Columns or scalars.
     """
     columns = {Source.STATE: state, Source.HELD: held, Source.SHARED: shared, Source.DRIVEN: driven}
     arguments = {name: length for part in columns.values() for name, length in part.items()}
@@ -52,8 +53,8 @@ def compile_step(
 class Stepper:
     """A compiled step, made by `compile_step`.
 
-    `columns` has the names and lengths of what it takes, by source, and `outputs` the lengths of what it returns
-    after the new state, None for a scalar; `lanes` members are worked on at once; `operations` is what a step of one
+    `columns` has the names and lengths of what it takes, by source, and `outputs` the shapes of what it returns
+    after the new state; `lanes` members are worked on at once; `operations` is what a step of one
     member costs.
     """
 
@@ -61,8 +62,10 @@ class Stepper:
         self.name, self.operations, self.lanes = routine.name, routine.operations, lanes.count
         self.columns = MappingProxyType({source: MappingProxyType(dict(part)) for source, part in columns.items()})
         state = columns[Source.STATE]
-        self.outputs = routine.layout.lengths[len(state) :]
-        if routine.layout.container is None or routine.layout.lengths[: len(state)] != tuple(state.values()):
+        self.outputs = routine.layout.shapes[len(state) :]
+        if routine.layout.container is None or routine.layout.shapes[: len(state)] != tuple(
+            (n,) for n in state.values()
+        ):
             expected = ", ".join(f"{name} ({length})" for name, length in state.items())
             raise InputError(f"{self.name}: expected a tuple as result that begins with the new state: {expected}")
         text, symbol = program(routine, lanes)
@@ -88,7 +91,7 @@ class Ensemble:
         self.stepper, self.members = stepper, int(members)
         self.state = self._array(stepper.columns[Source.STATE])
         self.held = self._array(stepper.columns[Source.HELD])
-        self._outputs = {str(k): 1 if length is None else length for k, length in enumerate(stepper.outputs)}
+        self._outputs = {str(k): math.prod(shape) for k, shape in enumerate(stepper.outputs)}
         self._latest, self._nothing = self._array(self._outputs), self._array({})
 
     def run(
@@ -99,8 +102,8 @@ class Ensemble:
         record: bool = False,
         threads: int = 1,
     ) -> tuple[Array, ...]:
-        """Take a number of steps. Returns the outputs of the last, each (members, n), or with `record` those of all,
-        each (steps, members, n); a scalar's have no last axis.
+        """Take a number of steps. Returns the outputs of the last, (members, ...) each, or with `record` those of all,
+        (steps, members, ...) each.
 
         `signals` are the shared columns (steps, n) and the driven ones (steps, members, n). Other Python threads run
         meanwhile. Using more than one thread here pays from milliseconds on: to start one takes some 50 us.
@@ -112,8 +115,9 @@ class Ensemble:
         arrays = self.state, self.held, shared, driven, outputs
         strides = shared.stride, driven.stride, outputs.stride if record else 0
         self._run(threads, int(steps), *strides, *[array.address for array in arrays])
+        axes = (steps, self.members) if record else (self.members,)
         parts = zip(outputs.columns, self.stepper.outputs, strict=True)
-        return tuple(outputs[name][..., 0] if length is None else outputs[name] for name, length in parts)
+        return tuple(outputs[name].reshape(*axes, *shape) for name, shape in parts)
 
     def _run(self, threads: int, *arguments: int) -> None:
         """All blocks, the first share of them in this thread."""
