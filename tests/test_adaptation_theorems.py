@@ -27,6 +27,7 @@ from adaptctl.control import (
     Adaptive,
     BoundedGainForgetting,
     Composite,
+    DeadZone,
     EModification,
     Gradient,
     Natural,
@@ -303,3 +304,26 @@ def test_projection_keeps_its_bounds_and_v(size: float, seed: int) -> None:
     free = slotine_li(name, Gradient(own_gain(name)))
     loose = loop(free, mechanism, swinging(mechanism, seed), 0.5, disturbance=shaken(mechanism, size)).estimate  # type: ignore[arg-type]
     assert not np.all((loose >= lower) & (loose <= upper))
+
+
+def test_noise_makes_the_gradient_drift_and_robust_laws_stay() -> None:
+    """Hardly any excitation, noisy velocities: the gradient's error grows with time, the others' settles."""
+    name, mechanism, model = "puma560_arm3", arm("puma560_arm3"), reduced("puma560_arm3")
+    beta, gain = model.fundamental_parameters, own_gain("puma560_arm3")
+    first = 0.7 * beta
+    laws: dict[str, AdaptationLaw] = {
+        "gradient": Gradient(gain),
+        "sigma": SigmaModification(gain, 0.3, first),
+        "e": EModification(gain, 0.5, first),
+        "dead zone": DeadZone(gain, 1.5),
+    }
+    half, end = {}, {}
+    for law, adaptation in laws.items():
+        controller = slotine_li(name, adaptation, initial=first, period=2e-3)
+        run = loop(controller, mechanism, swinging(mechanism, amplitude=0.05), 24.0, 2e-3, noise=0.5)
+        errors = np.linalg.norm(run.estimate - beta, axis=1)
+        half[law], end[law] = errors[len(errors) // 2], errors[-1]
+    assert end["gradient"] > 1.7 * half["gradient"]
+    assert all(end[law] < 0.6 * end["gradient"] for law in laws if law != "gradient")
+    assert end["e"] < 1.1 * half["e"]
+    assert end["dead zone"] < 1.1 * half["dead zone"]
