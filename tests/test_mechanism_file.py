@@ -129,6 +129,17 @@ def test_closures_couplings_and_conditions(tmp_path: Path) -> None:
     assert (condition.lower, condition.upper) == (-1.0, math.inf)
 
 
+POINT = "mass = 1, center_of_mass = [0, 0, 0], inertia_at_center = {}"
+
+
+def test_a_massless_link_owns_no_parameters(tmp_path: Path) -> None:
+    tree = reading(tmp_path, TREE.replace('name = "a"', 'name = "a", massless = true', 1))
+    assert [link.massless for link in tree.links] == [True, False]
+    assert len(tree.parameter_names) == 10
+    with pytest.raises(FileError, match=r"\$\.links\[0\]: link 'a': a massless link has no inertia"):
+        reading(tmp_path, TREE.replace('name = "a"', f'name = "a", massless = true, {POINT}', 1))
+
+
 def test_names_default_to_the_place_in_the_file(tmp_path: Path) -> None:
     tree = reading(tmp_path, HEAD + 'links = [{}, { parent = "link1" }, { name = "end", parent = "link2" }]\n')
     assert [link.name for link in tree.links] == ["link1", "link2", "end"]

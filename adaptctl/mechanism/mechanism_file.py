@@ -27,7 +27,8 @@ class TreeLink(LinkEntry, kw_only=True):
 
     `parent` names the link that carries it, the ground when left out. `position` and `rpy` place the joint's
     frame in the parent link's frame; `axis` is in the joint's frame. `far` places the link's frame in the
-    joint's moved frame, where the two are not the same.
+    joint's moved frame, where the two are not the same. A `massless` link only joins two joints: it has no inertia
+    and owns no parameters.
     """
 
     parent: Name | None = None
@@ -36,6 +37,7 @@ class TreeLink(LinkEntry, kw_only=True):
     rpy: Triple | None = None
     rpy_deg: Triple | None = None
     far: FrameEntry = msgspec.field(default_factory=FrameEntry)
+    massless: bool = False
 
 
 class LinkFrame(FrameEntry, kw_only=True):
@@ -111,7 +113,7 @@ def _links(entries: Sequence[TreeLink]) -> tuple[Link, ...]:
         joint = entry.moving(entry.joint or f"joint{place + 1}", entry.axis)
         near = FrameEntry(position=entry.position, rpy=entry.rpy, rpy_deg=entry.rpy_deg).pose()
         parent = GROUND if entry.parent is None else names.index(entry.parent)
-        return Link(names[place], parent, joint, near, entry.far.pose(), entry.ten())
+        return Link(names[place], parent, joint, near, entry.far.pose(), entry.ten(), entry.massless)
 
     return depth_first(_built("links", entries, link))
 
