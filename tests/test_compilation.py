@@ -53,7 +53,7 @@ def operations() -> Kernel:
 
 
 @given(st.floats(), st.floats())
-@settings(max_examples=300)
+@settings(max_examples=300, deadline=None)
 def test_operations_are_numpys(operations: Kernel, x: float, y: float) -> None:
     with np.errstate(all="ignore"):
         expected = [np.ravel(f(np.array([x]), np.array([y])))[0] for f in OPERATIONS.values()]
@@ -69,6 +69,7 @@ def test_extrema_of_ties_and_of_nan(operations: Kernel, x: float) -> None:
 
 
 @given(st.sampled_from((-0.0, 0.0, 1.0, -1.0)), st.sampled_from((-0.0, 0.0, 2.0, -2.0)))
+@settings(deadline=None)
 def test_unknown_zeros_keep_their_sign_where_nothing_is_folded(operations: Kernel, x: float, y: float) -> None:
     expected = [x + y, x - y, x * y]
     np.testing.assert_array_equal(np.signbit(operations([x], [y])[:3]), np.signbit(expected))
@@ -116,6 +117,7 @@ points = st.tuples(moderate, moderate.filter(lambda y: abs(y) > 1e-3))
 
 
 @given(points, st.tuples(moderate, moderate))
+@settings(deadline=None)
 def test_derivatives_compile(derivative: Kernel, p: tuple[float, float], v: tuple[float, float]) -> None:
     value, slope = derivative(p, v)
     expected_value, expected_slope = directional(Column(p), Column(v))
@@ -124,6 +126,7 @@ def test_derivatives_compile(derivative: Kernel, p: tuple[float, float], v: tupl
 
 
 @given(points, st.tuples(moderate, moderate))
+@settings(deadline=None)
 def test_derivatives_are_central_differences(
     derivative: Kernel, p: tuple[float, float], v: tuple[float, float]
 ) -> None:
@@ -168,6 +171,7 @@ def test_four_stages_share_one_body() -> None:
 
 
 @given(triples, triples)
+@settings(deadline=None)
 def test_a_called_function_gives_what_it_gives_unrolled(
     steps: tuple[Kernel, Kernel], x: tuple[float, ...], y: tuple[float, ...]
 ) -> None:
