@@ -1,0 +1,75 @@
+"""Sampling mechanisms with loops: on the reference's branch, within limits and conditions, away from singularity."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from random_loops import RECIPES, random_loop
+
+from adaptctl.dynamics import Mechanism, load
+from adaptctl.errors import InputError
+from adaptctl.identifiability import essential_space, random_states, states_within_limits
+from adaptctl.identifiability.branch import REGULAR
+from adaptctl.mechanism import Condition, Limits
+
+
+@pytest.mark.parametrize("name", sorted(RECIPES))
+def test_ranks_of_random_loops_are_certified_and_do_not_depend_on_the_samples(name: str) -> None:
+    mechanism, _ = random_loop(1, RECIPES[name])
+    one, other = (essential_space(mechanism, seed=seed) for seed in (0, 7))
+    assert one.rank == other.rank
+    assert min(one.certificate.gap, other.certificate.gap) > 1e9
+
+
+@pytest.mark.parametrize("name", sorted(RECIPES))
+def test_random_states_are_regular_and_spread(name: str) -> None:
+    mechanism, q = random_loop(2, RECIPES[name])
+    states = random_states(mechanism, 200, np.random.default_rng(0))
+    assert mechanism.continuation is not None
+    reached = mechanism.configuration(states.p)
+    assert mechanism.continuation.regularity(reached).min() > 0.9 * REGULAR
+    spread = states.p - q[list(mechanism.description.primary)]
+    assert (np.abs(spread).max(axis=0) > 0.02).all()
+    assert states.origin == "random states on the reference's branch"
+
+
+def test_joints_outside_loops_go_all_around_and_those_in_loops_keep_their_condition() -> None:
+    arm = load("semi_direct_drive")
+    p = random_states(arm, 500, np.random.default_rng(0)).p
+    assert p[:, 0].min() < -3.0
+    assert p[:, 0].max() > 3.0
+    assert arm.description.within_conditions(p).all()
+    assert p[:, 1].min() >= -3.927
+    assert p[:, 1].max() <= 0.785
+    assert np.ptp(p[:, 1] - p[:, 2]) > 1.5
+
+
+def test_a_reference_that_breaks_a_condition_is_refused() -> None:
+    arm = load("semi_direct_drive").description
+    assert arm.loops is not None
+    never = Condition("never", {"joint1": 1.0}, 1.0, 2.0)
+    wrong = Mechanism(replace(arm, loops=replace(arm.loops, conditions=(never,))))
+    with pytest.raises(InputError, match=r"the reference configuration, p = \[0\.0, -1\.57.*\], breaks a condition"):
+        random_states(wrong, 10, np.random.default_rng(0))
+
+
+def test_states_within_limits_keep_the_limits_of_joints_that_follow() -> None:
+    arm = load("semi_direct_drive").description
+    follower = replace(arm.links[3].joint, limits=Limits(1.0, 1.6))
+    links = tuple(replace(x, joint=follower) if x.name == "link4" else x for x in arm.links)
+    bounded = Mechanism(replace(arm, links=links))
+    q = bounded.configuration(states_within_limits(bounded, 100).p)
+    assert q[:, 3].min() >= 1.0
+    assert q[:, 3].max() <= 1.6
+    free = Mechanism(arm).configuration(states_within_limits(Mechanism(arm), 100).p)
+    assert np.ptp(free[:, 3]) > 1.0
+
+
+def test_limits_that_nothing_can_keep_are_refused() -> None:
+    arm = load("semi_direct_drive").description
+    follower = replace(arm.links[3].joint, limits=Limits(50.0, 51.0))
+    links = tuple(replace(x, joint=follower) if x.name == "link4" else x for x in arm.links)
+    with pytest.raises(InputError, match=r"semi_direct_drive: of \d+ positions within the primary joints' .* only 0"):
+        states_within_limits(Mechanism(replace(arm, links=links)), 2)
