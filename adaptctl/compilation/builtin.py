@@ -11,7 +11,7 @@ import ctypes
 import functools
 import math
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -22,8 +22,6 @@ from adaptctl.compilation.routine import Routine
 
 _ENTRY = "call"
 _FASTCALL = 0x80  # METH_FASTCALL: an array of arguments and their number
-_DOUBLE = 12  # NPY_DOUBLE
-_USUAL = 0x101  # NPY_ARRAY_C_CONTIGUOUS | NPY_ARRAY_ALIGNED
 _NEW = 93  # PyArray_New in NumPy's table of functions
 _PYTHON = ("PyObject_Vectorcall", "PyTuple_New", "PyTuple_SetItem", "PyFloat_FromDouble", "Py_DecRef")
 
@@ -100,156 +98,64 @@ def builtin_source(routine: Routine, symbol: str, *, finite: bool) -> str:
     shapes, inputs = dict(enumerate(routine.layout.shapes)), dict(enumerate(routine.inputs))
     arrays, numbers = ([k for k, shape in shapes.items() if bool(shape) is wanted] for wanted in (True, False))
     sizes = {f"%in{k}": n for k, n in inputs.items()} | {f"%out{k}": math.prod(shape) for k, shape in shapes.items()}
-    return "\n".join([
-        _INTERFACES,
-        *(_SHAPE.format(k=k, rank=len(shapes[k]), sizes=", ".join(f"i64 {n}" for n in shapes[k])) for k in arrays),
-        f"define ptr @{_ENTRY}(ptr %instead, ptr %arguments, i64 %count) nounwind {{",
-        *(f"%out{k} = alloca double" for k in numbers),
-        f"%counted = icmp eq i64 %count, {len(inputs)}",
-        "br i1 %counted, label %look, label %unusual",
-        "look:",
-        *(_LOOK.format(k=k, n=n) for k, n in inputs.items()),
-        *_unless_null([f"%in{k}" for k in inputs], "usual", "unusual"),
-        "unusual:",
-        "%other = call ptr @PyObject_Vectorcall(ptr %instead, ptr %arguments, i64 %count, ptr null)",
-        "ret ptr %other",
-        "usual:",
-        *(_NEW_ARRAY.format(k=k, rank=len(shapes[k])) for k in arrays),
-        *_unless_null([f"%result{k}" for k in arrays], "compute", "failed"),
-        "failed:",
-        *(f"call void @Py_DecRef(ptr %result{k})" for k in arrays),
-        "ret ptr null",
-        "compute:",
-        *(_DATA.format(k=k) for k in arrays),
-        f"call void @{symbol}({', '.join(f'ptr {pointer}' for pointer in sizes)})",
-        *(_if_finite(sizes, "fine", "infinite") if finite else ["br label %fine"]),
-        "infinite:",
-        *(f"call void @Py_DecRef(ptr %result{k})" for k in arrays),
-        "br label %unusual",
-        "fine:",
-        *_packed(numbers, len(shapes), routine.layout.container is not None),
-        "}",
-    ])  # fmt: skip
+    fitting = [f"icmp ne ptr %in{k}, null" for k in inputs]
+    made = [f"icmp ne ptr %result{k}, null" for k in arrays]
+    sound = [f"call i1 @finite(ptr {pointer}, i64 {n})" for pointer, n in sizes.items() if finite]
+    pieces = {
+        "shapes": [_SHAPE.format(k, len(shapes[k]), ", ".join(f"i64 {n}" for n in shapes[k])) for k in arrays],
+        "numbers": [f"%out{k} = alloca double" for k in numbers],
+        "look": [*(_LOOK.format(k, n) for k, n in inputs.items()), _branch(fitting, "usual", "unusual")],
+        "allocate": [*(_ALLOCATE.format(k, len(shapes[k])) for k in arrays), _branch(made, "compute", "failed")],
+        "data": [_DATA.format(k) for k in arrays],
+        "check": [_branch(sound, "finite", "infinite")],
+        "released": [f"call void @Py_DecRef(ptr %result{k})" for k in arrays],
+        "packed": _packed(numbers, len(shapes), in_tuple=routine.layout.container is not None),
+    }
+    texts = {name: "\n  ".join(lines) for name, lines in pieces.items()}
+    pointers = ", ".join(f"ptr {pointer}" for pointer in sizes)
+    return Lanes().filled("builtin", expected=len(inputs), routine=symbol, pointers=pointers, **texts)
 
 
-def _packed(numbers: Sequence[int], count: int, in_tuple: bool) -> list[str]:
+def _packed(numbers: Sequence[int], count: int, *, in_tuple: bool) -> list[str]:
     """What is returned: the only result, or a tuple of all."""
-    lines = [_NEW_NUMBER.format(k=k) for k in numbers]
+    boxed = [_BOXED.format(k) for k in numbers]
     if not in_tuple:
-        return [*lines, "ret ptr %result0"]
+        return [*boxed, "ret ptr %result0"]
     return [
         f"%results = call ptr @PyTuple_New(i64 {count})",
-        *_unless_null(["%results"], "pack", "failed"),
+        _branch(["icmp ne ptr %results, null"], "pack", "failed"),
         "pack:",
-        *lines,
+        *boxed,
         *(f"%set{k} = call i32 @PyTuple_SetItem(ptr %results, i64 {k}, ptr %result{k})" for k in range(count)),
-        *_unless_null([f"%result{k}" for k in numbers], "done", "lost"),
+        _branch([f"icmp ne ptr %result{k}, null" for k in numbers], "packed", "lost"),
         "lost:",
         "call void @Py_DecRef(ptr %results)",
         "ret ptr null",
-        "done:",
+        "packed:",
         "ret ptr %results",
     ]
 
 
-def _if_finite(sizes: Mapping[str, int], then: str, otherwise: str) -> list[str]:
-    """A branch to `then` if all numbers after the pointers are finite: zero times such a number is zero, else NaN,
-    and a NaN stays one when the bits of others are added to it."""
-    lines, all_so_far, gathered = [], "true", {width: Lanes(width).integer(0) for width in (8, 4, 2, 1)}
-    for pointer, size in sizes.items():
-        for start, width in _pieces(size):
-            x, lanes = f"{pointer}.{start}", Lanes(width)
-            lines += [
-                f"{x}.at = getelementptr double, ptr {pointer}, i64 {start}",
-                f"{x} = load {lanes.value}, ptr {x}.at, align 8",
-                f"{x}.nothing = fmul {lanes.value} {x}, {lanes.constant(0.0)}",
-                f"{x}.bits = bitcast {lanes.value} {x}.nothing to {lanes.whole}",
-                f"{x}.or = or {lanes.whole} {gathered[width]}, {x}.bits",
-            ]
-            gathered[width] = f"{x}.or"
-    for width, bits in gathered.items():
-        lanes = Lanes(width)
-        lines += [
-            f"%gathered{width} = bitcast {lanes.whole} {bits} to {lanes.value}",
-            f"%finite{width} = fcmp ord {lanes.value} %gathered{width}, {lanes.constant(0.0)}",
-            f"%lanes{width} = bitcast {lanes.condition} %finite{width} to i{width}",
-            f"%every{width} = icmp eq i{width} %lanes{width}, -1",
-            f"%all{width} = and i1 {all_so_far}, %every{width}",
-        ]
-        all_so_far = f"%all{width}"
-    return [*lines, f"br i1 {all_so_far}, label %{then}, label %{otherwise}"]
-
-
-def _pieces(size: int) -> Iterator[tuple[int, int]]:
-    """Where pieces of 8, 4, 2 or 1 begin that make up so many numbers, and their widths."""
-    start = 0
-    while start < size:
-        width = next(width for width in (8, 4, 2, 1) if start + width <= size)
-        yield start, width
-        start += width
-
-
-def _unless_null(pointers: Iterable[str], then: str, otherwise: str) -> list[str]:
-    """A branch to `then` if none of the pointers is null."""
+def _branch(conditions: Iterable[str], then: str, otherwise: str) -> str:
+    """A branch to `then` if all conditions hold."""
     lines, all_so_far = [], "true"
-    for x in pointers:
-        lines += [f"{x}.there = icmp ne ptr {x}, null", f"{x}.all = and i1 {all_so_far}, {x}.there"]
-        all_so_far = f"{x}.all"
-    return [*lines, f"br i1 {all_so_far}, label %{then}, label %{otherwise}"]
+    for k, condition in enumerate(conditions):
+        lines += [f"%{then}.{k} = {condition}", f"%{then}.to.{k} = and i1 {all_so_far}, %{then}.{k}"]
+        all_so_far = f"%{then}.to.{k}"
+    return "\n  ".join([*lines, f"br i1 {all_so_far}, label %{then}, label %{otherwise}"])
 
 
-_INTERFACES = f"""@numpy.ndarray = external global i8
-@numpy.float64 = external global i8
-declare ptr @numpy.new(ptr, i32, ptr, i32, ptr, ptr, i32, i32, ptr)
-declare ptr @PyObject_Vectorcall(ptr, ptr, i64, ptr)
-declare ptr @PyTuple_New(i64)
-declare i32 @PyTuple_SetItem(ptr, i64, ptr)
-declare ptr @PyFloat_FromDouble(double)
-declare void @Py_DecRef(ptr)
-define internal ptr @usual(ptr %object, i64 %length) alwaysinline nounwind {{
-%type.at = getelementptr i8, ptr %object, i64 {_Array.type.offset}
-%type = load ptr, ptr %type.at
-%is.array = icmp eq ptr %type, @numpy.ndarray
-br i1 %is.array, label %array, label %other
-array:
-%dtype.at = getelementptr i8, ptr %object, i64 {_Array.dtype.offset}
-%dtype = load ptr, ptr %dtype.at
-%is.float64 = icmp eq ptr %dtype, @numpy.float64
-%flags.at = getelementptr i8, ptr %object, i64 {_Array.flags.offset}
-%flags = load i32, ptr %flags.at
-%both = and i32 %flags, {_USUAL}
-%is.plain = icmp eq i32 %both, {_USUAL}
-%ndim.at = getelementptr i8, ptr %object, i64 {_Array.ndim.offset}
-%ndim = load i32, ptr %ndim.at
-%is.vector = icmp eq i32 %ndim, 1
-%is.either = and i1 %is.float64, %is.plain
-%is.all = and i1 %is.either, %is.vector
-br i1 %is.all, label %vector, label %other
-vector:
-%shape.at = getelementptr i8, ptr %object, i64 {_Array.shape.offset}
-%shape = load ptr, ptr %shape.at
-%size = load i64, ptr %shape
-%is.long = icmp eq i64 %size, %length
-br i1 %is.long, label %fitting, label %other
-fitting:
-%data.at = getelementptr i8, ptr %object, i64 {_Array.data.offset}
-%data = load ptr, ptr %data.at
-ret ptr %data
-other:
-ret ptr null
-}}"""
+_SHAPE = "@shape{0} = private constant [{1} x i64] [{2}]"
 
-_SHAPE = "@shape{k} = private constant [{rank} x i64] [{sizes}]"
+_LOOK = """%argument{0}.at = getelementptr ptr, ptr %arguments, i64 {0}
+  %argument{0} = load ptr, ptr %argument{0}.at
+  %in{0} = call ptr @usual(ptr %argument{0}, i64 {1})"""
 
-_LOOK = """%at{k} = getelementptr ptr, ptr %arguments, i64 {k}
-%argument{k} = load ptr, ptr %at{k}
-%in{k} = call ptr @usual(ptr %argument{k}, i64 {n})"""
+_ALLOCATE = """%result{0} = call ptr @numpy.new(ptr @numpy.ndarray, i32 {1}, ptr @shape{0}, i32 12, ; NPY_DOUBLE
+    ptr null, ptr null, i32 0, i32 0, ptr null)"""
 
-_NEW_ARRAY = f"""%result{{k}} = call ptr @numpy.new(
-  ptr @numpy.ndarray, i32 {{rank}}, ptr @shape{{k}}, i32 {_DOUBLE}, ptr null, ptr null, i32 0, i32 0, ptr null)"""
+_DATA = """%data{0} = getelementptr %array, ptr %result{0}, i32 0, i32 2
+  %out{0} = load ptr, ptr %data{0}"""
 
-_DATA = f"""%data{{k}} = getelementptr i8, ptr %result{{k}}, i64 {_Array.data.offset}
-%out{{k}} = load ptr, ptr %data{{k}}"""
-
-_NEW_NUMBER = """%number{k} = load double, ptr %out{k}
-%result{k} = call ptr @PyFloat_FromDouble(double %number{k})"""
+_BOXED = """%number{0} = load double, ptr %out{0}
+  %result{0} = call ptr @PyFloat_FromDouble(double %number{0})"""

@@ -1,9 +1,11 @@
-"""Numbers side by side: what LLVM calls them."""
+"""Numbers side by side: what LLVM calls them, and what it is told of them."""
 
 from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
+from pathlib import Path
+from string import Template
 
 from adaptctl.errors import InputError
 
@@ -24,11 +26,6 @@ class Lanes:
         return self._of("double")
 
     @property
-    def whole(self) -> str:
-        """The type of whole numbers as wide as these."""
-        return self._of("i64")
-
-    @property
     def condition(self) -> str:
         """The type of their comparison."""
         return self._of("i1")
@@ -46,15 +43,18 @@ class Lanes:
     @property
     def attributes(self) -> str:
         """What every function on them says: spilled vectors must not straddle cache lines."""
-        return "nounwind" if self.count == 1 else 'nounwind "stackrealign" alignstack(64)'
+        return "nounwind" if self.count == 1 else f'nounwind "stackrealign" alignstack({self.alignment})'
 
     def constant(self, x: float) -> str:
         """The same number in every lane, as the digits of its bits."""
-        return self._splat("double", f"0x{struct.pack('>d', x).hex()}")
+        digits = f"0x{struct.pack('>d', x).hex()}"
+        return digits if self.count == 1 else "<" + ", ".join([f"double {digits}"] * self.count) + ">"
 
-    def integer(self, k: int) -> str:
-        """The same whole number in every lane."""
-        return self._splat("i64", str(k))
+    def filled(self, name: str, **values: object) -> str:
+        """The text of `name`.ll, with these types and other values in place of its $names."""
+        types = ("value", "condition", "suffix", "count", "alignment", "attributes")
+        template = Template(Path(__file__).with_name(f"{name}.ll").read_text(encoding="utf-8"))
+        return template.substitute({of: getattr(self, of) for of in types}, **values)
 
     def broadcast(self, name: str, x: str) -> list[str]:
         """Instructions that put the number in register `x` into every lane of register `name`."""
@@ -68,6 +68,3 @@ class Lanes:
 
     def _of(self, kind: str) -> str:
         return kind if self.count == 1 else f"<{self.count} x {kind}>"
-
-    def _splat(self, kind: str, x: str) -> str:
-        return x if self.count == 1 else "<" + ", ".join([f"{kind} {x}"] * self.count) + ">"

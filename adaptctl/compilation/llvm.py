@@ -172,41 +172,7 @@ def _place(x: Expression) -> tuple[str, int] | None:
 
 
 def _sincos(lanes: Lanes) -> str:
-    """Sines and cosines; lanes with a far angle, or one that is not finite, get the C library's."""
+    """What sines and cosines are computed by."""
     near = trace(lambda x: sine_and_cosine(x[0]), {"x": 1})
-    v, pair, say = lanes.value, f"{{{lanes.value}, {lanes.value}}}", lanes.attributes
-    is_far = f"%far = fcmp ugt {v} %size, {lanes.constant(FARTHEST)}"
-    size = f"%size = call {v} @llvm.fabs.{lanes.suffix}({v} %x)"
-    return f"""{_function(near, {near: "sincos.near"}, lanes, "alwaysinline")}
-define internal {pair} @sincos.far({v} %x, {v} %sin, {v} %cos) noinline cold {say} {{
-{size}
-{is_far}
-%library.sin = call {v} @llvm.sin.{lanes.suffix}({v} %x)
-%library.cos = call {v} @llvm.cos.{lanes.suffix}({v} %x)
-%s = select {lanes.condition} %far, {v} %library.sin, {v} %sin
-%c = select {lanes.condition} %far, {v} %library.cos, {v} %cos
-%first = insertvalue {pair} undef, {v} %s, 0
-%both = insertvalue {pair} %first, {v} %c, 1
-ret {pair} %both
-}}
-define internal {pair} @sincos({v} %x) alwaysinline {say} {{
-%angle = alloca {v}
-%sine = alloca {v}
-%cosine = alloca {v}
-store {v} %x, ptr %angle
-call void @sincos.near(ptr %angle, ptr %sine, ptr %cosine)
-%sin = load {v}, ptr %sine
-%cos = load {v}, ptr %cosine
-{size}
-{is_far}
-%bits = bitcast {lanes.condition} %far to i{lanes.count}
-%any = icmp ne i{lanes.count} %bits, 0
-br i1 %any, label %library, label %here
-library:
-%corrected = call {pair} @sincos.far({v} %x, {v} %sin, {v} %cos)
-ret {pair} %corrected
-here:
-%first = insertvalue {pair} undef, {v} %sin, 0
-%both = insertvalue {pair} %first, {v} %cos, 1
-ret {pair} %both
-}}"""
+    text = lanes.filled("sincos", farthest=lanes.constant(FARTHEST))
+    return f"{_function(near, {near: 'sincos.near'}, lanes, 'alwaysinline')}\n{text}"
