@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adaptctl.control import MinimumJerk, Reference, Sinusoids
+from adaptctl.compilation import compile_function
+from adaptctl.control import MinimumJerk, Reference, ReferencePoint, Sinusoids
+from adaptctl.control.references import SinusoidNumbers, sinusoids_at
 from adaptctl.errors import InputError
+from adaptctl.scalars import Column
 
 sinusoids = st.builds(
     Sinusoids,
@@ -88,3 +93,22 @@ def test_minimum_jerk_rests_at_its_waypoints() -> None:
 def test_bad_references_are_refused(make: object, says: str) -> None:
     with pytest.raises(InputError, match=says):
         make()  # type: ignore[operator]
+
+
+def test_each_of_many_arms_follows_sinusoids_of_its_own_numbers() -> None:
+    rng = np.random.default_rng(0)
+    references = [
+        Sinusoids(rng.normal(size=2), *rng.uniform(0.1, 1.0, (3, 3, 2)), start_time=start) for start in (0.0, 0.5, 2.0)
+    ]
+    sizes = {name: len(values) for name, values in references[0].numbers._asdict().items()}
+
+    def point(time: Column, **numbers: Column) -> ReferencePoint:
+        return sinusoids_at(time[0], SinusoidNumbers(**numbers))
+
+    kernel = compile_function(point, {"time": 1} | sizes)
+    for reference, t in itertools.product(references, (0.0, 0.3, 0.5, 7.0)):
+        native, arrays = kernel([t], *reference.numbers), reference(t)
+        floats = point(Column((t,)), **{name: Column(x.tolist()) for name, x in reference.numbers._asdict().items()})
+        for got, one, expected in zip(native, floats, arrays, strict=True):
+            np.testing.assert_allclose(got, expected, rtol=1e-12, atol=1e-12)
+            np.testing.assert_allclose(one.of, expected, rtol=1e-12, atol=1e-12)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,19 +14,64 @@ from numpy.typing import ArrayLike
 from adaptctl.control.controller import ReferencePoint
 from adaptctl.errors import InputError
 from adaptctl.mechanism.pose import Array, frozen_array
+from adaptctl.scalars import Column, Scalar, clip, cos, sin, where
 
 DEGREE = 5
 """of splines"""
 
 
-def quintic(u: Array) -> tuple[Array, Array, Array]:
+def quintic(u: Scalar) -> tuple[Scalar, Scalar, Scalar]:
     """The minimum-jerk step 10u^3 - 15u^4 + 6u^5 from 0 to 1 and its two derivatives, still outside [0, 1].
 
-    Flash and Hogan (1985).
+    Flash and Hogan (1985). Over scalars of any kind.
     """
-    u = np.clip(u, 0.0, 1.0)
+    u = clip(u, 0.0, 1.0)
     rest = 1.0 - u
-    return u**3 * (10.0 + u * (6.0 * u - 15.0)), 30.0 * (u * rest) ** 2, 60.0 * u * rest * (rest - u)
+    slope = u * rest
+    return u * u * u * (10.0 + u * (6.0 * u - 15.0)), 30.0 * slope * slope, 60.0 * slope * (rest - u)
+
+
+class SinusoidNumbers(NamedTuple):
+    """What `Sinusoids` are made of, as arrays or columns: the terms of all h harmonics one after the other."""
+
+    center: Any
+    """(r,)"""
+    amplitude: Any
+    """(h r,)"""
+    frequency: Any
+    """(h r,) Hz"""
+    phase: Any
+    """(h r,) rad"""
+    start_time: Any
+    """(1,) s"""
+
+
+def sinusoids_at(time: Scalar, numbers: SinusoidNumbers) -> ReferencePoint:
+    """`Sinusoids` at a time (s), over scalars of any kind: of arms that each follow their own, say."""
+    fade, slope, bend = _faded_in(time, numbers.start_time[0])
+    joints, terms = len(numbers.center), range(len(numbers.amplitude))
+    points = []
+    for j, center in enumerate(numbers.center):
+        waves = [_wave(time, *(part[k] for part in numbers[1:4])) for k in terms if k % joints == j]
+        y, dy, ddy = (sum(parts[1:], parts[0]) for parts in zip(*waves, strict=True))
+        points.append((center + fade * y, slope * y + fade * dy, bend * y + 2.0 * slope * dy + fade * ddy))
+    return ReferencePoint(*map(Column, zip(*points, strict=True)))
+
+
+def _wave(time: Scalar, amplitude: Scalar, frequency: Scalar, phase: Scalar) -> tuple[Scalar, Scalar, Scalar]:
+    """A sinusoid and its two derivatives."""
+    omega = 2.0 * math.pi * frequency
+    angle = omega * time + phase
+    sine, cosine = amplitude * sin(angle), amplitude * cos(angle)
+    return sine, omega * cosine, -(omega * omega) * sine
+
+
+def _faded_in(time: Scalar, length: Any) -> tuple[Scalar, Scalar, Scalar]:
+    """The fade of a smooth start and its two derivatives; 1 throughout where its length is zero."""
+    smooth = length > 0.0
+    whole = where(smooth, length, 1.0)
+    fade, slope, bend = quintic(where(smooth, time / whole, 1.0))
+    return fade, slope / whole, bend / (whole * whole)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,19 +103,16 @@ class Sinusoids:
 
     def __call__(self, t: ArrayLike, /) -> ReferencePoint:
         """The reference (..., r) at times (...)."""
-        time = np.asarray(t, dtype=np.float64)[..., None]
-        y, dy, ddy = self._sum(time)
-        if self.start_time == 0.0:
-            return ReferencePoint(self.center + y, dy, ddy)
-        fade, slope, bend = quintic(time / self.start_time)
-        slope, bend = slope / self.start_time, bend / self.start_time**2
-        return ReferencePoint(self.center + fade * y, slope * y + fade * dy, bend * y + 2.0 * slope * dy + fade * ddy)
+        numbers = SinusoidNumbers(*(Column(values.tolist()) for values in self.numbers))
+        point = sinusoids_at(np.asarray(t, dtype=np.float64), numbers)
+        return ReferencePoint(*(np.stack(column.of, axis=-1) for column in point))
 
-    def _sum(self, time: Array) -> tuple[Array, Array, Array]:
-        omega = 2.0 * np.pi * self.frequency
-        angle = omega * time[..., None] + (0.0 if self.phase is None else self.phase)
-        sine, cosine = self.amplitude * np.sin(angle), self.amplitude * np.cos(angle)
-        return sine.sum(-2), (omega * cosine).sum(-2), (-(omega**2) * sine).sum(-2)
+    @property
+    def numbers(self) -> SinusoidNumbers:
+        """What it is made of, for `sinusoids_at`."""
+        phase = np.zeros_like(self.amplitude) if self.phase is None else self.phase
+        amplitude, frequency, phase = (np.ravel(values) for values in (self.amplitude, self.frequency, phase))
+        return SinusoidNumbers(self.center, amplitude, frequency, phase, np.array([self.start_time]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from adaptctl.dynamics.arrays import checked
 from adaptctl.dynamics.continuation import NEAREST
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.mechanism.pose import Array
-from adaptctl.scalars import Column, clip
+from adaptctl.scalars import Column, Scalar, clip
 from adaptctl.simulation.effects import JointEffect
 from adaptctl.simulation.integrator import Integrator, RungeKutta4
 
@@ -110,21 +110,36 @@ class Plant:
     @cached_property
     def _advance(self) -> Callable[..., tuple[Array, Array]]:
         joints = self.mechanism.equations.joints
-        return self._native(self._equation(), "plant", q=joints, v=self.dof, torque=self.dof)
+        return self._native(self.equation, "plant", q=joints, v=self.dof, torque=self.dof)
 
     @cached_property
     def _energy(self) -> Callable[..., tuple[Array]]:
         def energy(q: Column, v: Column, parameters: Column) -> tuple[Column]:
-            return (Column((self.mechanism.equations.energy_regressor(q, v) @ parameters,)),)
+            return (Column((self.energy_equation(q, v, parameters),)),)
 
         return self._native(energy, "energy", q=self.mechanism.equations.joints, v=self.dof)
 
-    def _equation(self) -> Callable[[Column, Column, Column, Column], tuple[Column, Column]]:
-        """A control period over scalars of any kind. All stages share one body of the forward dynamics.
+    def limited_equation(self, torque: Column) -> Column:
+        """The torque (r,) clipped to the limits, over scalars of any kind."""
+        return Column(clip(x, -bound, bound) for x, bound in zip(torque, self._limits, strict=True))
+
+    def energy_equation(self, q: Column, v: Column, parameters: Column) -> Scalar:
+        """Kinetic plus potential energy, in J, over scalars of any kind."""
+        energy: Scalar = self.mechanism.equations.energy_regressor(q, v) @ parameters
+        return energy
+
+    def primary(self, q: Column) -> Column:
+        """The primary joints' positions p (r,) among the tree's q (n,)."""
+        return q if self._primary is None else Column(q[i] for i in self._primary)
+
+    @cached_property
+    def equation(self) -> Callable[[Column, Column, Column, Column], tuple[Column, Column]]:
+        """A control period over scalars of any kind: from q (n,), v (r,), torque (r,) and parameters (P,) to the q and
+        v at its end. All stages share one body of the forward dynamics.
 
         With loops the dependent joints are integrated too, and one Newton step projects them back.
         """
-        dt, bounds, equations = self.control_period / self.substeps, self._limits, self.mechanism.equations
+        dt, equations = self.control_period / self.substeps, self.mechanism.equations
         dynamics = outlined(equations.forward_dynamics)
 
         def substep(q: Column, v: Column, torque: Column, parameters: Column) -> tuple[Column, Column]:
@@ -140,7 +155,7 @@ class Plant:
         repeated = outlined(substep) if self.substeps > 1 else substep
 
         def advance(q: Column, v: Column, torque: Column, parameters: Column) -> tuple[Column, Column]:
-            held = Column(clip(x, -bound, bound) for x, bound in zip(torque, bounds, strict=True))
+            held = self.limited_equation(torque)
             for _ in range(self.substeps):
                 q, v = repeated(q, v, held, parameters)
             return q, v

@@ -35,6 +35,27 @@ class RealPlantState(NamedTuple):
     sensors: Array
 
 
+class Period(NamedTuple):
+    """What `RealPlant.equation` makes of one control period, in columns: first what is passed on to the next."""
+
+    q: Column
+    """(n,) the tree's joints"""
+    v: Column
+    """(r,) velocities"""
+    drives: Column
+    sensors: Column
+    measured_p: Column
+    """(r,) as the sensors tell"""
+    measured_v: Column
+    """(r,) likewise"""
+    applied: Column
+    """(r,) N m, what reached the joints"""
+    clipped: Column
+    """(1,) 1 where the torque commanded was beyond the plant's limits, else 0"""
+    marks: Column
+    """(m,) 1 for each of `RealPlant.marks` that held a torque back, else 0"""
+
+
 @dataclass(frozen=True, eq=False)
 class RealPlant:
     """A plant behind its effects. Equal calls give equal bits: noise is an argument.
@@ -109,6 +130,31 @@ class RealPlant:
         r = self.plant.dof
         sizes = {"p": r, "v": r, "noise": 2 * r, "memory": sum(self._sensor_sizes)}
         return compile_function(self.sense_equation, sizes, name="sensors")
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Lengths of what `equation` passes from one control period to the next."""
+        joints = {"q": self.plant.mechanism.equations.joints, "v": self.plant.dof}
+        return joints | {"drives": sum(self._drive_sizes), "sensors": sum(self._sensor_sizes)}
+
+    def equation(
+        self,
+        q: Column,
+        v: Column,
+        drives: Column,
+        sensors: Column,
+        torque: Column,
+        noise: Column,
+        parameters: Column,
+    ) -> Period:
+        """One control period over scalars of any kind, as `step` is on arrays: commanded torque (r,), noise (2r,) and
+        parameters (P,). Without sensors the noise may be empty."""
+        held = self.plant.limited_equation(torque)
+        applied, drives, marks = self.drive_equation(held, drives)
+        q, v = self.plant.equation(q, v, applied, parameters)
+        p, measured_v, sensors = self.sense_equation(self.plant.primary(q), v, noise, sensors)
+        clipped = Column((_differs(torque, held),))
+        return Period(q, v, drives, sensors, p, measured_v, applied, clipped, marks)
 
     def drive_equation(self, torque: Column, memory: Column) -> tuple[Column, Column, Column]:
         """What reaches the joints (r,), the drives' memory, and marks (m,); over scalars of any kind."""
