@@ -12,7 +12,7 @@ from adaptctl.mechanism.description import GROUND, Description, Joint, JointKind
 from adaptctl.mechanism.pose import Pose
 from adaptctl.mechanism.visual import Visual
 
-_JOINTS = (
+JOINTS = (
     ("x", JointKind.PRISMATIC, (1.0, 0.0, 0.0)),
     ("y", JointKind.PRISMATIC, (0.0, 1.0, 0.0)),
     ("z", JointKind.PRISMATIC, (0.0, 0.0, 1.0)),
@@ -20,6 +20,7 @@ _JOINTS = (
     ("pitch", JointKind.CONTINUOUS, (0.0, 1.0, 0.0)),
     ("roll", JointKind.CONTINUOUS, (1.0, 0.0, 0.0)),
 )
+"""The six that carry what floats: suffixes of names, kinds and axes, from the ground up."""
 
 
 def with_floating_base(description: Description, name: str, inertia: ArrayLike) -> Description:
@@ -30,7 +31,7 @@ def with_floating_base(description: Description, name: str, inertia: ArrayLike) 
     links, loops = floating(description.links, name, inertia), description.loops
     if loops is not None:
         closures = tuple(replace(c, first=c.first or name, second=c.second or name) for c in loops.closures)
-        primary = (*(link.joint.name for link in links[: len(_JOINTS)]), *loops.primary)
+        primary = (*(link.joint.name for link in links[: len(JOINTS)]), *loops.primary)
         loops = replace(loops, primary=primary, closures=closures)
     return replace(description, links=links, loops=loops, visuals=above_base(description.visuals))
 
@@ -43,7 +44,7 @@ def floating(links: Sequence[Link], name: str, inertia: ArrayLike) -> tuple[Link
     though no motor drives them: they serve to ask which parameters matter, and for equations of motion. At a
     pitch of 90 degrees they lose a direction, as any three angles do.
     """
-    base = tuple(_base_link(i, name, inertia) for i in range(len(_JOINTS)))
+    base = tuple(_base_link(i, name, inertia) for i in range(len(JOINTS)))
     above = len(base)
     carried = (replace(link, parent=above - 1 if link.parent == GROUND else link.parent + above) for link in links)
     return (*base, *carried)
@@ -51,12 +52,12 @@ def floating(links: Sequence[Link], name: str, inertia: ArrayLike) -> tuple[Link
 
 def above_base(visuals: Sequence[Visual]) -> tuple[Visual, ...]:
     """What mechanisms look like after `floating`: the body carries what stood on the ground."""
-    return tuple(replace(visual, link=visual.link + len(_JOINTS)) for visual in visuals)
+    return tuple(replace(visual, link=visual.link + len(JOINTS)) for visual in visuals)
 
 
 def _base_link(i: int, name: str, inertia: ArrayLike) -> Link:
-    suffix, kind, axis = _JOINTS[i]
+    suffix, kind, axis = JOINTS[i]
     joint, identity = Joint(f"{name}_{suffix}", kind, np.array(axis)), Pose.identity()
-    if i < len(_JOINTS) - 1:
+    if i < len(JOINTS) - 1:
         return Link(f"{name}_{suffix}", i - 1, joint, identity, identity, massless=True)
     return Link(name, i - 1, joint, identity, identity, np.asarray(inertia))

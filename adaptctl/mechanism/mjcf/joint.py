@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from adaptctl.errors import InputError
 from adaptctl.mechanism.description import Joint, JointKind, Limits
 from adaptctl.mechanism.drive import Drive
+from adaptctl.mechanism.floating_base import JOINTS
 from adaptctl.mechanism.mjcf.settings import MAIN, Settings
 from adaptctl.mechanism.pose import Pose, rotation_about
 from adaptctl.mechanism.xml_elements import named, number, numbers
@@ -19,18 +21,17 @@ _ATTRIBUTES = (
     *("solimpfriction", "stiffness", "range", "limited", "actuatorfrcrange", "actuatorfrclimited", "actuatorgravcomp"),
     *("margin", "ref", "springref", "armature", "damping", "frictionloss", "user"),
 )
+_FREE_ATTRIBUTES = ("name", "group", "align")
 _KINDS = ("hinge", "slide")
 
 
 def joint_of(joint: Element, name: str, settings: Settings, effort: float | None) -> Joint:
     """The joint, its axis in the frame it stands in; `effort` is its actuators' bound, None without actuators."""
     where = f"joint {name!r}"
-    for attribute in joint.attrib:
-        if attribute not in _ATTRIBUTES:
-            raise InputError(f"{where}: unknown attribute {attribute!r}; expected one of {', '.join(_ATTRIBUTES)}")
+    _require_known(joint, _ATTRIBUTES, where)
     kind = joint.get("type", "hinge")
-    if kind in ("ball", "free"):
-        raise InputError(f"{where}: type {kind!r} is not read: build it of {' and '.join(_KINDS)} joints")
+    if kind == "ball":
+        raise InputError(f"{where}: type 'ball' is not read: build it of hinges")
     if kind not in _KINDS:
         raise InputError(f"{where}: unknown type {kind!r}; expected one of {', '.join(_KINDS)}")
     axis = numbers(joint, "axis", 3, where) if "axis" in joint.attrib else [0.0, 0.0, 1.0]
@@ -41,6 +42,30 @@ def joint_of(joint: Element, name: str, settings: Settings, effort: float | None
         return Joint(name, moving, np.array(axis), limits, _drive(joint, where))
     except InputError as error:
         raise InputError(str(error) if str(error).startswith(where) else f"{where}: {error}") from error
+
+
+def is_free(joint: Element) -> bool:
+    """Whether it lets a body float."""
+    return joint.tag == "freejoint" or joint.get("type") == "free"
+
+
+def unfolded(joint: Element, body: str) -> list[Element]:
+    """The slides and hinges that a free joint is made of, named after it or else after its body.
+
+    MuJoCo gives it a quaternion, and ignores its place, axis and range. Its damping and armature would act on the
+    angular velocity, not on the hinges' rates, so they are refused.
+    """
+    name = joint.get("name") or body
+    where = f"joint {name!r}"
+    _require_known(joint, _ATTRIBUTES if joint.tag == "joint" else _FREE_ATTRIBUTES, where)
+    for kind in ("armature", "damping", "frictionloss", "stiffness"):
+        if kind in joint.attrib and any(numbers(joint, kind, range(1, 4), where)):
+            raise InputError(f"{where}: {kind} of a free joint is not read: expected 0, got {joint.attrib[kind]!r}")
+    kinds = {True: "hinge", False: "slide"}
+    return [
+        Element("joint", name=f"{name}_{suffix}", type=kinds[kind.turns], axis=" ".join(map(str, axis)))
+        for suffix, kind, axis in JOINTS
+    ]
 
 
 def offset_of(joint: Element, moving: Joint, settings: Settings) -> tuple[float, Pose]:
@@ -68,6 +93,12 @@ def motor_efforts(root: Element, settings: Settings) -> dict[str, float]:
             if joint is not None:
                 efforts[joint] = efforts.get(joint, 0.0) + _effort(full)
     return efforts
+
+
+def _require_known(joint: Element, known: Sequence[str], where: str) -> None:
+    for attribute in joint.attrib:
+        if attribute not in known:
+            raise InputError(f"{where}: unknown attribute {attribute!r}; expected one of {', '.join(known)}")
 
 
 def _effort(actuator: Element) -> float:

@@ -21,7 +21,7 @@ from adaptctl.mechanism.inertia import transformed
 from adaptctl.mechanism.mjcf.equality import Places, Site, Standing, equalities
 from adaptctl.mechanism.mjcf.frames import placed
 from adaptctl.mechanism.mjcf.inertia import body_inertia
-from adaptctl.mechanism.mjcf.joint import is_sprung, joint_of, motor_efforts, offset_of
+from adaptctl.mechanism.mjcf.joint import is_free, is_sprung, joint_of, motor_efforts, offset_of, unfolded
 from adaptctl.mechanism.mjcf.settings import MAIN, Settings
 from adaptctl.mechanism.pose import Array, Pose
 from adaptctl.mechanism.xml_elements import named, numbers, only, parsed
@@ -30,7 +30,7 @@ _SECTIONS = (
     *("compiler", "option", "size", "visual", "statistic", "default", "asset", "worldbody", "contact", "equality"),
     *("tendon", "actuator", "sensor", "keyframe", "custom", "extension"),
 )
-_IN_BODIES = ("body", "frame", "joint", "inertial", "geom", "site", "camera", "light")
+_IN_BODIES = ("body", "frame", "joint", "freejoint", "inertial", "geom", "site", "camera", "light")
 _BODY = ("name", "childclass", "pos", "quat", "axisangle", "xyaxes", "zaxis", "euler", "mocap", "gravcomp", "user")
 
 
@@ -42,8 +42,9 @@ def read_mjcf(path: str | Path) -> Description:
     <connect>, <weld> and <joint> equalities become closures and couplings; the joints that actuators drive are
     then primary, or, where nothing is driven and only joints are coupled, all that follow no other. Armature,
     damping and dry friction become the joint's drive; where they are zero they are not modelled. Efforts are the
-    actuators' limits. Raises FileError, naming the element, for whatever moves otherwise than is read here, ball
-    and free joints and more than one root body that moves among it. Warns (SimplificationWarning) of springs,
+    actuators' limits. A free joint becomes three slides and three hinges (see `floating`), primary too. Raises
+    FileError, naming the element, for whatever moves otherwise than is read here, ball joints and more than one root
+    body that moves among it. Warns (SimplificationWarning) of springs,
     tendons and gravity compensation, which are left out.
     """
     try:
@@ -76,6 +77,7 @@ class _Reader:
     places: Places = field(default_factory=Places)
     sprung: list[str] = field(default_factory=list)
     lifted: list[str] = field(default_factory=list)
+    floating: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         for element in self.root.iter():
@@ -101,7 +103,8 @@ class _Reader:
         pairs = zip(self.links, self.sums, strict=True)
         links = tuple(Link(x.name, x.parent, x.joint, x.near, x.far, ten, x.massless) for x, ten in pairs)
         names = [link.name for link in links]
-        loops = equalities(self.root, self.settings, self.places, names, list(self.efforts))
+        driven = [*self.floating, *self.efforts] if self.efforts else []
+        loops = equalities(self.root, self.settings, self.places, names, driven)
         self._warn()
         name = self.root.get("model") or Path(self.path).stem
         return Description(name, links, _gravity(self.root), f"MJCF file {Path(self.path).name}", loops)
@@ -134,7 +137,9 @@ class _Reader:
         own = placed(element, self.settings, where)
         carrier, place, home = body.carrier, body.place @ own, body.home @ own
         inside = list(self._inside(element, childclass))
-        joints = [self._full(x, at, cls) for x, at, cls in inside if x.tag == "joint"]
+        joints = [self._full(x, at, cls) for x, at, cls in inside if x.tag in ("joint", "freejoint")]
+        if any(is_free(joint) for joint, _ in joints):
+            joints = self._free(joints, body, name)
         for k, (joint, at) in enumerate(joints):
             carrier, place = self._add(joint, at, carrier, place, name, last=k == len(joints) - 1)
         if any(x.tag == "inertial" and at != Pose.identity() for x, at, _ in inside):
@@ -146,6 +151,14 @@ class _Reader:
         self.places.bodies[name] = Standing(carrier, place, home)
         self._note_sites(element, name, childclass)
         return [_Body(x, carrier, place @ at, home @ at, cls) for x, at, cls in inside if x.tag == "body"]
+
+    def _free(self, joints: Sequence[tuple[Element, Pose]], body: _Body, name: str) -> list[tuple[Element, Pose]]:
+        """The joints of a body that floats."""
+        if len(joints) > 1 or body.carrier != GROUND:
+            raise InputError(f"body {name!r}: a free joint stands alone, and nothing that moves carries its body")
+        parts = unfolded(joints[0][0], name)
+        self.floating += [part.attrib["name"] for part in parts]
+        return [(part, Pose.identity()) for part in parts]
 
     def _add(self, joint: Element, at: Pose, carrier: int, place: Pose, body: str, last: bool) -> tuple[int, Pose]:
         """One more link; returns its index and the body's place on it."""
@@ -176,8 +189,6 @@ class _Reader:
                 raise InputError(f"{where}: unknown attribute {attribute!r}; expected one of {', '.join(_BODY)}")
         if element.get("mocap") == "true":
             raise InputError(f"{where}: a mocap body is moved by hand: leave it out")
-        if element.find("freejoint") is not None:
-            raise InputError(f"{where}: <freejoint> is not read: fix the body, or give it three slides and hinges")
         if element.get("gravcomp", "0") not in ("0", "0.0"):
             self.lifted.append(name)
         return name
