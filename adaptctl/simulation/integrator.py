@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, TypeAlias
+from typing import ClassVar, Protocol, TypeAlias
 
 from adaptctl.scalars import Column
 
@@ -26,6 +26,9 @@ class Integrator(Protocol):
     `rates` is for mechanisms with loops, whose configuration has joints besides the primary ones.
     """
 
+    stages: ClassVar[int]
+    """Accelerations a step."""
+
     def step(
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
     ) -> tuple[Column, Column]:
@@ -36,6 +39,8 @@ class Integrator(Protocol):
 @dataclass(frozen=True)
 class RungeKutta4:
     """The classical method of order 4 (Kutta 1901): four accelerations a step."""
+
+    stages: ClassVar[int] = 4
 
     def step(
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
@@ -60,6 +65,8 @@ class SemiImplicitEuler:
     Where the acceleration depends on positions alone, its energy error stays bounded; with the velocity terms
     of an arm it does so only approximately (Hairer, Lubich and Wanner 2006, section I.1).
     """
+
+    stages: ClassVar[int] = 1
 
     def step(
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own

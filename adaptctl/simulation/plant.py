@@ -135,21 +135,28 @@ class Plant:
     @cached_property
     def equation(self) -> Callable[[Column, Column, Column, Column], tuple[Column, Column]]:
         """A control period over scalars of any kind: from q (n,), v (r,), torque (r,) and parameters (P,) to the q and
-        v at its end. All stages share one body of the forward dynamics.
+        v at its end. Where an integrator has several stages, they share one body of the forward dynamics.
 
         With loops the dependent joints are integrated too, and one Newton step projects them back.
         """
         dt, equations = self.control_period / self.substeps, self.mechanism.equations
-        dynamics = outlined(equations.forward_dynamics)
+        several = self.integrator.stages > 1
+
+        def motion(q: Column, v: Column, torque: Column, parameters: Column) -> tuple[Column, Column]:
+            """How the configuration and the velocities move: together, for loops need their Jacobian for both."""
+            return equations.rates(q, v), equations.forward_dynamics(q, v, torque, parameters)
+
+        moved = outlined(motion) if several else motion
 
         def substep(q: Column, v: Column, torque: Column, parameters: Column) -> tuple[Column, Column]:
-            def acceleration(q: Column, v: Column) -> Column:
+            def at(q: Column, v: Column) -> tuple[Column, Column]:
                 braked = torque
                 for effect in self.friction:
                     braked = braked - effect.torque(v)
-                return dynamics(q, v, braked, parameters)
+                return moved(q, v, braked, parameters)
 
-            q, v = self.integrator.step(acceleration, q, v, dt, equations.rates)
+            rates = (lambda q, v: at(q, v)[0]) if several else equations.rates
+            q, v = self.integrator.step(lambda q, v: at(q, v)[1], q, v, dt, rates)
             return equations.projected(q), v
 
         repeated = outlined(substep) if self.substeps > 1 else substep
