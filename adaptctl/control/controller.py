@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
-from typing import Any, Generic, NamedTuple, Protocol, TypeVar
+from typing import Any, Generic, NamedTuple, NoReturn, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.compilation import Kernel, compile_function
+from adaptctl.control.many_arms import ManyArms
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.arrays import checked
-from adaptctl.errors import NonFiniteError
+from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column
 
@@ -42,7 +44,7 @@ Memory = TypeVar("Memory", bound=tuple[Any, ...])
 
 
 class Controller(ABC, Generic[Memory]):
-    """A control law for a mechanism of r joints, called once a control period.
+    """A control law for a mechanism of r joints, called once a control period, for one arm or for many.
 
     A subclass is a frozen dataclass of configuration. It writes `start` and `law`; `law` is an equation over
     scalars of any kind, so it is compiled to native code here, differentiated there, and run on floats when a
@@ -66,25 +68,39 @@ class Controller(ABC, Generic[Memory]):
 
     @abstractmethod
     def start(self, p: Array, v: Array) -> Memory:
-        """The memory before the first tick."""
+        """The memory before the first tick, of arms at p, v (..., r): its leaves (..., n), or (n,) where all arms
+        begin alike."""
 
     @abstractmethod
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: Memory) -> tuple[Column, Memory]:
         """One tick: the torque, in N m, and the memory after it."""
 
     def init(self, p: ArrayLike, v: ArrayLike) -> Memory:
-        """The state before the first tick, from measured positions and velocities (r,)."""
-        return self.start(self._measured(p, "p"), self._measured(v, "v"))
+        """The state before the first tick, from measured positions and velocities (..., r).
+
+        Leading axes are arms, and each has its own state: leaves (..., n).
+        """
+        positions, velocities = self._measured(p, "p"), self._measured(v, "v")
+        started = self.start(positions, velocities)
+        if positions.ndim == 1:
+            return started
+        sizes = self._memory_sizes.values()
+        own = zip(leaves(started), sizes, strict=True)
+        return like(started, (np.broadcast_to(x, (*positions.shape[:-1], size)).copy() for x, size in own))
 
     def step(self, state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint) -> tuple[Array, Memory]:
-        """One tick on arrays: the torque (r,) and the next state.
+        """One tick on arrays: the torque (..., r) and the next state.
 
+        Leading axes of p are arms, which are worked on in SIMD lanes; v and the reference may be the same for all.
         Raises `InputError` on a wrong shape and `NonFiniteError` when a measurement, a reference or the
-        outcome is not finite: nothing non-finite leaves a controller.
+        outcome is not finite, of any arm: nothing non-finite leaves a controller. The state given is as it was, so
+        the arm that is named can be dealt with, or all arms wrapped in `Guarded`, which brakes that one alone.
         """
+        if np.ndim(p) > 1:
+            return self._step_many(state, p, v, reference)
         torque, *memory = self._tick(p, v, *reference, *leaves(state))
         if not np.isfinite(torque).all():
-            self._blame(p, v, reference)
+            self._blame(torque, p, v, reference)
         return torque, like(state, memory)
 
     @property
@@ -97,10 +113,32 @@ class Controller(ABC, Generic[Memory]):
         """The law on arrays, compiled where that is possible in reasonable time."""
         if self.dof > LARGEST_COMPILED:
             return self._on_floats
+        return compile_function(self._equation(), self._given_sizes | self._memory_sizes, name=type(self).__name__)
+
+    @cached_property
+    def _many(self) -> ManyArms:
+        native = self.dof <= LARGEST_COMPILED
+        return ManyArms(self._equation(), self._given_sizes, self._memory_sizes, native)
+
+    def _step_many(self, state: Memory, *given: Any) -> tuple[Array, Memory]:
+        """A tick of arms (...) that each have their own memory."""
+        p, v, reference = given
+        arms = np.shape(p)[:-1]
+        columns = _columns((p, v, *reference), self._given_sizes, arms)
+        memory = _columns(leaves(state), self._memory_sizes, arms)
+        torque, after = self._many.step(math.prod(arms), columns, memory)
+        if not np.isfinite(torque).all():
+            self._blame(torque.reshape(*arms, -1), *given)
+        return torque.reshape(*arms, -1), like(state, (values.reshape(*arms, -1) for values in after))
+
+    @cached_property
+    def _given_sizes(self) -> dict[str, int]:
         r, m = self.dof, self.reference_size
-        sizes = {"p": r, "v": r, "reference_p": m, "reference_v": m, "reference_a": m}
-        memory = {f"memory_{k}": len(value) for k, value in enumerate(leaves(self._blank))}
-        return compile_function(self._equation(), sizes | memory, name=type(self).__name__)
+        return {"p": r, "v": r, "reference_p": m, "reference_v": m, "reference_a": m}
+
+    @cached_property
+    def _memory_sizes(self) -> dict[str, int]:
+        return {f"memory_{k}": len(value) for k, value in enumerate(leaves(self._blank))}
 
     @cached_property
     def _blank(self) -> Memory:
@@ -126,11 +164,27 @@ class Controller(ABC, Generic[Memory]):
         array = np.atleast_1d(np.asarray(values))
         return checked(array, self.dof if size is None else size, f"{type(self).__name__}: {what}")
 
-    def _blame(self, p: ArrayLike, v: ArrayLike, reference: ReferencePoint) -> None:
+    def _blame(self, torque: Array, p: ArrayLike, v: ArrayLike, reference: ReferencePoint) -> NoReturn:
         self._measured(p, "p"), self._measured(v, "v")
         for what, values in zip(reference._fields, reference, strict=True):
             self._measured(values, f"reference.{what}", self.reference_size)
-        raise NonFiniteError(f"{type(self).__name__}: the torque is not finite, though all it was given is")
+        arm = np.argwhere(~np.isfinite(torque))[0, :-1].tolist()
+        whose = f" of arm {', '.join(map(str, arm))}" if arm else ""
+        raise NonFiniteError(f"{type(self).__name__}: the torque{whose} is not finite, though all it was given is")
+
+
+def _columns(values: Iterable[ArrayLike], sizes: Mapping[str, int], arms: tuple[int, ...]) -> dict[str, Array]:
+    """Numbers (..., n) of each arm as rows (N, n), those of one arm (n,) for all as they are."""
+    columns = {}
+    for (name, size), given in zip(sizes.items(), values, strict=True):
+        try:
+            numbers = np.asarray(given, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"{name}: expected numbers, got {given!r}") from error
+        if numbers.shape not in ((*arms, size), (size,)):
+            raise InputError(f"{name}: expected shape {(*arms, size)} or {(size,)}, got {numbers.shape}")
+        columns[name] = numbers.reshape(-1, size) if numbers.ndim > 1 else numbers
+    return columns
 
 
 def home(mechanism: Mechanism) -> Array:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from adaptctl.control.adaptation.law import Period
-from adaptctl.dynamics.arrays import column
+from adaptctl.dynamics.arrays import column, stacked
 from adaptctl.dynamics.momentum import momentum_terms
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
@@ -50,11 +50,13 @@ class TorqueFilter:
     period: float
 
     def start(self, model: ReducedModel, q: Array, v: Array) -> Filtered:
-        """Before the first tick, at configuration q (n,) and velocities v (r,): W is zero there."""
+        """Before the first tick, at configurations q (..., n) and velocities v (..., r): W is zero there."""
         momentum, forces = momentum_terms(model.mechanism.equations, column(q), column(v), model.columns)
-        input_now = _rows(self.cutoff * row + change for row, change in zip(momentum, forces, strict=True))
-        regressor = self.cutoff * _rows(momentum) - self._new * input_now
-        return Filtered(regressor.ravel(), np.zeros(model.mechanism.dof))
+        kept = []
+        for row, change in zip(momentum, forces, strict=True):
+            scaled = self.cutoff * row
+            kept += list(scaled - self._new * (scaled + change))
+        return Filtered(stacked(kept, q.shape[:-1]), np.zeros(model.mechanism.dof))
 
     def predicted(self, model: ReducedModel, period: Period, memory: Filtered) -> Prediction:
         """The equation now, from configuration and velocities now and the torque of the period that has passed."""
@@ -95,7 +97,3 @@ def require_cutoff(cutoff: float, period: float) -> None:
             f"torque filter: cutoff: {cutoff:g} 1/s is too fast for a control period of {period:g} s; "
             f"use at most {1.0 / period:g} 1/s"
         )
-
-
-def _rows(rows: Any) -> Array:
-    return np.array([row.of for row in rows], dtype=np.float64)

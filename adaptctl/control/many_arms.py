@@ -1,0 +1,61 @@
+"""A control law on many arms at once, in SIMD lanes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from adaptctl.compilation import Ensemble, Stepper, compile_step
+from adaptctl.dynamics.arrays import stacked
+from adaptctl.mechanism.pose import Array
+from adaptctl.scalars import Column
+
+Columns = Mapping[str, Array]
+"""Numbers (N, n) by name, or (n,) that all N arms share."""
+
+
+@dataclass(frozen=True, eq=False)
+class ManyArms:
+    """A law as an equation of columns with names and lengths: those `given` to each tick, and its `memory`.
+
+    `law` makes the torque (r,) and the memory after it.
+    """
+
+    law: Callable[..., tuple[Column, ...]]
+    given: Mapping[str, int]
+    memory: Mapping[str, int]
+    native: bool = True
+    _spare: dict[int, Ensemble] = field(default_factory=dict, init=False)
+    """Memory that no tick is using, by its number of arms: new memory costs more than a tick."""
+
+    def step(self, arms: int, given: Columns, memory: Columns) -> tuple[Array, list[Array]]:
+        """A tick of N arms: their torques (N, r), and their memory after it, all new."""
+        if not self.native:
+            return self._on_arrays(arms, given, memory)
+        ensemble = self._spare.pop(arms, None) or self._stepper.ensemble(arms)
+        for name, values in given.items():
+            ensemble.held[name] = values
+        for name, values in memory.items():
+            ensemble.state[name] = values
+        (torque,) = ensemble.run()
+        after = [ensemble.state[name] for name in self.memory]
+        self._spare.clear()
+        self._spare[arms] = ensemble
+        return torque, after
+
+    @cached_property
+    def _stepper(self) -> Stepper:
+        def step(**columns: Column) -> tuple[Column, ...]:
+            torque, *after = self.law(**columns)
+            return (*after, torque)
+
+        return compile_step(step, state=self.memory, held=self.given, name="controller")
+
+    def _on_arrays(self, arms: int, given: Columns, memory: Columns) -> tuple[Array, list[Array]]:
+        """The same in NumPy, for laws too long to compile."""
+        columns = {name: Column(np.atleast_2d(values).T) for name, values in {**given, **memory}.items()}
+        torque, *after = (stacked(column.of, (arms,)) for column in self.law(**columns))
+        return torque, after
