@@ -41,7 +41,7 @@ class Adaptive(Learning):
     name: ClassVar[str] = "adaptive"
     title: ClassVar[str] = "{robot}: learning to track from knowing nothing"
 
-    robot: str = setting("puma560_measured", "a built-in robot or a file (.urdf, .toml)")
+    robot: str = setting("puma560_measured", "a built-in robot or a file (.urdf, .xml, .toml)")
     effort: float = setting(
         0.6, "damping K asks for this share of the torque limit at the initial error", symbol="K", low=0.01, high=1.0
     )

@@ -37,7 +37,7 @@ class Learning(ClosedLoop):
     which is one controller to round-off, so that what differs is cost alone.
     """
 
-    robot: str = setting("puma560", "a built-in robot or a file (.urdf, .toml)")
+    robot: str = setting("puma560", "a built-in robot or a file (.urdf, .xml, .toml)")
     bandwidth: float = setting(8.0, "how fast errors decay, 1/s", symbol="Λ", low=0.1, high=100.0)
     rate: float = setting(
         0.6,

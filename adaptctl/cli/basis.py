@@ -16,7 +16,7 @@ SCHEMA = "adaptctl/basis/1"
 
 
 def basis(
-    robot: Annotated[str, Parameter(help="A built-in robot's name, or a .urdf or .toml file.")],
+    robot: Annotated[str, Parameter(help="A built-in robot's name, or a .urdf, .xml (MJCF) or .toml file.")],
     /,
     *,
     priority: Annotated[

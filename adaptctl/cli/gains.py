@@ -14,7 +14,7 @@ SCHEMA = "adaptctl/gains/1"
 
 
 def gains(
-    robot: Annotated[str, Parameter(help="A built-in robot's name, or a .urdf or .toml file.")],
+    robot: Annotated[str, Parameter(help="A built-in robot's name, or a .urdf, .xml (MJCF) or .toml file.")],
     /,
     *,
     method: Annotated[

@@ -222,7 +222,7 @@ class Mechanism:
 
 
 def load(source: str | Path, *, floating_base: bool = False, snap: bool = False) -> Mechanism:
-    """A mechanism by a built-in's name (`puma560`, ...) or from a file (.toml, .urdf).
+    """A mechanism by a built-in's name (`puma560`, ...) or from a file (.toml, .urdf, .xml).
 
     With `floating_base`, a URDF file's root link floats instead of being fixed to the ground. With `snap`, angles
     between joint axes that are within 1e-3 rad of right ones are made exact.
