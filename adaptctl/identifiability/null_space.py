@@ -33,7 +33,8 @@ def _pivoted(matrix: Array) -> Array:
     What remains of them is followed by modified Gram-Schmidt on the triangle. (scipy.linalg.qr can pivot, but takes
     0.1 s to import.)
     """
-    rest, order = np.linalg.qr(matrix, mode="r"), []
+    rest: Array = np.linalg.qr(matrix, mode="r")
+    order: list[int] = []
     for _ in range(matrix.shape[1]):
         sizes = np.einsum("ij,ij->j", rest, rest)
         sizes[order] = -1.0
