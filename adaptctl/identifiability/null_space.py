@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from adaptctl.identifiability.numerical_rank import triangle
 from adaptctl.mechanism.pose import Array
 
 
@@ -33,7 +34,7 @@ def _pivoted(matrix: Array) -> Array:
     What remains of them is followed by modified Gram-Schmidt on the triangle. (scipy.linalg.qr can pivot, but takes
     0.1 s to import.)
     """
-    rest: Array = np.linalg.qr(matrix, mode="r")
+    rest = triangle(matrix).copy()
     order: list[int] = []
     for _ in range(matrix.shape[1]):
         sizes = np.einsum("ij,ij->j", rest, rest)
