@@ -30,7 +30,7 @@ if TYPE_CHECKING:
         fundamental_basis,
         reduce,
     )
-    from adaptctl.simulation import Plant, Rollout, rollout
+    from adaptctl.simulation import Plant, Rollout, rollout, simulate
 
     __version__: str
 
@@ -62,6 +62,7 @@ __all__ = [
     "lyapunov",
     "reduce",
     "rollout",
+    "simulate",
 ]
 
 _HOMES = {
@@ -87,7 +88,7 @@ _HOMES = {
         "fundamental_basis",
         "reduce",
     ),
-    "adaptctl.simulation": ("Plant", "Rollout", "rollout"),
+    "adaptctl.simulation": ("Plant", "Rollout", "rollout", "simulate"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 

@@ -43,6 +43,10 @@ class TraceError(AdaptctlError, TypeError):
     """An equation cannot be traced: it asks for a number that is not known yet, or does what no node can."""
 
 
+class NotCompiledWarning(UserWarning):
+    """What could have been one call of native code runs step by step in Python: the message says why."""
+
+
 class SimplificationWarning(UserWarning):
     """Something in a file or a model is left out or taken more simply than it says."""
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 
+import numpy as np
+from numpy.typing import NDArray
+
 from adaptctl.errors import InputError
 from adaptctl.mechanism.pose import Array
 
@@ -31,11 +34,13 @@ class RewardWeights:
             if not (math.isfinite(value) and value >= 0.0):
                 raise InputError(f"reward weight of {name}: expected a number of at least 0, got {value}")
 
-    def reward(self, error: Array, velocity_error: Array, relative_torque: Array, terminated: bool) -> float:
-        """Minus the weighted squares of errors (r,) and torque (r,)."""
+    def reward(
+        self, error: Array, velocity_error: Array, relative_torque: Array, terminated: NDArray[np.bool_]
+    ) -> Array:
+        """Minus the weighted squares of errors (..., r) and torque (..., r), and what ending (...) costs."""
         cost = (
-            self.position * error.dot(error)
-            + self.velocity * velocity_error.dot(velocity_error)
-            + self.torque * relative_torque.dot(relative_torque)
+            self.position * np.vecdot(error, error)
+            + self.velocity * np.vecdot(velocity_error, velocity_error)
+            + self.torque * np.vecdot(relative_torque, relative_torque)
         )
-        return -float(cost) - (self.termination if terminated else 0.0)
+        return np.asarray(-cost - self.termination * terminated)

@@ -13,7 +13,7 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
-from adaptctl.control.controller import Reference
+from adaptctl.control.controller import Reference, ReferencePoint
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs.preview import Preview
 from adaptctl.envs.random_reference import Trajectory, drawn
@@ -21,8 +21,9 @@ from adaptctl.envs.reward import RewardWeights
 from adaptctl.envs.torque_limits import finite_torque_limits
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.mechanism.pose import Array, frozen_array
-from adaptctl.simulation import Integrator, Plant, RungeKutta4
+from adaptctl.simulation import Integrator, Plant, PlantState, RungeKutta4
 from adaptctl.simulation.effects import Effect, Payload, PlantEffects
+from adaptctl.simulation.episode import Episode
 from adaptctl.simulation.real_plant import RealPlant, RealPlantState
 from adaptctl.simulation.stiffness import substeps_for_friction
 
@@ -122,7 +123,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     | Argument         | Default              | Meaning                                                        |
     |------------------|----------------------|----------------------------------------------------------------|
-    | `robot`          | `"puma560_measured"` | a built-in's name, a file (`.urdf`, `.toml`), or a `Mechanism` |
+    | `robot`          | `"puma560_measured"` | a built-in's name, a file (`.urdf`, `.xml`, `.toml`), or a `Mechanism` |
     | `reference`      | `None`               | a `Reference`, the seed of a random one, or `None` or `"random"` for a new one at each reset |
     | `duration`       | 20.0                 | s                                                              |
     | `control_period` | 0.001                | s a torque is held                                             |
@@ -234,8 +235,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         applied = episode.state.applied
         episode.step += 1
         episode.clipped += episode.state.clipped
-        reward, terminated = self._judged(episode, applied)
-        truncated = episode.step >= self.steps
+        rewards, over = self._judged(episode.state.arm, self._reference(episode), applied)
+        reward, terminated, truncated = float(rewards), bool(over), episode.step >= self.steps
         episode.over = terminated or truncated
         return self._observation(episode), reward, terminated, truncated, self._info(episode, applied)
 
@@ -252,13 +253,37 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         goal = episode.preview.row(episode.step)[: self.plant.dof]
         return self._renderer.image(episode.state.arm.p, goal, episode.step * self.control_period)
 
-    def _judged(self, episode: _Episode, applied: Array) -> tuple[float, bool]:
-        """The reward of the state reached, and whether an error passed its bound there."""
-        state, row, r = episode.state.arm, episode.preview.row(episode.step), self.plant.dof
-        error = state.p - row[:r]
-        terminated = bool((np.abs(error) > self.error_bound).any()) or not self.plant.may_work(state)
+    def hand_over(self) -> Episode:
+        """The parts of the running episode, for `simulate`, which computes it in native code."""
+        episode = self._running("hand_over")
+        return Episode(
+            self.real_plant,
+            episode.state,
+            episode.parameters,
+            episode.preview.reference,
+            self.np_random,
+            0 if episode.over else self.steps - episode.step,
+            self._judged,
+        )
+
+    def take_back(self, state: RealPlantState, steps: int, clipped: int, terminated: bool) -> dict[str, Any]:
+        """Go on from where an episode that was handed over was brought in a number of steps. Returns the info there."""
+        episode = self._running("take_back")
+        episode.state, episode.step, episode.clipped = state, episode.step + steps, episode.clipped + clipped
+        episode.over = terminated or episode.step >= self.steps
+        return self._info(episode, state.applied)
+
+    def _judged(self, state: PlantState, reference: ReferencePoint, applied: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """The rewards (...) of states reached (...), and whether the episode ends there."""
+        error = state.p - reference.p
+        terminated = (np.abs(error) > self.error_bound).any(-1)
+        terminated |= ~self.plant.may_work(state)
         relative = applied / self._limits
-        return self.reward_weights.reward(error, state.v - row[r : 2 * r], relative, terminated), terminated
+        return self.reward_weights.reward(error, state.v - reference.v, relative, terminated), terminated
+
+    def _reference(self, episode: _Episode) -> ReferencePoint:
+        row, r = episode.preview.row(episode.step), self.plant.dof
+        return ReferencePoint(row[:r], row[r : 2 * r], row[2 * r : 3 * r])
 
     def _observation(self, episode: _Episode) -> Array:
         return np.concatenate((episode.state.p, episode.state.v, episode.preview.row(episode.step)))

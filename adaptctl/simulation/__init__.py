@@ -4,6 +4,7 @@ from adaptctl.simulation.integrator import Acceleration, Integrator, RungeKutta4
 from adaptctl.simulation.plant import Plant, PlantState
 from adaptctl.simulation.real_plant import RealPlant, RealPlantState
 from adaptctl.simulation.rollout import Rollout, rollout
+from adaptctl.simulation.simulate import simulate
 
 __all__ = [
     "Acceleration",
@@ -16,4 +17,5 @@ __all__ = [
     "RungeKutta4",
     "SemiImplicitEuler",
     "rollout",
+    "simulate",
 ]

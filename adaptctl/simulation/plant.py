@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.compilation import compile_function, outlined
 from adaptctl.control.controller import LARGEST_COMPILED
@@ -100,12 +100,13 @@ class Plant:
         """Compile now what would else be compiled when first used."""
         _ = self._advance, self._energy
 
-    def may_work(self, state: PlantState) -> bool:
-        """Whether loops are away from singularities and within their conditions; always so for a tree."""
+    def may_work(self, state: PlantState) -> NDArray[np.bool_]:
+        """Whether loops are away from singularities and within their conditions, at states (...); always so for a
+        tree."""
         if self.mechanism.continuation is None:
-            return True
-        inside = bool(self.mechanism.description.within_conditions(state.p))
-        return inside and bool(self.mechanism.continuation.regularity(state.q) >= NEAREST)
+            return np.ones(state.p.shape[:-1], dtype=np.bool_)
+        inside = self.mechanism.description.within_conditions(state.p)
+        return np.asarray(inside & (self.mechanism.continuation.regularity(state.q) >= NEAREST))
 
     @cached_property
     def _advance(self) -> Callable[..., tuple[Array, Array]]:

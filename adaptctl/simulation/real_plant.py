@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -81,6 +82,10 @@ class RealPlant:
         for load in self.effects.loads:
             own = load.loaded(own, links, time)
         return own
+
+    def until(self, time: float) -> float:
+        """How long the parameters at a time (s) stay as they are, in s."""
+        return min((load.until(time) for load in self.effects.loads), default=math.inf)
 
     def payload(self, time: float) -> float:
         """The mass that is held at a time (s), kg."""

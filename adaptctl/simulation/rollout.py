@@ -124,8 +124,8 @@ class _ClosedLoop:
         seed: int | None,
         options: dict[str, Any] | None,
     ) -> None:
-        self._parts, self.control_period = _interface(env, controller)
-        self.steps = _known_steps(env)
+        self._parts, self.control_period = interface(env, controller)
+        self.steps = known_steps(env)
         self._env, self._controller = env, controller
         observation, self._info = env.reset(seed=seed, options=options)
         self._observation = np.asarray(observation, dtype=np.float64)
@@ -207,7 +207,7 @@ class _Samples:
         return self
 
 
-def _interface(env: gymnasium.Env[Any, Any], controller: Controller[Any]) -> tuple[list[slice], float]:
+def interface(env: gymnasium.Env[Any, Any], controller: Controller[Any]) -> tuple[list[slice], float]:
     """Where the parts of an observation are, and the control period (s)."""
     slices = getattr(env.unwrapped, "observation_slices", None)
     period = getattr(env.unwrapped, "control_period", None)
@@ -234,7 +234,8 @@ def _require_joints(env: gymnasium.Env[Any, Any], controller: Controller[Any], p
         raise InputError(f"{env}: expected actions of shape ({controller.dof},), got {env.action_space.shape}")
 
 
-def _known_steps(env: gymnasium.Env[Any, Any]) -> int | None:
+def known_steps(env: gymnasium.Env[Any, Any]) -> int | None:
+    """The most control periods that an environment runs for; None where it does not tell."""
     limits = (getattr(env.unwrapped, "steps", None), getattr(env.spec, "max_episode_steps", None))
     return min((steps for steps in limits if isinstance(steps, int) and steps > 0), default=None)
 

@@ -78,6 +78,10 @@ class LoadEffect(Effect):
     def mass(self, time: float) -> float:
         """The mass that is added at a time (s), kg."""
 
+    def until(self, time: float) -> float:
+        """How long what is loaded at a time (s) stays as it is, in s; the time itself where it changes all along."""
+        return time
+
     @abstractmethod
     def loaded(self, parameters: Array, links: tuple[str, ...], time: float) -> Array:
         """The inertial parameters (P,) with what is added at a time (s)."""

@@ -40,6 +40,10 @@ class PayloadHeld(LoadEffect):
         """Its mass while it is held."""
         return Payload.of(self.payload).mass if self.start <= time < self.stop else 0.0
 
+    def until(self, time: float) -> float:
+        """When it is next picked up or dropped."""
+        return next((change for change in (self.start, self.stop) if time < change), math.inf)
+
     def loaded(self, parameters: Array, links: tuple[str, ...], time: float) -> Array:
         """Its ten, added to those of its link while it is held."""
         if not self.start <= time < self.stop:

@@ -1,0 +1,194 @@
+"""A plant and a controller as one step over scalars: a whole run is then one call of native code."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from adaptctl.compilation import Ensemble, Kernel, Stepper, compile_function, compile_step
+from adaptctl.control.controller import Controller, Reference, ReferencePoint, leaves, like
+from adaptctl.dynamics.arrays import checked
+from adaptctl.errors import InputError
+from adaptctl.mechanism.pose import Array
+from adaptctl.scalars import Column
+from adaptctl.simulation.plant import PlantState
+from adaptctl.simulation.real_plant import RealPlant, RealPlantState
+
+REFERENCE = ("reference_p", "reference_v", "reference_a")
+_NOTHING = (Column(()), Column(()))
+
+
+class Sample(NamedTuple):
+    """What is recorded of a control period: the state at its beginning, and what was done on it."""
+
+    q: Any
+    """(n,) the tree's joints"""
+    v: Any
+    """(r,)"""
+    measured_p: Any
+    """(r,), or nothing without sensors"""
+    measured_v: Any
+    torque: Any
+    """(r,) N m, commanded"""
+    applied: Any
+    """(r,) N m, what reached the joints"""
+    clipped: Any
+    """(1,) 1 or 0"""
+    estimate: Any
+    """(k,) after the tick, k = 0 where there is none"""
+    marks: Any
+    """(m,) 1 or 0: the plant's, then those of the controller's guards"""
+
+
+class Compiled(NamedTuple):
+    """Native code of a closed loop."""
+
+    step: Stepper
+    """a control period of one arm after a reference given in samples"""
+    energy: Kernel
+    """kinetic plus potential, of q, v and parameters"""
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedLoop:
+    """A controller that ticks on what is measured of a plant, and the plant under its torque.
+
+    Its columns are those of `RealPlant.sizes`, what was measured last where there are sensors, and the controller's
+    memory; they come back in this order.
+    """
+
+    plant: RealPlant
+    controller: Controller[Any]
+
+    def __post_init__(self) -> None:
+        if self.plant.plant.dof != self.controller.dof:
+            raise InputError(
+                f"closed loop: the plant has {self.plant.plant.dof} joints, the controller is for {self.controller.dof}"
+            )
+
+    @cached_property
+    def state(self) -> dict[str, int]:
+        """Lengths of what is passed from one control period to the next."""
+        measured = dict.fromkeys(("measured_p", "measured_v"), self.controller.dof if self._senses else 0)
+        memory = {f"memory_{k}": len(part) for k, part in enumerate(leaves(self._blank))}
+        return self.plant.sizes | measured | memory
+
+    @property
+    def held(self) -> dict[str, int]:
+        """Lengths of what is kept: the plant's parameters (P,)."""
+        return {"parameters": self.plant.plant.mechanism.equations.parameters}
+
+    @property
+    def reference(self) -> dict[str, int]:
+        """Lengths of a reference point's parts."""
+        return dict.fromkeys(REFERENCE, self.controller.reference_size)
+
+    @property
+    def noise(self) -> dict[str, int]:
+        """Length of what the sensors' noise is made of, standard normal numbers."""
+        return {"noise": 2 * self.controller.dof if self._senses else 0}
+
+    def equation(
+        self,
+        q: Column,
+        v: Column,
+        drives: Column,
+        sensors: Column,
+        measured_p: Column,
+        measured_v: Column,
+        parameters: Column,
+        reference_p: Column,
+        reference_v: Column,
+        reference_a: Column,
+        noise: Column,
+        **memory: Column,
+    ) -> tuple[list[Column], Sample]:
+        """One control period: what is passed on, and what is recorded of it."""
+        p = self.plant.plant.primary(q)
+        told = (measured_p, measured_v) if self._senses else (p, v)
+        reference = ReferencePoint(reference_p, reference_v, reference_a)
+        torque, after = self.controller.law(*told, reference, like(self._blank, memory.values()))
+        period = self.plant.equation(q, v, drives, sensors, torque, noise, parameters)
+        measured = (period.measured_p, period.measured_v) if self._senses else _NOTHING
+        passed_on = [period.q, period.v, period.drives, period.sensors, *measured, *leaves(after)]
+        marks = Column((*period.marks, *(mark[0] for mark in guards(after))))
+        estimate = Column(getattr(after, "estimate", ()))
+        done = torque, period.applied, period.clipped, estimate, marks
+        return passed_on, Sample(q, v, measured_p, measured_v, *done)
+
+    @cached_property
+    def marks(self) -> tuple[str, ...]:
+        """The names of what is marked."""
+        return (*self.plant.marks, *getattr(guards(self._blank), "_fields", ()))
+
+    def __eq__(self, other: object) -> bool:
+        """Of the same plant and controller."""
+        return isinstance(other, ClosedLoop) and self.plant is other.plant and self.controller is other.controller
+
+    def __hash__(self) -> int:
+        return hash((id(self.plant), id(self.controller)))
+
+    @lru_cache(maxsize=8)  # noqa: B019  # some code is worth keeping, and its loop with it
+    def compiled(self) -> Compiled:
+        """Native code; that of the latest loops is kept."""
+        name = type(self.controller).__name__
+        step = compile_step(
+            self._step, state=self.state, held=self.held, shared=self.reference | self.noise, lanes=1, name=name
+        )
+        sizes = {name: self.state[name] for name in ("q", "v")} | self.held
+        return Compiled(step, compile_function(self.plant.plant.energy_equation, sizes, name="energy"))
+
+    def _step(self, **columns: Column) -> tuple[Any, ...]:
+        passed_on, sample = self.equation(**columns)
+        return (*passed_on, *sample)
+
+    def begin(self, arms: Ensemble, state: RealPlantState, memory: Any) -> None:
+        """Put arms where plants (..., n) and the controller's memory are: of one for all, or with a row each."""
+        plant = state.arm.q, state.arm.v, state.drives, state.sensors
+        measured = (state.p, state.v) if self._senses else np.zeros((2, 0))
+        for name, values in zip(self.state, (*plant, *measured, *leaves(memory)), strict=True):
+            arms.state[name] = values
+
+    def now(self, arms: Ensemble, time: float, member: int = 0) -> tuple[RealPlantState, Any]:
+        """The plant of an arm at a time, nothing having been done yet, and what its controller remembers."""
+        q, v, drives, sensors, *told = (arms.state[name][member] for name in self.state)
+        p = np.array(self.plant.plant.primary(Column(q)).of)
+        measured, memory = told[:2] if self._senses else (p, v), like(self._blank, told[2:])
+        done = np.zeros(len(p)), False, np.zeros(len(self.plant.marks))
+        return RealPlantState(PlantState(time, p, v, q), measured[0], measured[1], *done, drives, sensors), memory
+
+    def positions(self, q: Array) -> Array:
+        """The primary joints' positions (..., r) among the tree's (..., n)."""
+        return np.stack(self.plant.plant.primary(Column(np.moveaxis(q, -1, 0))).of, axis=-1)
+
+    def energy(self, q: Array, v: Array, parameters: Array) -> Array:
+        """Kinetic plus potential energy (T,) in J at states (T, n)."""
+        return np.asarray(self.compiled().energy.map(q, v, np.broadcast_to(parameters, (len(q), len(parameters)))))
+
+    @cached_property
+    def _blank(self) -> Any:
+        """A memory, to learn its layout from."""
+        return self.controller.start(self.controller.home, np.zeros(self.controller.dof))
+
+    @property
+    def _senses(self) -> bool:
+        return bool(self.plant.effects.sensors)
+
+
+def sampled(reference: Reference, time: Array, size: int) -> ReferencePoint:
+    """A reference (T, size) at times (T,). Raises `InputError` where it is not of that shape, `NonFiniteError` where
+    it is not finite."""
+    point = reference(time)
+    for name, values in zip(point._fields, point, strict=True):
+        if checked(values, size, f"reference: {name}").shape != (len(time), size):
+            raise InputError(f"reference: {name}: expected shape {(len(time), size)}, got {np.shape(values)}")
+    return point
+
+
+def guards(memory: Any) -> tuple[Any, ...]:
+    """What the guards of a controller tell."""
+    marks = getattr(memory, "marks", ())
+    return marks if isinstance(marks, tuple) else ()

@@ -1,0 +1,34 @@
+"""An environment's running episode in parts, for whoever computes it without the environment."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adaptctl.control.controller import Reference, ReferencePoint
+from adaptctl.mechanism.pose import Array
+from adaptctl.simulation.plant import PlantState
+from adaptctl.simulation.real_plant import RealPlant, RealPlantState
+
+Judge: TypeAlias = Callable[[PlantState, ReferencePoint, Array], tuple[Array, NDArray[np.bool_]]]
+"""From states (..., n), the time being that of the last, the reference there and the torques applied before (..., r),
+to rewards (...) and whether the episode ends there (...)."""
+
+
+class Episode(NamedTuple):
+    """What `simulate` asks an environment for by `hand_over()`, and gives back to it by `take_back(state, steps,
+    clipped, terminated)`, which returns the info there."""
+
+    plant: RealPlant
+    state: RealPlantState
+    parameters: Array
+    """(P,) the true ones, without what effects load on them"""
+    reference: Reference
+    rng: np.random.Generator
+    """draws the sensors' noise, 2r standard normal numbers a step"""
+    steps: int
+    """control periods left"""
+    judge: Judge

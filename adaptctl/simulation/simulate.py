@@ -1,0 +1,243 @@
+"""What `rollout` does, in native code: controller and plant together, a thousand control periods a call."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from time import perf_counter
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
+
+import numpy as np
+
+from adaptctl.control.controller import LARGEST_COMPILED, Controller, ReferencePoint
+from adaptctl.errors import NonFiniteError, NotCompiledWarning
+from adaptctl.mechanism.pose import Array
+from adaptctl.simulation.closed_loop import REFERENCE, ClosedLoop, Sample, sampled
+from adaptctl.simulation.episode import Episode
+from adaptctl.simulation.plant import PlantState
+from adaptctl.simulation.real_plant import RealPlantState
+from adaptctl.simulation.rollout import Rollout, interface, known_steps, rollout
+
+if TYPE_CHECKING:
+    import gymnasium
+
+CHUNK, LONGEST = 1000, 10_000
+"""Control periods in one native call: at least, if the run is as long, and at most."""
+
+
+def simulate(
+    env: gymnasium.Env[Any, Any],
+    controller: Controller[Any],
+    *,
+    seed: int | None = None,
+    options: dict[str, Any] | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> Rollout:
+    """What `rollout` returns for the same arguments, to round-off, computed in native code as a whole.
+
+    Controller, effects and plant are compiled into one step, which is taken a thousand times and more in each call;
+    in between `progress` is called, with the share done, and Ctrl-C is heard, which keeps what was computed. The
+    environment is left where `rollout` leaves it.
+
+    It takes a `TrackingEnv`, or another environment that hands over its `Episode`, in no wrappers but those of
+    `gymnasium.make`; a controller whose torque is that of its `law`; and at most 32 links. Anything else is driven by
+    `rollout`, with a `NotCompiledWarning` that says why. Raises what `rollout` raises.
+    """
+    _, period = interface(env, controller)
+    if reason := _obstacle(env, controller):
+        warnings.warn(f"simulate: {reason}: rollout drives it, step by step", NotCompiledWarning, stacklevel=2)
+        return rollout(env, controller, seed=seed, options=options, progress=progress)
+    env.reset(seed=seed, options=options)
+    episode: Episode = env.unwrapped.hand_over()  # type: ignore[attr-defined]
+    run = _Run(episode, controller, min(episode.steps, known_steps(env) or episode.steps), period)
+    complete, started = False, perf_counter()
+    try:
+        while not run.over:
+            run.advance()
+            if progress is not None:
+                progress(run.count / run.steps)
+        complete = True
+    except KeyboardInterrupt:
+        pass
+    return run.result(env.unwrapped, perf_counter() - started, complete)
+
+
+def _obstacle(env: gymnasium.Env[Any, Any], controller: Controller[Any]) -> str:
+    """Why an environment and a controller cannot be compiled together; nothing when they can."""
+    from gymnasium.wrappers import OrderEnforcing, PassiveEnvChecker, TimeLimit
+
+    wrapper, inner = env, env.unwrapped
+    while wrapper is not inner:
+        if type(wrapper) not in (OrderEnforcing, PassiveEnvChecker, TimeLimit):
+            return f"what {type(wrapper).__name__} does to the environment is not known"
+        if isinstance(wrapper, TimeLimit) and env.spec is None:
+            return "the time limit is not told"
+        wrapper = wrapper.env  # type: ignore[attr-defined]
+    if not hasattr(inner, "hand_over"):
+        return f"{type(inner).__name__} has no hand_over() for its episode"
+    if type(controller).step is not Controller.step:
+        return f"{type(controller).__name__} has a step of its own"
+    links = len(inner.real_plant.plant.mechanism.links)  # type: ignore[attr-defined]
+    return f"{links} links are too many to compile" if links > LARGEST_COMPILED else ""
+
+
+class _Part(NamedTuple):
+    """A stretch of a run: its samples (T, ...), and where it ends."""
+
+    time: Array
+    sample: Sample
+    reference: ReferencePoint
+    energy: Array
+    reward: Array
+    payload: Array
+    end: RealPlantState
+    over: bool
+
+
+class _Run:
+    """A run in the making."""
+
+    def __init__(self, episode: Episode, controller: Controller[Any], steps: int, period: float) -> None:
+        self.loop, self.episode = ClosedLoop(episode.plant, controller), episode
+        self.steps, self.period = steps, period
+        self.arms = self.loop.compiled().step.ensemble(1)
+        self.loop.begin(self.arms, episode.state, controller.init(episode.state.p, episode.state.v))
+        self.parts = [self._nothing()]
+
+    @property
+    def count(self) -> int:
+        """Control periods done."""
+        return sum(len(part.time) for part in self.parts)
+
+    @property
+    def over(self) -> bool:
+        """Whether the environment ended the run, or its time is up."""
+        return self.parts[-1].over or self.count >= self.steps
+
+    def advance(self) -> None:
+        """One stretch, in which the true parameters stay as they are; it counts when all of it is done."""
+        time, begin = self._times(), self._place()
+        reference = sampled(self.episode.reference, time, self.loop.controller.reference_size)
+        self.arms.held["parameters"] = self._parameters(time)
+        sample = self._taken(len(time) - 1, reference)
+        q, v = (np.concatenate((getattr(sample, name)[1:], self.arms.state[name])) for name in ("q", "v"))
+        count = sound = _finite(sample.torque, q, v)
+        state = PlantState(float(time[sound]), *(x[:sound] for x in (self.loop.positions(q), v, q)))
+        ahead = ReferencePoint(*(part[1 : sound + 1] for part in reference))
+        reward, over = self.episode.judge(state, ahead, sample.applied[:sound])
+        if over.any():
+            count = int(over.argmax()) + 1
+        if count < len(time) - 1:
+            self._return(begin)
+            sample = self._taken(count, reference)
+        if count == sound < len(time) - 1 and not over.any():
+            self._fail(time[count], ReferencePoint(*(part[count] for part in reference)))
+        self.parts.append(self._part(time[: count + 1], sample, reference, reward[:count], bool(over.any())))
+
+    def _part(self, time: Array, sample: Sample, reference: ReferencePoint, reward: Array, over: bool) -> _Part:
+        """What is kept of samples at all times but the last."""
+        count, plant = len(time) - 1, self.episode.plant
+        energy = self.loop.energy(sample.q, sample.v, self._parameters(time))
+        payload = np.full(count, plant.payload(time[0]))
+        payload[-1] = plant.payload(time[-1])
+        end, _ = self.loop.now(self.arms, time[-1])
+        marks = sample.marks[-1, : len(plant.marks)]
+        end = end._replace(applied=sample.applied[-1], clipped=bool(sample.clipped[-1, 0]), marks=marks)
+        point = ReferencePoint(*(part[:count] for part in reference))
+        return _Part(time[:count], sample, point, energy, reward, payload, end, over)
+
+    def _times(self) -> Array:
+        """The times of the next stretch and its end: as long as nothing changes, in one call's length."""
+        first = self.count
+        longest = min(LONGEST, max(CHUNK, self.steps // 100), self.steps - first)
+        times = self.period * np.arange(first, first + longest + 1)
+        same = int(np.searchsorted(times, self.episode.plant.until(times[0])))
+        return np.asarray(times[: max(1, min(same, longest)) + 1])
+
+    def _parameters(self, time: Array) -> Array:
+        return self.episode.plant.parameters(self.episode.parameters, time[0])
+
+    def _taken(self, count: int, reference: ReferencePoint) -> Sample:
+        """So many control periods."""
+        noise = self.episode.rng.standard_normal((count, self.loop.noise["noise"]))
+        signals = {name: part[:count] for name, part in zip(REFERENCE, reference, strict=True)} | {"noise": noise}
+        return Sample(*(values[:, 0] for values in self.arms.run(count, signals, record=True)))
+
+    def _place(self) -> tuple[Array, Any]:
+        """Where the run is, to return there."""
+        return self.arms.state.blocks.copy(), self.episode.rng.bit_generator.state
+
+    def _return(self, place: tuple[Array, Any]) -> None:
+        self.arms.state.blocks[...], self.episode.rng.bit_generator.state = place
+
+    def _fail(self, time: float, reference: ReferencePoint) -> NoReturn:
+        """Raise what the controller or the plant raises when they step from here."""
+        plant, controller = self.episode.plant, self.loop.controller
+        state, memory = self.loop.now(self.arms, time)
+        torque, _ = controller.step(memory, state.p, state.v, reference)
+        plant.step(state, torque, np.zeros(self.loop.noise["noise"]), self._parameters(np.array([time])))
+        raise NonFiniteError(f"the closed loop is not finite after {time:g} s")
+
+    def _nothing(self) -> _Part:
+        """The beginning, without samples."""
+        shapes = self.arms.stepper.outputs
+        sample, blank = Sample(*(np.empty((0, *shape)) for shape in shapes)), np.empty(0)
+        point = ReferencePoint(*(np.empty((0, self.loop.controller.reference_size)) for _ in REFERENCE))
+        return _Part(blank, sample, point, blank, blank, blank, self.episode.state, over=False)
+
+    def result(self, env: Any, wall_time: float, complete: bool) -> Rollout:
+        """What happened so far; the environment is taken there."""
+        time, samples, references, energy, reward, payload, _, _ = zip(*self.parts, strict=True)
+        sample = Sample(*(_joined(parts) for parts in zip(*samples, strict=True)))
+        reference = ReferencePoint(*(_joined(parts) for parts in zip(*references, strict=True)))
+        clipped, terminated = sample.clipped[:, 0], self.parts[-1].over
+        p, effects = self.loop.positions(sample.q), self.episode.plant.effects
+        told = (sample.measured_p, sample.measured_v) if effects.sensors else (p, sample.v)
+        return Rollout(
+            time=_joined(time),
+            p=_frozen(p),
+            v=sample.v,
+            reference_p=reference.p,
+            reference_v=reference.v,
+            reference_a=reference.a,
+            torque=sample.torque,
+            applied=sample.applied,
+            clipped=_frozen(clipped),
+            energy=_joined(energy),
+            reward=_joined(reward),
+            estimate=sample.estimate,
+            control_period=self.period,
+            wall_time=wall_time,
+            complete=complete,
+            terminated=terminated,
+            info=env.take_back(self.parts[-1].end, self.count, int(clipped.sum()), terminated),
+            measured_p=_frozen(told[0]) if effects else None,
+            measured_v=_frozen(told[1]) if effects else None,
+            marks=self._marks(sample.marks, _joined(payload)),
+        )
+
+    def _marks(self, values: Array, payload: Array) -> Mapping[str, Array]:
+        """By name, in the order in which `rollout` tells them."""
+        own, by_name = self.episode.plant, dict(zip(self.loop.marks, values.T, strict=True))
+        loaded = {"payload": payload} if own.effects.loads else {}
+        ordered = {name: by_name[name] for name in own.marks} | loaded | by_name
+        return MappingProxyType({name: _frozen(mark) for name, mark in ordered.items()})
+
+
+def _finite(torque: Array, q: Array, v: Array) -> int:
+    """How many of the control periods pass before a torque or a state (T, ...) is not finite."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        squares = np.vecdot(torque, torque) + np.vecdot(q, q) + np.vecdot(v, v)
+    faulty = ~np.isfinite(squares)
+    return int(faulty.argmax()) if faulty.any() else len(faulty)
+
+
+def _joined(parts: Sequence[Array]) -> Array:
+    return _frozen(np.concatenate(parts))
+
+
+def _frozen(values: Array) -> Array:
+    array = np.ascontiguousarray(values)
+    array.flags.writeable = False
+    return array
