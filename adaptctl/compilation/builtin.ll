@@ -11,7 +11,6 @@ declare ptr @PyTuple_New(i64)
 declare i32 @PyTuple_SetItem(ptr, i64, ptr)
 declare ptr @PyFloat_FromDouble(double)
 declare void @Py_DecRef(ptr)
-declare i1 @llvm.vector.reduce.and.v8i1(<8 x i1>)
 
 $shapes
 

@@ -18,9 +18,9 @@ from adaptctl.compilation.routine import Routine, trace
 from adaptctl.compilation.sine import FARTHEST, sine_and_cosine
 
 _ARITHMETIC = {Op.ADD: "fadd", Op.SUBTRACT: "fsub", Op.MULTIPLY: "fmul", Op.DIVIDE: "fdiv"}
-_INTRINSICS = {Op.SQRT: "sqrt", Op.ABSOLUTE: "fabs"}
+_COMPARISONS = {Op.LESS: "olt", Op.LESS_EQUAL: "ole"}
+_INTRINSICS = {Op.SQRT: "sqrt", Op.ABSOLUTE: "fabs", Op.MINIMUM: "minimum", Op.MAXIMUM: "maximum"}
 _ANGLES = {Op.SIN: 0, Op.COS: 1}
-_ORDERS = {Op.LESS: "olt", Op.LESS_EQUAL: "ole", Op.MINIMUM: "olt", Op.MAXIMUM: "ogt"}
 
 
 def program(routine: Routine, lanes: Lanes) -> tuple[str, str]:
@@ -29,9 +29,7 @@ def program(routine: Routine, lanes: Lanes) -> tuple[str, str]:
     functions = [_function(r, symbols, lanes, "noinline") for r in symbols]
     if any(x.op in _ANGLES for r in symbols for x in r.body):
         functions.append(_sincos(lanes))
-    names = (*_INTRINSICS.values(), "sin", "cos")
-    declarations = [f"declare {lanes.value} @llvm.{name}.{lanes.suffix}({lanes.value})" for name in names]
-    return "\n".join([*declarations, *functions]), symbols[routine]
+    return "\n".join(functions), symbols[routine]
 
 
 def _symbols(routine: Routine) -> dict[Routine, str]:
@@ -81,23 +79,21 @@ class _Body:
             self._evaluate(f"%x{expression.index}", expression.op, [self._operand(y) for y in expression.operands])
 
     def _evaluate(self, x: str, op: Op, operands: Sequence[str]) -> None:
-        value, condition = self._lanes.value, self._lanes.condition
-        match op:
-            case Op.NEGATE:
-                self._add(f"{x} = fneg {value} {operands[0]}")
-            case Op.LESS | Op.LESS_EQUAL:
-                self._add(f"{x} = fcmp {_ORDERS[op]} {value} {', '.join(operands)}")
-            case Op.SELECT:
-                chosen, yes, no = operands
-                self._add(f"{x} = select {condition} {chosen}, {value} {yes}, {value} {no}")
-            case Op.MINIMUM | Op.MAXIMUM:
-                self._extremum(x, _ORDERS[op], *operands)
-            case Op.ADD | Op.SUBTRACT | Op.MULTIPLY | Op.DIVIDE:
-                self._add(f"{x} = {_ARITHMETIC[op]} contract {value} {', '.join(operands)}")
-            case Op.SQRT | Op.ABSOLUTE:
-                self._add(f"{x} = call {value} @llvm.{_INTRINSICS[op]}.{self._lanes.suffix}({value} {operands[0]})")
-            case Op.SIN | Op.COS:
-                self._add(f"{x} = extractvalue {{{value}, {value}}} {self._sincos(operands[0])}, {_ANGLES[op]}")
+        value = self._lanes.value
+        if op is Op.NEGATE:
+            self._add(f"{x} = fneg {value} {operands[0]}")
+        elif op is Op.SELECT:
+            chosen, yes, no = operands
+            self._add(f"{x} = select {self._lanes.condition} {chosen}, {value} {yes}, {value} {no}")
+        elif op in _ARITHMETIC:
+            self._add(f"{x} = {_ARITHMETIC[op]} contract {value} {', '.join(operands)}")
+        elif op in _COMPARISONS:
+            self._add(f"{x} = fcmp {_COMPARISONS[op]} {value} {', '.join(operands)}")
+        elif op in _ANGLES:
+            self._add(f"{x} = extractvalue {{{value}, {value}}} {self._sincos(operands[0])}, {_ANGLES[op]}")
+        else:  # `nsz`: of two zeros, either may be the smaller
+            arguments = ", ".join(f"{value} {y}" for y in operands)
+            self._add(f"{x} = call nsz {value} @llvm.{_INTRINSICS[op]}.{self._lanes.suffix}({arguments})")
 
     def store(self, pointer: str, k: int, value: Expression | float) -> None:
         """A number into the k-th place after a pointer."""
@@ -149,17 +145,6 @@ class _Body:
             self._loaded.add(name)
             self._add(f"{name} = call {pair} @sincos({self._lanes.value} {angle})")
         return name
-
-    def _extremum(self, x: str, order: str, a: str, b: str) -> None:
-        """The first operand where it is NaN or comes first, else the second, as NumPy has it.
-
-        (The intrinsics llvm.minimum and llvm.maximum cannot be compiled for every processor by every LLVM.)
-        """
-        value, condition = self._lanes.value, self._lanes.condition
-        self._add(f"{x}.first = fcmp {order} {value} {a}, {b}")
-        self._add(f"{x}.picked = select {condition} {x}.first, {value} {a}, {value} {b}")
-        self._add(f"{x}.nan = fcmp uno {value} {a}, {a}")
-        self._add(f"{x} = select {condition} {x}.nan, {value} {a}, {value} {x}.picked")
 
 
 def _place(x: Expression) -> tuple[str, int] | None:

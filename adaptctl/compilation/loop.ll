@@ -3,8 +3,6 @@
 ; A block goes through all its steps before the next begins, so that its state stays in the nearest memory: there and
 ; in a spare place by turns, since a step reads one while it writes the other.
 
-declare void @llvm.memmove.p0.p0.i64(ptr, ptr, i64, i1)
-
 define void @run(i64 %first, i64 %end, i64 %count, i64 %shared.stride, i64 %driven.stride, i64 %out.stride,
                  ptr %state, ptr %held, ptr %shared, ptr %driven, ptr %out) $attributes {
 start:
