@@ -16,8 +16,13 @@ import llvmlite.binding as llvm
 from adaptctl.compilation.object_cache import ObjectCache, cache_folder
 from adaptctl.compilation.processor import Processor
 
-_RECIPE = 1
+_RECIPE = 2
 """Changes when the same IR would give other code."""
+
+LONG = 40_000
+"""Lines in the longest function from which LLVM is told to be quick. To give out registers well takes it a time that
+grows with the square of the length: 2 s for a plant of 20 links, 7 s for one of 32. Its quick way takes a tenth of that
+for code that takes four times as long, and still a hundredth of Python's."""
 
 
 class NativeCode:
@@ -38,7 +43,9 @@ class NativeCode:
 def load(text: str, processor: Processor | None = None) -> NativeCode:
     """Machine code of a module, for this processor unless another is named."""
     with _compiler():
-        return _loaded(text, processor or Processor.host())
+        processor = processor or Processor.host()
+        machine = processor.machine(0 if _longest(text) > LONG else 2)
+        return NativeCode(_object(text, processor, machine), machine)
 
 
 def define(addresses: Mapping[str, int]) -> None:
@@ -48,9 +55,9 @@ def define(addresses: Mapping[str, int]) -> None:
             llvm.add_symbol(name, address)
 
 
-def _loaded(text: str, processor: Processor) -> NativeCode:
-    machine = processor.machine()
-    return NativeCode(_object(text, processor, machine), machine)
+def _longest(text: str) -> int:
+    """Lines of the longest function."""
+    return max(function.count("\n") for function in text.split("\ndefine "))
 
 
 def _release(engine: Any) -> None:

@@ -19,9 +19,10 @@ class Processor:
     features: str
 
     @classmethod
+    @functools.cache
     def host(cls) -> Processor:
         """The one this runs on."""
-        return _host()
+        return cls(llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())
 
     @property
     def lanes(self) -> int:
@@ -29,12 +30,7 @@ class Processor:
         has = self.features.split(",")
         return next((lanes for feature, lanes in _WIDEST.items() if f"+{feature}" in has), 1)
 
-    def machine(self) -> llvm.TargetMachine:
-        """What makes code for it, to be run in this process."""
+    def machine(self, effort: int) -> llvm.TargetMachine:
+        """What makes code for it, to be run in this process, with this effort: 0 is least, 2 usual."""
         target = llvm.Target.from_default_triple()
-        return target.create_target_machine(cpu=self.name, features=self.features, opt=2, jit=True)
-
-
-@functools.cache
-def _host() -> Processor:
-    return Processor(llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())
+        return target.create_target_machine(cpu=self.name, features=self.features, opt=effort, jit=True)
