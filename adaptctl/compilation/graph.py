@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from enum import StrEnum
 from typing import Any, TypeVar, cast
 
-from adaptctl.errors import TraceError
+from adaptctl.compilation.refusal import untraceable
 
 E = TypeVar("E", bound="Expression")
 
@@ -73,7 +73,7 @@ class Graph:
     def require_own(self, values: Iterable[Any]) -> None:
         """Raise when one of the values was traced elsewhere."""
         if any(isinstance(x, Expression) and x.graph is not self for x in values):
-            raise TraceError("a value of another trace was used: pass it to the function as an argument")
+            raise untraceable("a value of another trace was used: pass it to the function as an argument")
 
 
 def reachable(outputs: Iterable[Any]) -> list[Expression]:

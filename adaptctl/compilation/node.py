@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import linecache
-import sys
 from collections.abc import Callable
 from typing import Any, NoReturn, TypeAlias
 
@@ -11,7 +9,7 @@ import numpy as np
 
 from adaptctl.compilation import folding
 from adaptctl.compilation.graph import Expression, Op
-from adaptctl.errors import TraceError
+from adaptctl.compilation.refusal import untraceable
 
 
 class _Traced(Expression):
@@ -21,20 +19,27 @@ class _Traced(Expression):
     __hash__ = Expression.__hash__
 
     def __eq__(self, other: object) -> bool:
-        _refuse("cannot be tested for equality: use < or <=, and where")
+        raise untraceable("a traced value cannot be tested for equality: use < or <=, and where")
 
     def __bool__(self) -> bool:
-        _refuse("cannot steer an `if`, `and`, `or`, `min` or `max`: use where, minimum or maximum")
+        raise untraceable(
+            "a traced value cannot steer an `if`, `while`, `and`, `or`, `min` or `max`: use where, minimum or maximum"
+        )
 
     def __float__(self) -> float:
-        _refuse("is not a float: use sin, cos, sqrt of adaptctl.scalars or numpy, not of math")
+        raise untraceable("a traced value is no float: use sin, cos, sqrt of adaptctl.scalars or numpy, not of math")
+
+    def __index__(self) -> int:
+        raise untraceable("a traced value is no whole number: it can count nothing, but choose, with where")
+
+    __int__ = __index__
 
     def __array__(self, *_args: Any, **_options: Any) -> NoReturn:
-        _refuse("cannot be put into an array: use Column, Vec or Mat")
+        raise untraceable("a traced value cannot be put into an array: use Column, Vec or Mat")
 
     def __array_function__(self, function: Any, _types: Any, args: Any, options: Any) -> Any:
         if function is not np.where or len(args) != 3 or options:
-            return NotImplemented
+            raise untraceable(f"numpy.{function.__name__} cannot be traced, only {_TRACEABLE}")
         yes, no = lift(args[1]), lift(args[2])
         return NotImplemented if yes is None or no is None else _select(args[0], yes, no)
 
@@ -78,6 +83,9 @@ class Node(_Traced):
     __lt__, __gt__ = _operator(_less), _operator(_less, reflected=True)
     __le__, __ge__ = _operator(_less_equal), _operator(_less_equal, reflected=True)
 
+    def __pow__(self, _exponent: object) -> NoReturn:
+        raise untraceable("a traced value has no powers: multiply, or use sqrt")
+
     def __neg__(self) -> Any:
         return folding.negate(self)
 
@@ -86,13 +94,13 @@ class Node(_Traced):
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
         if any(isinstance(x, np.ndarray) and x.ndim for x in inputs):
-            raise TraceError("a traced value cannot meet an array: make the array a Column, Vec or Mat")
+            raise untraceable("a traced value cannot meet an array: make the array a Column, Vec or Mat")
         operands = [lift(x) for x in inputs]
         if any(x is None for x in operands) or method != "__call__" or options:
             return NotImplemented
         rule = _RULES.get(ufunc)
         if rule is None:
-            raise TraceError(f"numpy.{ufunc.__name__} cannot be traced, only {_TRACEABLE}")
+            raise untraceable(f"numpy.{ufunc.__name__} cannot be traced, only {_TRACEABLE}")
         return rule(*operands)
 
 
@@ -114,17 +122,10 @@ def _select(condition: Any, yes: Value, no: Value) -> Value:
     if isinstance(condition, bool | np.bool_):
         return yes if condition else no
     if not isinstance(condition, Condition):
-        raise TraceError(f"where: expected a comparison such as x < y, got {condition!r}")
+        raise untraceable(f"where: expected a comparison such as x < y, got {condition!r}")
     if yes is no or (isinstance(yes, float) and isinstance(no, float) and yes == no):
         return yes
     return condition.graph.make(Node, Op.SELECT, condition, yes, no)
-
-
-def _refuse(why: str) -> NoReturn:
-    caller = sys._getframe(2)
-    file, line = caller.f_code.co_filename, caller.f_lineno
-    text = linecache.getline(file, line).strip()
-    raise TraceError(f"a traced value {why} ({file}:{line}: {text})")
 
 
 _RULES: dict[np.ufunc, Callable[..., Any]] = {

@@ -1,0 +1,29 @@
+"""Why an equation cannot be traced, and where."""
+
+from __future__ import annotations
+
+import linecache
+import sys
+from itertools import takewhile
+from traceback import walk_stack
+from types import FrameType
+
+from adaptctl.errors import TraceError
+
+_TRACER = "adaptctl.compilation.routine"
+_SCALARS = ("adaptctl.compilation.", "adaptctl.scalars.", "numpy.")
+
+
+def untraceable(why: str) -> TraceError:
+    """An error that shows the line to change: the nearest that is not the library's, or else the nearest equation."""
+    traced = takewhile(lambda at: _module(at) != _TRACER, walk_stack(sys._getframe(1)))
+    lines = [at for at in traced if not _module(at).startswith(_SCALARS)]
+    if not lines:
+        return TraceError(why)
+    frame, line = next((at for at in lines if not _module(at).startswith("adaptctl.")), lines[0])
+    file = frame.f_code.co_filename
+    return TraceError(f"{why} ({file}:{line}: {linecache.getline(file, line).strip()})")
+
+
+def _module(at: tuple[FrameType, int]) -> str:
+    return str(at[0].f_globals.get("__name__", ""))
