@@ -148,11 +148,13 @@ def test_regressors_are_derivatives_by_what_is_left(seed: int, links: int) -> No
     Y = left.slotine_li_regressor(p, v, v_r, a)
     scale = max(1.0, np.abs(one).max(), np.abs(Y).max() * np.abs(way).max())
     np.testing.assert_allclose(Y @ way, one - other, rtol=0, atol=1e-10 * scale)
-    tick = e.adaptive_tick(*columns, column(s), column(z), range(len(z)))
-    np.testing.assert_allclose(tick.torque.of, other, rtol=0, atol=1e-10 * scale)
-    np.testing.assert_allclose(tick.gradient.of, Y.T @ s, rtol=0, atol=1e-10 * scale * max(1.0, np.abs(s).max()))
-    gradient = e.adaptation_gradient(*columns, column(s), range(len(z)))
-    np.testing.assert_allclose(gradient.of, tick.gradient.of, rtol=0, atol=1e-12 * scale)
+    motion = e.motion(*columns)
+    powers = motion.powers(column(s), range(len(z)))
+    np.testing.assert_allclose(motion.torque(column(z)).of, other, rtol=0, atol=1e-10 * scale)
+    np.testing.assert_allclose(powers.of, Y.T @ s, rtol=0, atol=1e-10 * scale * max(1.0, np.abs(s).max()))
+    again = e.remembered(motion.numbers)
+    assert len(motion.numbers) == e.motion_size
+    assert again.powers(column(s), range(len(z))).of == powers.of
     asked = sorted(rng.permutation(len(z))[:4].tolist())
     np.testing.assert_array_equal(left.slotine_li_regressor(p, v, v_r, a, asked), Y[:, asked])
     moved = left.with_parameters(z + way)

@@ -41,6 +41,7 @@ from adaptctl.control import (
     adaptation_gain,
 )
 from adaptctl.control.controller import leaves
+from adaptctl.dynamics.arrays import column
 from adaptctl.dynamics.kinematics import link_poses
 from adaptctl.errors import GainError, InputError
 from adaptctl.mechanism.pose import Array
@@ -240,9 +241,10 @@ def test_the_wanted_acceleration_is_the_wanted_velocity_s_derivative(options: di
     actual, reference = swinging(mechanism, 1), swinging(mechanism, 2)
 
     def wanted(t: float) -> tuple[Array, Array]:
-        state = law.init(actual(t).p, actual(t).v)
-        _, after = law.step(state, actual(t).p, actual(t).v, reference(t))
-        return after.v_r, after.a_r
+        memory, now = law.init(actual(t).p, actual(t).v), actual(t)
+        p, aim = column(now.p), ReferencePoint(*map(column, reference(t)))
+        v_r, a_r, _ = law.wanted(p, p, column(now.v), aim, memory)
+        return np.array(v_r.of), np.array(a_r.of)
 
     for t in (0.5, 1.3):
         h = 1e-5

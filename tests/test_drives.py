@@ -81,9 +81,12 @@ def test_columns_and_the_tick_know_the_drives(seed: int, links: int, data: st.Da
     Y = mechanism.slotine_li_regressor(p, v, v_r, a_r)
     np.testing.assert_array_equal(mechanism.slotine_li_regressor(p, v, v_r, a_r, columns), Y[:, columns])
     D = mechanism.inertial_parameters
-    tick = mechanism.equations.adaptive_tick(*map(column, (p, v, v_r, a_r, s, D)), columns)
-    np.testing.assert_allclose(tick.gradient.of, Y[:, columns].T @ s, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(tick.torque.of, Y @ D, rtol=1e-9, atol=1e-9)
+    motion = mechanism.equations.motion(*map(column, (p, v, v_r, a_r)))
+    np.testing.assert_allclose(motion.powers(column(s), columns).of, Y[:, columns].T @ s, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(motion.torque(column(D)).of, Y @ D, rtol=1e-9, atol=1e-9)
+    again = mechanism.equations.remembered(motion.numbers)
+    assert len(motion.numbers) == mechanism.equations.motion_size
+    assert again.powers(column(s), columns).of == motion.powers(column(s), columns).of
 
 
 def test_other_parameters_reach_the_drives() -> None:

@@ -151,15 +151,16 @@ def test_asked_columns_are_the_regressors_columns(seed: int, links: int, data: s
 
 @settings(max_examples=20, deadline=None)
 @given(seeds, st.integers(1, 7))
-def test_the_tick_is_the_regressor_never_formed(seed: int, links: int) -> None:
+def test_torques_and_powers_are_the_regressor_never_formed(seed: int, links: int) -> None:
     mechanism = random_tree(seed, links)
     p, v, v_r, a_r = (x[0] for x in states(mechanism, 1, seed))
     s = np.random.default_rng(seed).normal(size=links)
     Y, D = mechanism.slotine_li_regressor(p, v, v_r, a_r), mechanism.inertial_parameters
-    tick = mechanism.equations.adaptive_tick(*map(column, (p, v, v_r, a_r, s, D)), range(10 * links))
+    motion = mechanism.equations.motion(*map(column, (p, v, v_r, a_r)))
     scale = max(np.abs(Y).max(), 1.0)
-    np.testing.assert_allclose(tick.torque.of, Y @ D, rtol=0, atol=1e-12 * np.abs(Y @ D).max())
-    np.testing.assert_allclose(tick.gradient.of, Y.T @ s, rtol=0, atol=1e-12 * scale * np.abs(s).max())
+    torque, powers = motion.torque(column(D)), motion.powers(column(s), range(10 * links))
+    np.testing.assert_allclose(torque.of, Y @ D, rtol=0, atol=1e-12 * np.abs(Y @ D).max())
+    np.testing.assert_allclose(powers.of, Y.T @ s, rtol=0, atol=1e-12 * scale * np.abs(s).max())
 
 
 def test_the_same_energy_and_torque_in_any_frame_of_the_links() -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from adaptctl.compilation import compile_function, compile_step, trace
+from adaptctl.control.adaptive import spread
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.arrays import column, stacked
 from adaptctl.errors import TraceError
@@ -42,17 +43,22 @@ def kept(puma: Mechanism) -> list[int]:
 def equations(puma: Mechanism, kept: list[int]) -> dict[str, tuple[Equation, tuple[int, ...]]]:
     """Each equation as a function of six-columns and of the 60 parameters where it needs them."""
     e = puma.equations
+
+    def both(p: Column, v: Column, w: Column, a: Column, s: Column, D: Column) -> tuple[Column, ...]:
+        motion = e.motion(p, v, w, a)
+        return motion.torque(D), motion.powers(s, kept)
+
     return {
         "energy": (lambda p, v: (e.energy_regressor(p, v),), (6, 6)),
         "potential": (lambda p: (e.potential_regressor(p),), (6,)),
         "regressor": (lambda p, v, w, a: tuple(e.torque_regressor(p, v, w, a, kept)), (6, 6, 6, 6)),
         "inverse": (lambda p, v, w, a, D: (e.inverse_dynamics(p, v, w, a, D),), (6, 6, 6, 6, 60)),
-        "tick": (lambda p, v, w, a, s, D: tuple(e.adaptive_tick(p, v, w, a, s, D, kept)), (6, 6, 6, 6, 6, 60)),
+        "torque and powers": (both, (6, 6, 6, 6, 6, 60)),
         "forward": (lambda p, v, t, D: (e.forward_dynamics(p, v, t, D),), (6, 6, 6, 60)),
     }
 
 
-NAMES = ["energy", "potential", "regressor", "inverse", "tick", "forward"]
+NAMES = ["energy", "potential", "regressor", "inverse", "torque and powers", "forward"]
 
 
 def flat(columns: tuple[Column, ...]) -> list[Any]:
@@ -132,10 +138,8 @@ def regressor_flops(mechanism: Mechanism, columns: list[int]) -> int:
 
 def tick_flops(mechanism: Mechanism, columns: list[int]) -> int:
     def tick(p: Column, v: Column, v_r: Column, a_r: Column, s: Column, beta: Column) -> tuple[Column, ...]:
-        D: list[Any] = [0.0] * 60
-        for c, value in zip(columns, beta, strict=True):
-            D[c] = value
-        return tuple(mechanism.equations.adaptive_tick(p, v, v_r, a_r, s, Column(D), columns))
+        motion = mechanism.equations.motion(p, v, v_r, a_r)
+        return motion.torque(spread(beta, columns, 60)), motion.powers(s, columns)
 
     sizes = dict.fromkeys(("p", "v", "v_r", "a_r", "s"), 6)
     return trace(tick, sizes | {"beta": len(columns)}).operations.flops

@@ -72,8 +72,9 @@ def exact_law(law: SlotineLi, step: float, duration: float) -> tuple[SimpleNames
     def rates(p: Column, v: Column, estimate: Column, pd: Column, vd: Column, ad: Column) -> tuple[Column, ...]:
         v_r, a_r = vd - bandwidth * (p - pd), ad - bandwidth * (v - vd)
         s = v - v_r
-        tick = e.adaptive_tick(p, v, v_r, a_r, s, spread(estimate, model.columns, 60), model.columns)
-        return v, e.forward_dynamics(p, v, tick.torque - damping * s, D), -(gain * tick.gradient)
+        motion = e.motion(p, v, v_r, a_r)
+        torque = motion.torque(spread(estimate, model.columns, 60)) - damping * s
+        return v, e.forward_dynamics(p, v, torque, D), -(gain * motion.powers(s, model.columns))
 
     sizes = {"p": 6, "v": 6, "estimate": len(model.columns), "pd": 6, "vd": 6, "ad": 6}
     native = compile_function(rates, sizes)

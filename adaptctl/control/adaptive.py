@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -30,10 +31,10 @@ class AdaptiveState(NamedTuple):
     """(k,) the parameters' estimate"""
     q: Any
     """(n,) the tree's joints at the last tick: where the loops, if any, are followed from"""
-    v: Any
-    v_r: Any
-    a_r: Any
+    motion: Any
+    """what the law's gradient is made of at the last tick"""
     s: Any
+    """(r,) the sliding variable there"""
     torque: Any
     """(r,) N m, held since the last tick"""
     elapsed: Any
@@ -92,9 +93,15 @@ class Adaptive(Controller[AdaptiveState]):
     def start(self, p: Array, v: Array) -> AdaptiveState:
         """The first estimate, and nothing to learn from yet."""
         rest, initial = np.zeros(self.dof), np.array(self.initial)
+        motion = np.zeros(self._motion_size)
         q, law = self.model.mechanism.configuration(p), self.adaptation_law
         learning = NoMemory() if law is None else law.start(self.model, initial, q, v, self.period)
-        return AdaptiveState(initial, q, v, v, rest, rest, rest, np.zeros(1), learning, self._more(p, v))
+        return AdaptiveState(initial, q, motion, rest, rest, np.zeros(1), learning, self._more(p, v))
+
+    @property
+    @abstractmethod
+    def _motion_size(self) -> int:
+        """How many numbers of a motion the law remembers."""
 
     def _more(self, p: Array, v: Array) -> Any:
         """What the law remembers besides, before the first tick."""

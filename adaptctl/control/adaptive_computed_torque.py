@@ -67,15 +67,21 @@ class AdaptiveComputedTorque(Adaptive):
         s = e_rate + bandwidth * e
 
         def gradient(sliding: Column) -> Column:
-            acceleration = (1.0 / self.period) * (v - memory.v)
+            before: Column = memory.motion
+            acceleration = (1.0 / self.period) * (v - before)
             inertia = equations.mass_matrix(memory.q, self._parameters(memory.estimate))
             felt = solve_symmetric(inertia, self._weight * sliding)
-            return equations.adaptation_gradient(memory.q, memory.v, memory.v, acceleration, felt, self.model.columns)
+            return equations.motion(memory.q, before, before, acceleration).powers(felt, self.model.columns)
 
         estimate, learning = self._learned(memory, s, q, v, gradient)
         a = reference.a - bandwidth * (e_rate + s)
         torque = equations.inverse_dynamics(q, v, v, a, self._parameters(estimate))
-        return torque, AdaptiveState(estimate, q, v, v, a, s, torque, Column((self.period,)), learning, NoMemory())
+        return torque, AdaptiveState(estimate, q, v, s, torque, Column((self.period,)), learning, NoMemory())
+
+    @property
+    def _motion_size(self) -> int:
+        """Velocities: accelerations are known at the next tick only."""
+        return self.dof
 
     def _require_bandwidth(self) -> None:
         """With the true inertia the hold turns the velocity error by 1 - 2 Lambda T_c."""

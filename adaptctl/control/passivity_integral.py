@@ -8,12 +8,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from adaptctl.control.adaptation.law import AdaptationLaw
 from adaptctl.control.adaptive import AdaptiveState
 from adaptctl.control.controller import ReferencePoint
-from adaptctl.control.gains import per_joint
 from adaptctl.control.passivity import PassivityBased, Wanted
-from adaptctl.identifiability import ReducedModel
 from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column
 
@@ -42,21 +39,8 @@ class PassivityIntegral(PassivityBased):
     Gives up: the integral overshoots, and winds up while torques are limited. It stands still in a period whose
     `elapsed` is set to zero, as adaptation does.
 
-    Arguments as `SlotineLi`'s.
+    Arguments and errors are those of `PassivityBased`.
     """
-
-    model: ReducedModel
-    bandwidth: Array
-    damping: Array
-    adaptation: AdaptationLaw[Any] | Array | None = None
-    initial: Array | None = None
-    period: float = 1e-3
-
-    def __post_init__(self) -> None:
-        for name in ("bandwidth", "damping"):
-            object.__setattr__(self, name, per_joint(getattr(self, name), self.dof, name))
-        self._settle()
-        self._require_carried(self.damping)
 
     def wanted(self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState) -> Wanted:
         """The reference's velocity, and back to it."""

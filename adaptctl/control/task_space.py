@@ -9,16 +9,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory
+from adaptctl.control.adaptation.law import NoMemory
 from adaptctl.control.adaptive import AdaptiveState
 from adaptctl.control.controller import ReferencePoint
-from adaptctl.control.gains import per_joint, sampled_configurations
+from adaptctl.control.gains import sampled_configurations
 from adaptctl.control.passivity import PassivityBased, Wanted
 from adaptctl.dynamics.arrays import column, stacked_rows
 from adaptctl.dynamics.jacobian import moving_point
 from adaptctl.dynamics.mass_matrix import solve_symmetric
 from adaptctl.errors import InputError
-from adaptctl.identifiability import ReducedModel
 from adaptctl.mechanism.pose import Array, frozen_array
 from adaptctl.scalars import Column, Dual, Vec
 
@@ -54,15 +53,9 @@ class TaskSpaceSlotineLi(PassivityBased):
 
     The reference point has m numbers each, x_d, x_d', x_d''; with `reference_in_joints` it has joints (r,), as
     an environment tells them, and the point is to be where that arm has it. `bandwidth` is Lambda (1/s), a
-    number or (m,); other arguments as `SlotineLi`'s.
+    number or (m,); other arguments are those of `PassivityBased`.
     """
 
-    model: ReducedModel
-    bandwidth: Array
-    damping: Array
-    adaptation: AdaptationLaw[Any] | Array | None = None
-    initial: Array | None = None
-    period: float = 1e-3
     link: str | None = None
     tool: Array | None = None
     axes: tuple[int, ...] = (0, 1, 2)
@@ -78,8 +71,6 @@ class TaskSpaceSlotineLi(PassivityBased):
         if len(axes) > self.dof:
             raise InputError(f"task space: {self.dof} joints cannot move a point along {len(axes)} axes: choose fewer")
         object.__setattr__(self, "axes", axes)
-        object.__setattr__(self, "bandwidth", per_joint(self.bandwidth, len(axes), "bandwidth"))
-        object.__setattr__(self, "damping", per_joint(self.damping, self.dof, "damping"))
         for name, size, default in (("tool", 3, np.zeros(3)), ("posture", self.dof, self.home)):
             given = getattr(self, name)
             object.__setattr__(self, name, frozen_array(default if given is None else given, (size,), name))
@@ -88,8 +79,7 @@ class TaskSpaceSlotineLi(PassivityBased):
                 raise InputError(f"task space: {name}: expected at least 0, got {getattr(self, name)}")
         self._require_link()
         self._require_reach()
-        self._settle()
-        self._require_carried(self.damping)
+        super().__post_init__()
 
     @property
     def reference_size(self) -> int:
@@ -155,9 +145,9 @@ class TaskSpaceSlotineLi(PassivityBased):
         names = [link.name for link in self.model.mechanism.links]
         return len(names) - 1 if self.link is None else names.index(self.link)
 
-    @cached_property
-    def _bandwidth(self) -> Column:
-        return Column(self.bandwidth.tolist())
+    @property
+    def _followed(self) -> int:
+        return len(self.axes)
 
 
 def _moving(values: Column, slopes: Column) -> Column:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import islice
 
-from adaptctl.dynamics import energy, newton_euler
+from adaptctl.dynamics import energy
 from adaptctl.dynamics.drive import DriveTerm
 from adaptctl.dynamics.mass_matrix import mass_matrix, solve_symmetric
-from adaptctl.dynamics.newton_euler import AdaptiveTick
+from adaptctl.dynamics.motion import Motion, motions
 from adaptctl.dynamics.segment import Segment, placements, segments
+from adaptctl.dynamics.tree_motion import TreeMotion
 from adaptctl.mechanism import Description
 from adaptctl.scalars import Column, Scalar, Vec
 
@@ -40,7 +42,7 @@ class TreeEquations:
     @property
     def parameters(self) -> int:
         """Number of parameters P."""
-        return self._driven + len(self.drives)
+        return self.driven + len(self.drives)
 
     @property
     def joints(self) -> int:
@@ -69,43 +71,30 @@ class TreeEquations:
         links = energy.potential_regressor(self.links, p, self.gravity)
         return Column((*self._owned(links), *(0.0 for _ in self.drives)))
 
+    def motion(self, p: Column, v: Column, v_r: Column, a_r: Column) -> TreeMotion:
+        """How the links move, from which the torques M a_r + C(p, v) v_r + g + friction at v follow."""
+        places = placements(self.links, p)
+        drives = [term.torque(v[term.joint], a_r[term.joint]) for term in self.drives]
+        return TreeMotion(self, places, motions(places, v, v_r, a_r, self.gravity), drives)
+
+    def remembered(self, numbers: Column) -> TreeMotion:
+        """The motion that has these numbers."""
+        rest = iter(numbers)
+        places = [link.placed(tuple(islice(rest, link.coordinates))) for link in self.links]
+        return TreeMotion(self, places, [Motion.of(tuple(islice(rest, 12))) for _ in self.links], tuple(rest))
+
+    @property
+    def motion_size(self) -> int:
+        """How many numbers a motion has."""
+        return sum(link.coordinates + 12 for link in self.links) + len(self.drives)
+
     def torque_regressor(self, p: Column, v: Column, v_r: Column, a_r: Column, columns: Sequence[int]) -> list[Column]:
         """Rows of Y: Y D = M a_r + C(p, v) v_r + g + friction at v, the asked columns only."""
-        of_bodies = [c for c in columns if c < self._driven]
-        rows = newton_euler.torque_regressor(self.links, p, v, v_r, a_r, self.gravity, self._of_links(of_bodies))
-        torques = self._drive_torques(v, a_r)
-        by_column = (dict(zip(of_bodies, row, strict=True)) for row in rows)
-        return [self._row(joint, row, torques, columns) for joint, row in enumerate(by_column)]
+        return self.motion(p, v, v_r, a_r).regressor(columns)
 
     def inverse_dynamics(self, p: Column, v: Column, v_r: Column, a_r: Column, parameters: Column) -> Column:
         """Torque M a_r + C(p, v) v_r + g + friction at v, in N m (N for a prismatic joint)."""
-        torque = newton_euler.inverse_dynamics(self.links, p, v, v_r, a_r, self.gravity, self._tens(parameters))
-        return self._driving(torque, v, a_r, parameters)
-
-    def adaptive_tick(
-        self,
-        p: Column,
-        v: Column,
-        v_r: Column,
-        a_r: Column,
-        s: Column,
-        parameters: Column,
-        columns: Sequence[int],
-    ) -> AdaptiveTick:
-        """Y_r D and Y_r' s without forming Y_r; `columns` sorted."""
-        tens, kept = self._tens(parameters), self._of_links(columns)
-        tick = newton_euler.adaptive_tick(self.links, p, v, v_r, a_r, s, self.gravity, tens, kept)
-        return AdaptiveTick(
-            self._driving(tick.torque, v, a_r, parameters), self._learning(tick.gradient, v, a_r, s, columns)
-        )
-
-    def adaptation_gradient(
-        self, p: Column, v: Column, v_r: Column, a_r: Column, s: Column, columns: Sequence[int]
-    ) -> Column:
-        """Y_r' s alone; `columns` sorted."""
-        kept = self._of_links(columns)
-        gradient = newton_euler.adaptation_gradient(self.links, p, v, v_r, a_r, s, self.gravity, kept)
-        return self._learning(gradient, v, a_r, s, columns)
+        return self.motion(p, v, v_r, a_r).torque(parameters)
 
     def forward_dynamics(self, p: Column, v: Column, torque: Column, parameters: Column) -> Column:
         """Accelerations under a torque: M(p) a = torque - C(p, v) v - g(p) - friction."""
@@ -114,54 +103,31 @@ class TreeEquations:
 
     def mass_matrix(self, p: Column, parameters: Column) -> list[list[Scalar]]:
         """Rows of M(p)."""
-        rows = mass_matrix(placements(self.links, p), self._tens(parameters))
-        for term, value in zip(self.drives, parameters.of[self._driven :], strict=True):
+        rows = mass_matrix(placements(self.links, p), self.tens(parameters))
+        for term, value in zip(self.drives, parameters.of[self.driven :], strict=True):
             if not term.kind.is_friction:
                 rows[term.joint][term.joint] = rows[term.joint][term.joint] + value
         return rows
 
     @property
-    def _driven(self) -> int:
+    def driven(self) -> int:
         """Where the drives' parameters begin."""
         return 10 * len(self.bodies)
 
-    def _owned(self, tens: Column) -> Sequence[Scalar]:
-        """Of ten entries a link, those that are parameters."""
-        return [x for i in self.bodies for x in tens.of[10 * i : 10 * i + 10]]
+    def sorted_out(self, columns: Sequence[int]) -> tuple[dict[int, int], dict[int, int]]:
+        """Of the asked columns, those of bodies as columns of ten a link, and those of drives by number."""
+        of_bodies = {c: 10 * self.bodies[c // 10] + c % 10 for c in columns if c < self.driven}
+        return of_bodies, {c: c - self.driven for c in columns if c >= self.driven}
 
-    def _of_links(self, columns: Sequence[int]) -> list[int]:
-        """Columns of bodies' parameters, as columns of ten a link; those of drives are left out."""
-        return [10 * self.bodies[c // 10] + c % 10 for c in columns if c < self._driven]
-
-    def _tens(self, parameters: Column) -> Column:
+    def tens(self, parameters: Column) -> Column:
         """Ten entries a link (10N,); exact zeros for massless ones, so that they cost nothing once traced."""
         if len(self.bodies) == len(self.links):
-            return Column(parameters.of[: self._driven]) if self.drives else parameters
+            return Column(parameters.of[: self.driven]) if self.drives else parameters
         tens: list[Scalar] = [0.0] * (10 * len(self.links))
         for place, i in enumerate(self.bodies):
             tens[10 * i : 10 * i + 10] = parameters.of[10 * place : 10 * place + 10]
         return Column(tens)
 
-    def _drive_torques(self, v: Column, a_r: Column) -> list[Scalar]:
-        return [term.torque(v[term.joint], a_r[term.joint]) for term in self.drives]
-
-    def _row(
-        self, joint: int, of_links: dict[int, Scalar], torques: Sequence[Scalar], columns: Sequence[int]
-    ) -> Column:
-        own = {self._driven + k: torques[k] for k, term in enumerate(self.drives) if term.joint == joint}
-        row = of_links | own
-        return Column(row.get(c, 0.0) for c in columns)
-
-    def _driving(self, torque: Column, v: Column, a_r: Column, parameters: Column) -> Column:
-        """The torque with the drives' share added."""
-        total = list(torque)
-        shares = zip(self.drives, self._drive_torques(v, a_r), parameters.of[self._driven :], strict=True)
-        for term, share, value in shares:
-            total[term.joint] = total[term.joint] + value * share
-        return Column(total)
-
-    def _learning(self, gradient: Column, v: Column, a_r: Column, s: Column, columns: Sequence[int]) -> Column:
-        """The gradient with the drives' entries behind the links'."""
-        torques = self._drive_torques(v, a_r)
-        asked = [c - self._driven for c in columns if c >= self._driven]
-        return Column((*gradient, *(s[self.drives[k].joint] * torques[k] for k in asked)))
+    def _owned(self, tens: Column) -> Sequence[Scalar]:
+        """Of ten entries a link, those that are parameters."""
+        return [x for i in self.bodies for x in tens.of[10 * i : 10 * i + 10]]

@@ -4,52 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from itertools import islice
 
 from adaptctl.dynamics.constraint import Closing
 from adaptctl.dynamics.equations import TreeEquations
 from adaptctl.dynamics.least_squares import Factored
+from adaptctl.dynamics.loop_motion import LoopMotion
 from adaptctl.dynamics.mass_matrix import solve_symmetric
-from adaptctl.dynamics.newton_euler import AdaptiveTick
-from adaptctl.dynamics.segment import Placement, Segment, placements
+from adaptctl.dynamics.posture import Following, Posture
+from adaptctl.dynamics.segment import Segment, placements
 from adaptctl.scalars import Column, Scalar
 
 NEWTON_STEPS = 3
 """From a configuration at most 0.05 rad away."""
-
-
-class Posture:
-    """A closed configuration of the tree, with J = dU/dp factored once."""
-
-    def __init__(self, closing: Closing, places: Sequence[Placement]) -> None:
-        self.closing, self.places = closing, places
-        columns = closing.jacobian(places)
-        self.factor = Factored([columns[d] for d in closing.dependent])
-        self.slopes = [self.factor.solve(-columns[i]) for i in closing.primary]
-
-    def tree(self, v: Column) -> Column:
-        """J v: the tree's velocities (n,) from the primary ones (r,)."""
-        follow = v[0] * self.slopes[0]
-        for rate, slope in zip(v.of[1:], self.slopes[1:], strict=True):
-            follow = follow + rate * slope
-        return self.joined(v, follow)
-
-    def primary(self, torque: Sequence[Any]) -> Column:
-        """J' tau: the primary joints' torques (r,) from the tree's (n,)."""
-        follow = Column(torque[d] for d in self.closing.dependent)
-        pairs = zip(self.closing.primary, self.slopes, strict=True)
-        return Column(torque[i] + slope @ follow for i, slope in pairs)
-
-    def bias(self, u: Column, w: Column) -> Column:
-        """J_dot(u) w (n,), from two tree velocities J v and J v_r; symmetric in them."""
-        follow = -self.factor.solve(self.closing.bias(self.places, u, w))
-        return self.joined(Column.zeros(len(self.closing.primary)), follow)
-
-    def joined(self, first: Column, follow: Column) -> Column:
-        """A tree column from its primary and dependent entries."""
-        entries = dict(zip(self.closing.primary, first, strict=True))
-        entries |= dict(zip(self.closing.dependent, follow, strict=True))
-        return Column(entries[i] for i in range(len(self.places)))
 
 
 @dataclass(frozen=True)
@@ -126,46 +93,33 @@ class LoopEquations:
         """The potential part of E (P,)."""
         return self.tree.potential_regressor(q)
 
+    def motion(self, q: Column, v: Column, v_r: Column, a_r: Column) -> LoopMotion:
+        """How the links move, from which the torques M a_r + C(p, v) v_r + g follow."""
+        return self._motion(self.posture(q), q, v, v_r, a_r)
+
+    def remembered(self, numbers: Column) -> LoopMotion:
+        """The motion that has these numbers."""
+        rest, size = iter(numbers), len(self.closing.dependent)
+        slopes = [Column(islice(rest, size)) for _ in self.closing.primary]
+        return LoopMotion(Following(self.closing, slopes), self.tree.remembered(Column(rest)))
+
+    @property
+    def motion_size(self) -> int:
+        """How many numbers a motion has."""
+        return len(self.closing.primary) * len(self.closing.dependent) + self.tree.motion_size
+
     def torque_regressor(self, q: Column, v: Column, v_r: Column, a_r: Column, columns: Sequence[int]) -> list[Column]:
         """Rows of Y = J' Y_tree, the asked columns only."""
-        posture = self.posture(q)
-        rows = self.tree.torque_regressor(q, *self._moving(posture, v, v_r, a_r), columns)
-        by_column = [posture.primary([row[k] for row in rows]) for k in range(len(columns))]
-        return [Column(column[i] for column in by_column) for i in range(self.dof)]
+        return self.motion(q, v, v_r, a_r).regressor(columns)
 
     def inverse_dynamics(self, q: Column, v: Column, v_r: Column, a_r: Column, parameters: Column) -> Column:
         """Torque M a_r + C(p, v) v_r + g (r,)."""
-        posture = self.posture(q)
-        return posture.primary(self.tree.inverse_dynamics(q, *self._moving(posture, v, v_r, a_r), parameters).of)
-
-    def adaptive_tick(
-        self,
-        q: Column,
-        v: Column,
-        v_r: Column,
-        a_r: Column,
-        s: Column,
-        parameters: Column,
-        columns: Sequence[int],
-    ) -> AdaptiveTick:
-        """Y_r D and Y_r' s without forming Y_r; `columns` sorted."""
-        posture = self.posture(q)
-        moving = self._moving(posture, v, v_r, a_r)
-        tick = self.tree.adaptive_tick(q, *moving, posture.tree(s), parameters, columns)
-        return AdaptiveTick(posture.primary(tick.torque.of), tick.gradient)
-
-    def adaptation_gradient(
-        self, q: Column, v: Column, v_r: Column, a_r: Column, s: Column, columns: Sequence[int]
-    ) -> Column:
-        """Y_r' s alone; `columns` sorted."""
-        posture = self.posture(q)
-        return self.tree.adaptation_gradient(q, *self._moving(posture, v, v_r, a_r), posture.tree(s), columns)
+        return self.motion(q, v, v_r, a_r).torque(parameters)
 
     def forward_dynamics(self, q: Column, v: Column, torque: Column, parameters: Column) -> Column:
         """Primary accelerations (r,) under primary torques."""
         posture = self.posture(q)
-        moving = self._moving(posture, v, v, Column.zeros(self.dof))
-        bias = posture.primary(self.tree.inverse_dynamics(q, *moving, parameters).of)
+        bias = self._motion(posture, q, v, v, Column.zeros(self.dof)).torque(parameters)
         return solve_symmetric(self._mass_matrix(posture, q, parameters), torque - bias)
 
     def mass_matrix(self, q: Column, parameters: Column) -> list[list[Scalar]]:
@@ -179,8 +133,7 @@ class LoopEquations:
         loads = [Column(row @ way for row in rows) for way in ways]
         return [[ways[max(i, j)] @ loads[min(i, j)] for j in range(self.dof)] for i in range(self.dof)]
 
-    def _moving(self, posture: Posture, v: Column, v_r: Column, a_r: Column) -> tuple[Column, Column, Column]:
-        """Tree velocities and accelerations of a primary motion."""
+    def _motion(self, posture: Posture, q: Column, v: Column, v_r: Column, a_r: Column) -> LoopMotion:
         u = posture.tree(v)
         w = u if v is v_r else posture.tree(v_r)
-        return u, w, posture.tree(a_r) + posture.bias(u, w)
+        return LoopMotion(posture, self.tree.motion(q, u, w, posture.tree(a_r) + posture.bias(u, w)))

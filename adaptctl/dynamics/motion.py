@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from adaptctl.dynamics.segment import Placement
 from adaptctl.scalars import ZERO, Column, Mat, Scalar, Vec, cross
@@ -17,9 +18,6 @@ class Twist:
 
     def __init__(self, w: Vec, v: Vec) -> None:
         self.w, self.v = w, v
-
-
-AT_REST = Twist(ZERO, ZERO)
 
 
 def carried(place: Placement, parent: Twist) -> Twist:
@@ -51,31 +49,50 @@ def twists(places: Sequence[Placement], rate: Column) -> list[Twist]:
     return out
 
 
-class Products:
+class Products(NamedTuple):
     """The symmetric products (w_i r_j + w_j r_i) / 2 of two angular velocities."""
 
-    __slots__ = ("xx", "xy", "xz", "yy", "yz", "zz")
+    xx: Scalar
+    xy: Scalar
+    yy: Scalar
+    xz: Scalar
+    yz: Scalar
+    zz: Scalar
 
-    def __init__(self, w: Vec, r: Vec) -> None:
-        self.xx, self.yy, self.zz = w.x * r.x, w.y * r.y, w.z * r.z
-        if w is r:
-            self.xy, self.xz, self.yz = w.x * w.y, w.x * w.z, w.y * w.z
-        else:
-            h = 0.5 * w
-            self.xy = h.x * r.y + h.y * r.x
-            self.xz = h.x * r.z + h.z * r.x
-            self.yz = h.y * r.z + h.z * r.y
+
+STILL = Products(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def products(w: Vec, r: Vec) -> Products:
+    """Of a link's two angular velocities, which may be one."""
+    if w is r:
+        return Products(w.x * w.x, w.x * w.y, w.y * w.y, w.x * w.z, w.y * w.z, w.z * w.z)
+    h = 0.5 * w
+    mixed = h.x * r.y + h.y * r.x, h.x * r.z + h.z * r.x, h.y * r.z + h.z * r.y
+    return Products(w.x * r.x, mixed[0], w.y * r.y, mixed[1], mixed[2], w.z * r.z)
 
 
 class Motion:
-    """A link under two velocities: `w` and `r` turn it, `alpha` and `acc` (less gravity) accelerate it."""
+    """How a link moves under two velocities: its point u accelerates by acc (less gravity) + lever u.
 
-    __slots__ = ("acc", "alpha", "lever", "products", "r", "w")
+    `products` are those of its two angular velocities, `alpha` is its angular acceleration.
+    """
 
-    def __init__(self, w: Vec, r: Vec, alpha: Vec, acc: Vec) -> None:
-        self.w, self.r, self.alpha, self.acc = w, r, alpha, acc
-        self.products = Products(w, r)
-        self.lever = lever(self.products, alpha)
+    __slots__ = ("acc", "alpha", "lever", "products")
+
+    def __init__(self, products: Products, alpha: Vec, acc: Vec) -> None:
+        self.products, self.alpha, self.acc = products, alpha, acc
+        self.lever = lever(products, alpha)
+
+    @property
+    def numbers(self) -> tuple[Scalar, ...]:
+        """The twelve that say everything."""
+        return (*self.products, *self.alpha, *self.acc)
+
+    @classmethod
+    def of(cls, numbers: Sequence[Scalar]) -> Motion:
+        """The motion that has these twelve numbers."""
+        return cls(Products(*numbers[:6]), Vec(*numbers[6:9]), Vec(*numbers[9:]))
 
 
 def lever(p: Products, a: Vec) -> Mat:
@@ -93,25 +110,29 @@ def motions(places: Sequence[Placement], v: Column, v_r: Column, a_r: Column, gr
     With v_r = v it is the ordinary recursion; otherwise it leads to C(p, v) v_r with the Christoffel C that
     Slotine and Li (1987) need, because the velocity terms are a symmetric bilinear form.
     """
-    out: list[Motion] = []
-    same = v is v_r
+    w = angular_velocities(places, v)
+    r = w if v is v_r else angular_velocities(places, v_r)
+    ground, out = Motion(STILL, ZERO, -gravity), list[Motion]()
     for i, place in enumerate(places):
-        parent = place.segment.parent
-        base = out[parent] if parent != GROUND else Motion(ZERO, ZERO, ZERO, -gravity)
-        out.append(_next(place, base, v[i], v_r[i], a_r[i], same))
+        segment, z = place.segment, place.segment.axis
+        base = out[segment.parent] if segment.parent != GROUND else ground
+        alpha, acc = place.down(base.alpha), place.down(base.acc + base.lever @ segment.near)
+        spin = cross(v[i] * w[i], z) if w is r else cross((0.5 * v_r[i]) * w[i] + (0.5 * v[i]) * r[i], z)
+        if segment.turns:
+            alpha = alpha + a_r[i] * z + spin
+        else:
+            acc = acc + a_r[i] * z + 2.0 * spin
+        link = Motion(products(w[i], r[i]), alpha, acc)
+        link.acc = link.acc + link.lever @ place.shift
+        out.append(link)
     return out
 
 
-def _next(place: Placement, base: Motion, v: Scalar, v_r: Scalar, a_r: Scalar, same: bool) -> Motion:
-    segment, z = place.segment, place.segment.axis
-    w = place.down(base.w)
-    r = w if same else place.down(base.r)
-    alpha, acc = place.down(base.alpha), place.down(base.acc + base.lever @ segment.near)
-    spin = cross(v * w, z) if same else cross((0.5 * v_r) * w + (0.5 * v) * r, z)
-    if segment.turns:
-        w_own = w + v * z
-        link = Motion(w_own, w_own if same else r + v_r * z, alpha + a_r * z + spin, acc)
-    else:
-        link = Motion(w, r, alpha, acc + a_r * z + 2.0 * spin)
-    link.acc = link.acc + link.lever @ place.shift
-    return link
+def angular_velocities(places: Sequence[Placement], rate: Column) -> list[Vec]:
+    """Every link's angular velocity under joint velocities."""
+    out: list[Vec] = []
+    for i, place in enumerate(places):
+        segment = place.segment
+        w = place.down(out[segment.parent]) if segment.parent != GROUND else ZERO
+        out.append(w + rate[i] * segment.axis if segment.turns else w)
+    return out

@@ -1,22 +1,13 @@
-"""Newton and Euler's equations of a tree: torques, their regressor, and the adaptive tick."""
+"""Newton and Euler's equations of a tree's links: torques, their regressor, and the powers of its columns."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
-from adaptctl.dynamics.motion import GROUND, Motion, Twist, carried, motions, moved, twists
-from adaptctl.dynamics.segment import Placement, Segment, placements
+from adaptctl.dynamics.motion import GROUND, Motion, Twist, carried, moved, twists
+from adaptctl.dynamics.segment import Placement
 from adaptctl.dynamics.wrench import Wrench, power, wrench
-from adaptctl.scalars import Column, Scalar, Vec, cross, dot
-
-
-def inverse_dynamics(
-    links: Sequence[Segment], q: Column, v: Column, v_r: Column, a_r: Column, gravity: Vec, parameters: Column
-) -> Column:
-    """Joint torques M(q) a_r + C(q, v) v_r + g(q) for parameters (10N,); v_r = v gives the ordinary ones."""
-    places = placements(tuple(links), q)
-    return joint_torques(places, motions(places, v, v_r, a_r, gravity), parameters)
+from adaptctl.scalars import Column, Scalar, cross, dot
 
 
 def joint_torques(places: Sequence[Placement], moving: Sequence[Motion], parameters: Column) -> Column:
@@ -46,20 +37,10 @@ def lifted(place: Placement, load: Wrench) -> Wrench:
     return Wrench(force, moment + cross(place.segment.near, force))
 
 
-def torque_regressor(
-    links: Sequence[Segment],
-    q: Column,
-    v: Column,
-    v_r: Column,
-    a_r: Column,
-    gravity: Vec,
-    columns: Sequence[int],
-) -> list[Column]:
+def torque_regressor(places: Sequence[Placement], moving: Sequence[Motion], columns: Sequence[int]) -> list[Column]:
     """Rows of Y, one a joint, with the asked columns only: Y D = M a_r + C(q, v) v_r + g."""
-    places = placements(tuple(links), q)
-    moving = motions(places, v, v_r, a_r, gravity)
-    kept = kept_by_link(columns, len(links))
-    rows: list[dict[int, Scalar]] = [{} for _ in links]
+    kept = kept_by_link(columns, len(places))
+    rows: list[dict[int, Scalar]] = [{} for _ in places]
     joints: list[dict[int, Twist]] = []
     for i, place in enumerate(places):
         joints.append(joint_twists(place, i, joints))
@@ -83,47 +64,9 @@ def kept_by_link(columns: Sequence[int], links: int) -> list[list[int]]:
     return kept
 
 
-class AdaptiveTick(NamedTuple):
-    """`torque` = Y_r D and `gradient` = Y_r' s on the kept columns, without ever forming Y_r."""
-
-    torque: Column
-    gradient: Column
-
-
-def adaptive_tick(
-    links: Sequence[Segment],
-    q: Column,
-    v: Column,
-    v_r: Column,
-    a_r: Column,
-    s: Column,
-    gravity: Vec,
-    parameters: Column,
-    columns: Sequence[int],
-) -> AdaptiveTick:
-    """One controller tick in O(N): the feed-forward torque and the gradient of the adaptation, one motion."""
-    places = placements(tuple(links), q)
-    moving = motions(places, v, v_r, a_r, gravity)
-    return AdaptiveTick(joint_torques(places, moving, parameters), powers(places, moving, s, columns))
-
-
-def adaptation_gradient(
-    links: Sequence[Segment],
-    q: Column,
-    v: Column,
-    v_r: Column,
-    a_r: Column,
-    s: Column,
-    gravity: Vec,
-    columns: Sequence[int],
-) -> Column:
-    """Y_r' s on the asked columns, which must be sorted."""
-    places = placements(tuple(links), q)
-    return powers(places, motions(places, v, v_r, a_r, gravity), s, columns)
-
-
 def powers(places: Sequence[Placement], moving: Sequence[Motion], s: Column, columns: Sequence[int]) -> Column:
-    """Y_r' s: the power of each parameter's wrench under joint rates s, so one forward recursion gives all."""
+    """Y' s: the power of each asked parameter's wrench under joint rates s, in O(N), without forming Y."""
     kept = kept_by_link(columns, len(places))
     sliding = zip(moving, twists(places, s), kept, strict=True)
-    return Column(y for motion, twist, keep in sliding for y in power(motion, twist, keep))
+    found = [dict(zip(keep, power(motion, twist, keep), strict=True)) for motion, twist, keep in sliding]
+    return Column(found[column // 10][column % 10] for column in columns)

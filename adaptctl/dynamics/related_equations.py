@@ -9,9 +9,39 @@ from typing import Any
 
 from adaptctl.dynamics.equations import TreeEquations
 from adaptctl.dynamics.loop_equations import LoopEquations
-from adaptctl.dynamics.newton_euler import AdaptiveTick
+from adaptctl.dynamics.loop_motion import LoopMotion
 from adaptctl.dynamics.segment import Segment
+from adaptctl.dynamics.tree_motion import TreeMotion
 from adaptctl.scalars import Column, Scalar
+
+
+class RelatedMotion:
+    """A motion, and what it means for the parameters that are left."""
+
+    __slots__ = ("equations", "whole")
+
+    def __init__(self, equations: RelatedEquations, whole: TreeMotion | LoopMotion) -> None:
+        self.equations, self.whole = equations, whole
+
+    def torque(self, parameters: Column) -> Column:
+        """M a_r + C(p, v) v_r + g + friction, the known share with it."""
+        return self.whole.torque(self.equations.expanded(parameters))
+
+    def regressor(self, columns: Sequence[int]) -> list[Column]:
+        """Rows of Y N, the asked columns only."""
+        needed = self.equations.needed(columns)
+        rows = self.whole.regressor(needed)
+        return [self.equations.combined(dict(zip(needed, row, strict=True)), columns) for row in rows]
+
+    def powers(self, s: Column, columns: Sequence[int]) -> Column:
+        """(Y N)' s on the asked columns, without forming Y."""
+        needed = self.equations.needed(columns)
+        return self.equations.combined(dict(zip(needed, self.whole.powers(s, needed), strict=True)), columns)
+
+    @property
+    def numbers(self) -> Column:
+        """All that the motion is, to remember it by."""
+        return self.whole.numbers
 
 
 @dataclass(frozen=True)
@@ -68,31 +98,26 @@ class RelatedEquations:
         """The potential part of it."""
         return self._gathered(self.whole.potential_regressor(q).of)
 
+    def motion(self, q: Column, v: Column, v_r: Column, a_r: Column) -> RelatedMotion:
+        """How the links move, from which the torques M a_r + C(p, v) v_r + g + friction follow."""
+        return RelatedMotion(self, self.whole.motion(q, v, v_r, a_r))
+
+    def remembered(self, numbers: Column) -> RelatedMotion:
+        """The motion that has these numbers."""
+        return RelatedMotion(self, self.whole.remembered(numbers))
+
+    @property
+    def motion_size(self) -> int:
+        """How many numbers a motion has."""
+        return self.whole.motion_size
+
     def torque_regressor(self, q: Column, v: Column, v_r: Column, a_r: Column, columns: Sequence[int]) -> list[Column]:
         """Rows of Y N, the asked columns only."""
-        needed = self._needed(columns)
-        rows = self.whole.torque_regressor(q, v, v_r, a_r, needed)
-        return [self._combined(dict(zip(needed, row, strict=True)), columns) for row in rows]
+        return self.motion(q, v, v_r, a_r).regressor(columns)
 
     def inverse_dynamics(self, q: Column, v: Column, v_r: Column, a_r: Column, parameters: Column) -> Column:
         """Torque M a_r + C(p, v) v_r + g + friction, the known share with it."""
-        return self.whole.inverse_dynamics(q, v, v_r, a_r, self.expanded(parameters))
-
-    def adaptive_tick(
-        self, q: Column, v: Column, v_r: Column, a_r: Column, s: Column, parameters: Column, columns: Sequence[int]
-    ) -> AdaptiveTick:
-        """Torque and Y_r' s without forming Y_r."""
-        needed = self._needed(columns)
-        tick = self.whole.adaptive_tick(q, v, v_r, a_r, s, self.expanded(parameters), needed)
-        return AdaptiveTick(tick.torque, self._combined(dict(zip(needed, tick.gradient, strict=True)), columns))
-
-    def adaptation_gradient(
-        self, q: Column, v: Column, v_r: Column, a_r: Column, s: Column, columns: Sequence[int]
-    ) -> Column:
-        """Y_r' s alone."""
-        needed = self._needed(columns)
-        gradient = self.whole.adaptation_gradient(q, v, v_r, a_r, s, needed)
-        return self._combined(dict(zip(needed, gradient, strict=True)), columns)
+        return self.motion(q, v, v_r, a_r).torque(parameters)
 
     def forward_dynamics(self, q: Column, v: Column, torque: Column, parameters: Column) -> Column:
         """Primary accelerations (r,) under primary torques."""
@@ -114,14 +139,15 @@ class RelatedEquations:
     def _everything(self) -> range:
         return range(self.parameters)
 
-    def _needed(self, columns: Sequence[int]) -> list[int]:
+    def needed(self, columns: Sequence[int]) -> list[int]:
         """The parameters that the asked ones enter, rising."""
         return sorted({place for column in columns for place, _ in self.spread[column]})
 
     def _gathered(self, entries: Sequence[Scalar]) -> Column:
-        return self._combined(dict(enumerate(entries)), self._everything)
+        return self.combined(dict(enumerate(entries)), self._everything)
 
-    def _combined(self, entries: dict[int, Scalar], columns: Sequence[int]) -> Column:
+    def combined(self, entries: dict[int, Scalar], columns: Sequence[int]) -> Column:
+        """The entries of the asked parameters, from those of the parameters they enter."""
         return Column(_sum([(weight, entries[place]) for place, weight in self.spread[c]]) for c in columns)
 
 

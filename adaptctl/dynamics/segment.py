@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,21 +45,30 @@ class Segment:
             far=Vec(*(outward @ link.far.translation + 0.0).tolist()),
         )
 
+    @property
+    def coordinates(self) -> int:
+        """How many numbers place the link."""
+        return 2 if self.turns else 1
+
     def at(self, q: Scalar) -> Placement:
         """Where the link is in its parent when its joint stands at q."""
+        return self.placed((cos(q), sin(q)) if self.turns else (q,))
+
+    def placed(self, coordinates: Sequence[Scalar]) -> Placement:
+        """The same from the cosine and sine of q, or from q itself where the joint does not turn."""
         if self.turns:
-            return Placement(self, about(self.joint_axis, q), self.far)
-        return Placement(self, None, self.far + q * self.axis)
+            return Placement(self, coordinates, about(self.joint_axis, *coordinates), self.far)
+        return Placement(self, coordinates, None, self.far + coordinates[0] * self.axis)
 
 
 class Placement:
     """A link in its parent at one configuration: `down` and `up` turn vectors, `shift` is the link's origin
-    from the joint, in the link's frame."""
+    from the joint, in the link's frame; `coordinates` are what it is placed by."""
 
-    __slots__ = ("segment", "shift", "turn")
+    __slots__ = ("coordinates", "segment", "shift", "turn")
 
-    def __init__(self, segment: Segment, turn: Mat | None, shift: Vec) -> None:
-        self.segment, self.turn, self.shift = segment, turn, shift
+    def __init__(self, segment: Segment, coordinates: Sequence[Scalar], turn: Mat | None, shift: Vec) -> None:
+        self.segment, self.coordinates, self.turn, self.shift = segment, coordinates, turn, shift
 
     def down(self, u: Vec) -> Vec:
         """The parent's coordinates of a vector, turned into the link's."""
@@ -83,9 +93,8 @@ def placements(links: tuple[Segment, ...], q: Column) -> list[Placement]:
     return [link.at(q[i]) for i, link in enumerate(links)]
 
 
-def about(a: Vec, q: Scalar) -> Mat:
-    """Coordinates after a turn by q about a unit axis: Rodrigues' formula, transposed."""
-    c, s = cos(q), sin(q)
+def about(a: Vec, c: Scalar, s: Scalar) -> Mat:
+    """Coordinates after a turn of cosine c and sine s about a unit axis: Rodrigues' formula, transposed."""
 
     def entry(u: Scalar, v: Scalar, on_diagonal: float, k: Scalar) -> Scalar:
         return u * v + (on_diagonal - u * v) * c + k * s

@@ -82,8 +82,8 @@ class BoundedGainForgetting(AdaptationLaw[Information]):
     ) -> tuple[Column, Information]:
         """The trapezium for the tracking error, then each joint's equation, then forgetting."""
         covariance, scale = memory.covariance, self._scale
-        gradient = scale * period.gradient(period.mean)
-        moved = estimate - period.elapsed * (scale * times(covariance, gradient))
+        gradient = scale * period.gradient(period.integral)
+        moved = estimate - scale * times(covariance, gradient)
         rows, torque, filtered = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory.filtered)
         for row, wanted, weight in zip(rows, torque, self._weights(model), strict=True):
             firm = 1.0 / (weight * period.length)

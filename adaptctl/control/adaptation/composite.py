@@ -52,7 +52,7 @@ class Composite(Descent[Filtered]):
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Filtered) -> tuple[Column, Filtered]:
         """The trapezium for the tracking error, then the implicit rule for the prediction error."""
-        moved = estimate - period.elapsed * self.applied(period.gradient(period.mean))
+        moved = estimate - self.applied(period.gradient(period.integral))
         rows, torque, after = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory)
         loaded = [self.applied(row) for row in rows]
         firm = 1.0 / (per_joint(self.weight, model.mechanism.dof, "composite: weight") * period.length)

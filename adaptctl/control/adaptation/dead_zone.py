@@ -54,5 +54,5 @@ class DeadZone(Descent[NoMemory]):
         """One step down the gradient, or none."""
         width = per_joint(self.width, model.mechanism.dof, "dead zone: width")
         scaled = numbers(1.0 / width) * period.mean
-        elapsed = where(scaled @ scaled > 1.0, period.elapsed, 0.0)
-        return estimate - elapsed * self.applied(period.gradient(period.mean)), memory
+        outside = where(scaled @ scaled > 1.0, 1.0, 0.0)
+        return estimate - self.applied(period.gradient(outside * period.integral)), memory

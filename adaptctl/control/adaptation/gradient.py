@@ -32,5 +32,5 @@ class Gradient(Descent[NoMemory]):
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """One step down the gradient."""
-        s = period.before if self.euler else period.mean
-        return estimate - period.elapsed * self.applied(period.gradient(s)), memory
+        s = period.elapsed * period.before if self.euler else period.integral
+        return estimate - self.applied(period.gradient(s)), memory

@@ -20,7 +20,7 @@ class Period(NamedTuple):
     """The control period that has passed, as a control law tells it to an adaptation law."""
 
     gradient: Callable[[Column], Column]
-    """Y' s (k,) for any sliding variable s (r,), Y the regressor at the start of the period"""
+    """Y' s (k,) for any sliding variable s (r,), linear in it; Y is the regressor at the start of the period"""
     before: Column
     """(r,) s at the start"""
     after: Column
@@ -45,6 +45,11 @@ class Period(NamedTuple):
     def mean(self) -> Column:
         """The mean of s at the start and at the end: the trapezium's."""
         return 0.5 * (self.before + self.after)
+
+    @property
+    def integral(self) -> Column:
+        """s integrated over the period by the trapezium; 0 where nothing is to be learned."""
+        return (0.5 * self.elapsed) * (self.before + self.after)
 
 
 class AdaptationLaw(ABC, Generic[Memory]):

@@ -43,7 +43,7 @@ class _Leaking(Descent[NoMemory]):
         """A step down the gradient by the trapezium, and of the leak by the implicit rule, so that no rate is
         too large for the period."""
         share = period.elapsed * rate
-        moved = estimate - period.elapsed * self.applied(period.gradient(period.mean))
+        moved = estimate - self.applied(period.gradient(period.integral))
         return (1.0 / (1.0 + share)) * (moved + share * self._prior)
 
     @cached_property

@@ -56,9 +56,9 @@ class Subspace(AdaptationLaw[NoMemory]):
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """One step down the gradient, by the trapezium."""
-        gradient = period.gradient(period.mean)
+        gradient = period.gradient(period.integral)
         for step, direction in zip(self.gain.tolist(), self._directions, strict=True):
-            estimate = estimate - (period.elapsed * step * (direction @ gradient)) * direction
+            estimate = estimate - (step * (direction @ gradient)) * direction
         return estimate, memory
 
     def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array:
