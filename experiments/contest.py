@@ -16,7 +16,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.experiments.experiment import Progress
 from adaptctl.mechanism.pose import Array
 from adaptctl.recording import Run, TickCost
-from adaptctl.simulation import Rollout, rollout
+from adaptctl.simulation import Rollout, simulate
 
 if TYPE_CHECKING:
     import gymnasium
@@ -79,7 +79,7 @@ def _run(
 ) -> Run:
     controller = contender.controller
     progress(0.0)
-    result = rollout(env, controller, seed=seed, progress=progress)
+    result = simulate(env, controller, seed=seed, progress=progress)
     run = Run(
         name=contender.name,
         label=contender.label,

@@ -170,7 +170,7 @@ def signalled(function: str, number: signal.Signals, after: float) -> Iterator[N
 def test_interrupted_run_keeps_what_was_computed(
     number: signal.Signals, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with signalled("tick", number, after=0.05):
+    with signalled("_taken", number, after=0.05):
         assert main([*PUMA, "--out", str(tmp_path / "out"), "--duration", "300"]) == 130
     said = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert said["complete"] is False

@@ -11,7 +11,13 @@ from typing import TextIO
 
 from cyclopts import App, ArgumentCollection, CycloptsError, Parameter
 
-from adaptctl.errors import AdaptctlError, InputError, PhysicalConsistencyWarning, SimplificationWarning
+from adaptctl.errors import (
+    AdaptctlError,
+    InputError,
+    NotCompiledWarning,
+    PhysicalConsistencyWarning,
+    SimplificationWarning,
+)
 
 DONE, FAILED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
 
@@ -101,7 +107,7 @@ def _complain(message: object, code: int) -> int:
 @contextmanager
 def _warnings_as_notes() -> Iterator[None]:
     """Show our own warnings as a line each, once; leave those of others as they are."""
-    ours = (PhysicalConsistencyWarning, SimplificationWarning)
+    ours = (PhysicalConsistencyWarning, SimplificationWarning, NotCompiledWarning)
     with warnings.catch_warnings():
         theirs, shown = warnings.showwarning, set[str]()
 
