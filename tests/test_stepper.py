@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+import platform
+import re
 from collections.abc import Callable
 from typing import Any
 
+import llvmlite.binding as llvm
 import numpy as np
 import pytest
 from expression_trees import Tree, evaluated, size, trees
@@ -13,14 +16,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from adaptctl.compilation import Ensemble, Stepper, compile_function, compile_step, outlined
+from adaptctl.compilation import Ensemble, Stepper, compile_function, compile_step, outlined, trace
+from adaptctl.compilation.lanes import Lanes
+from adaptctl.compilation.llvm import program
 from adaptctl.compilation.processor import Processor
 from adaptctl.errors import InputError, TraceError
 from adaptctl.scalars import Column, clip, cos, minimum, sin, sqrt, where
 
 Array = NDArray[np.float64]
 
-GENERIC = Processor("generic", "")
+X86 = platform.machine() in ("x86_64", "AMD64")
+BASELINE = Processor("x86-64", "+sse2,-avx,-avx2,-avx512f") if X86 else Processor("generic", "+neon")
 """What every processor of this kind can do: no AVX."""
 
 
@@ -203,19 +209,31 @@ def test_calls_share_what_is_in_memory_already() -> None:
 
 
 def test_lanes_are_what_the_processor_has() -> None:
-    assert Processor("skylake-avx512", "+avx2,+avx512f").lanes == 8
-    assert Processor("haswell", "+avx2,-avx512f").lanes == 4
-    assert Processor("nehalem", "+sse4.2,-avx,-avx2,-avx512f").lanes == 1
+    assert Processor("skylake-avx512", "+sse2,+avx,+avx2,+avx512f").lanes == 8
+    assert Processor("haswell", "+sse2,+avx,+avx2,-avx512f").lanes == 4
+    assert Processor("sandybridge", "+sse2,+avx,-avx2,-avx512f").lanes == 4
+    assert Processor("nehalem", "+sse2,+sse4.2,-avx,-avx2,-avx512f").lanes == 2
     assert Processor("apple-m1", "+neon").lanes == 2
+    assert Processor("generic", "").lanes == 1
     assert compile_step(swing, **COLUMNS).lanes == Processor.host().lanes
 
 
-def test_a_processor_without_avx_gets_plain_code() -> None:
-    stepper = compile_step(swing, **COLUMNS, processor=GENERIC)
-    assert stepper.lanes == 1
+@pytest.mark.parametrize("processor", [BASELINE, Processor("generic", "")], ids=["two lanes", "one"])
+def test_a_processor_without_avx_gets_what_it_can_run(processor: Processor) -> None:
+    stepper = compile_step(swing, **COLUMNS, processor=processor)
+    assert stepper.lanes == processor.lanes
     problem = Problem(3)
     energy, _ = problem.ensemble(stepper).run(STEPS, problem.signals, record=True)
     np.testing.assert_allclose(energy, problem.one_by_one()[2], rtol=1e-13)
+
+
+@pytest.mark.parametrize("lanes", [1, 2, 4, 8])
+def test_code_for_a_processor_without_avx_uses_none(lanes: int) -> None:
+    text, _ = program(trace(swing, dict.fromkeys(("q", "v", "stiffness", "target", "push"), 2)), Lanes(lanes))
+    module = llvm.parse_assembly(text.replace("define internal", "define"), llvm.create_context())
+    assembly = BASELINE.machine(2).emit_assembly(module)
+    assert "%xmm" in assembly or not X86
+    assert not {"%ymm", "%zmm", "vfmadd"} & set(re.findall(r"%[yz]mm|vfmadd", assembly))
 
 
 # Memory

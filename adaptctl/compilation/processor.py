@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import llvmlite.binding as llvm
 
-_WIDEST = {"avx512f": 8, "avx2": 4, "neon": 2}
+_WIDEST = {"avx512f": 8, "avx": 4, "sse2": 2, "neon": 2}
 """How many doubles a register holds, by the instructions that use it; the first that the processor has counts."""
 
 
@@ -26,7 +26,7 @@ class Processor:
 
     @property
     def lanes(self) -> int:
-        """How many doubles one instruction works on: 8, 4 or 2, and 1 where there is nothing to gain."""
+        """How many doubles one instruction works on: 8, 4 or 2, and 1 where nothing is known."""
         has = self.features.split(",")
         return next((lanes for feature, lanes in _WIDEST.items() if f"+{feature}" in has), 1)
 
