@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import itertools
 import math
 import sys
 import time
@@ -38,6 +39,7 @@ OPERATIONS: dict[str, Callable[[Any, Any], Any]] = {
     "absolute": lambda x, y: absolute(x),
     "minimum": minimum,
     "maximum": maximum,
+    "clip": lambda x, y: clip(x, -1.0, y),
     "<": lambda x, y: where(x < y, x, y),
     "<=": lambda x, y: where(x <= y, 1.0, 2.0),
     ">": lambda x, y: where(x > y, 1.0, 2.0),
@@ -58,6 +60,16 @@ def test_operations_are_numpys(operations: Kernel, x: float, y: float) -> None:
     with np.errstate(all="ignore"):
         expected = [np.ravel(f(np.array([x]), np.array([y])))[0] for f in OPERATIONS.values()]
     np.testing.assert_array_equal(operations([x], [y]), expected)  # NaN equals NaN here, and -0.0 equals 0.0
+
+
+ODD = (-0.0, 0.0, 5e-324, 1.5, -2.5, math.inf, -math.inf, math.nan)
+
+
+@pytest.mark.parametrize("name", ["absolute", "minimum", "maximum", "clip", "<", "<=", ">", ">="])
+def test_choices_among_odd_numbers_are_the_same_on_floats(operations: Kernel, name: str) -> None:
+    k = list(OPERATIONS).index(name)
+    for x, y in itertools.product(ODD, ODD):
+        np.testing.assert_array_equal(operations([x], [y])[k], OPERATIONS[name](x, y))
 
 
 @pytest.mark.parametrize("x", [-0.0, 0.0, 1.5, math.inf, math.nan])
@@ -537,15 +549,33 @@ def test_a_kernel_outlives_its_trace_and_frees_its_code() -> None:
     assert code() is None
 
 
-def test_four_thousand_operations_compile_in_seconds() -> None:
-    def equation(x: Column) -> Column:
-        for k in range(400):
-            shifted = Column((*x.of[1:], x[0]))
-            x = 0.5 * (x + shifted) * Column((shifted[0], *[1.0 + 1e-3 * k] * 5))
-        return x
+def mixed(x: Column, rounds: int) -> Column:
+    """Eleven operations on six numbers in each round, none of them like another."""
+    for k in range(rounds):
+        shifted = Column((*x.of[1:], x[0]))
+        x = 0.5 * (x + shifted) * Column((shifted[0], *[1.0 + 1e-3 * k] * 5))
+    return x
 
+
+def test_four_thousand_operations_compile_in_seconds() -> None:
     start = time.perf_counter()
-    kernel = compile_function(equation, {"x": 6})
+    kernel = compile_function(lambda x: mixed(x, 400), {"x": 6})
     elapsed = time.perf_counter() - start
     assert kernel.operations.flops > 4000
     assert elapsed < 10.0  # about 0.2 s on an idle core
+
+
+def test_fifty_thousand_operations_compile_in_seconds_too_and_are_right(monkeypatch: pytest.MonkeyPatch) -> None:
+    """LLVM's usual way would take a minute."""
+    monkeypatch.setenv("ADAPTCTL_CACHE", "off")
+
+    def equation(x: Column) -> Column:
+        parts = [mixed(sin(float(k)) * x, 300) for k in range(1, 17)]
+        return Column(sum(column) for column in zip(*parts, strict=True))
+
+    start = time.perf_counter()
+    kernel = compile_function(equation, {"x": 6})
+    assert kernel.operations.flops > 50_000
+    assert time.perf_counter() - start < 20.0  # about 1.5 s on an idle core
+    x = [0.3, -0.2, 0.9, 0.4, 0.6, -0.7]
+    np.testing.assert_allclose(kernel(x), equation(Column(x)).of, rtol=1e-12)

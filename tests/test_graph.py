@@ -10,8 +10,13 @@ import numpy as np
 import pytest
 
 from adaptctl.compilation import Op, Routine, outlined, trace
+from adaptctl.control import Gradient, ReferencePoint, SlotineLi, adaptation_gain
+from adaptctl.control.adaptation.law import NoMemory, Period
+from adaptctl.dynamics import load
 from adaptctl.errors import TraceError
-from adaptctl.scalars import Column, Dual, absolute, cos, maximum, minimum, sin, sqrt, where
+from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
+from adaptctl.mechanism.pose import rotation_about
+from adaptctl.scalars import Column, Dual, absolute, clip, cos, maximum, minimum, sin, sqrt, where
 
 Equation = Callable[..., Any]
 
@@ -117,6 +122,11 @@ REFUSED: dict[str, tuple[Equation, str]] = {
     "if": (lambda x, y, z: x if x > 0.0 else y, "use where"),
     "and": (lambda x, y, z: x and y, "use where"),
     "builtin min": (lambda x, y, z: min(x, y), "minimum or maximum"),
+    "count": (lambda x, y, z: Column(range(int(x))), "no whole number.*where"),
+    "index": (lambda x, y, z: (1.0, 2.0)[x], "no whole number.*where"),
+    "power": (lambda x, y, z: x**2, "no powers: multiply"),
+    "clip of numpy": (lambda x, y, z: np.clip(x, 0.0, 1.0), r"numpy\.clip cannot be traced, only absolute"),
+    "sum of numpy": (lambda x, y, z: np.sum([x, y]), "cannot be put into an array"),
     "equality": (lambda x, y, z: x == y, "use < or <=, and where"),
     "inequality": (lambda x, y, z: x != 0.0, "use < or <=, and where"),
     "equal conditions": (lambda x, y, z: where((x < y) == (y < z), x, y), "use < or <=, and where"),
@@ -141,14 +151,47 @@ def test_unknown_values_are_refused(case: str) -> None:
         scalar(equation)
 
 
-def test_the_refusal_shows_the_line() -> None:
-    with pytest.raises(TraceError, match=r"test_graph\.py:\d+: .*x if x > 0\.0 else y"):
-        scalar(lambda x, y, z: x if x > 0.0 else y)
+LINES: dict[str, Equation] = {
+    "here": lambda x, y, z: x if x > 0.0 else y,
+    "by scalars": lambda x, y, z: clip(x, y, np.ones(2)),
+    "by numpy": lambda x, y, z: np.linalg.norm([x, y]),
+    "by another library's function": lambda x, y, z: rotation_about([0.0, 0.0, 1.0], x),
+    "in a called function": lambda x, y, z: outlined(lambda a: a if a > 0.0 else -a)(x),
+    "by choosing": lambda x, y, z: where(x, y, z),
+    "by powers": lambda x, y, z: x * x**2,
+}
+
+
+@pytest.mark.parametrize("case", LINES)
+def test_the_refusal_shows_the_users_line(case: str) -> None:
+    """Whoever finds it, and however deep."""
+    with pytest.raises(TraceError, match=rf'test_graph\.py:\d+: "{case}": lambda x, y, z:'):
+        scalar(LINES[case])
+
+
+def test_a_law_of_ones_own_is_shown_its_line() -> None:
+    puma = load("puma560_measured")
+    model = ReducedModel(puma, fundamental_basis(essential_space(puma)))
+    controller = SlotineLi(model, 8.0, 0.05, Impatient(adaptation_gain(model)))
+    state, reference = controller.init(np.zeros(6), np.zeros(6)), ReferencePoint(*np.zeros((3, 6)))
+    with pytest.raises(
+        TraceError, match=r"where, minimum.*test_graph\.py:\d+: if period\.after @ period\.after > 1\.0:"
+    ):
+        controller.step(state, np.zeros(6), np.zeros(6), reference)
+
+
+class Impatient(Gradient):
+    """Learns faster where the error is large, as one would write it for floats."""
+
+    def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
+        if period.after @ period.after > 1.0:
+            return super().law(model, estimate, period, memory)
+        return estimate, memory
 
 
 @pytest.mark.parametrize(
     "equation",
-    [lambda x, y, z: (x < y) + 1.0, lambda x, y, z: np.sin(x < y), lambda x, y, z: x**2, lambda x, y, z: x + "1"],
+    [lambda x, y, z: (x < y) + 1.0, lambda x, y, z: np.sin(x < y), lambda x, y, z: x + "1"],
 )
 def test_what_is_no_arithmetic_is_a_type_error(equation: Equation) -> None:
     with pytest.raises(TypeError):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
 import os
 import stat
@@ -14,8 +15,9 @@ from pathlib import Path
 
 import pytest
 
-from adaptctl.compilation import compile_function
+from adaptctl.compilation import compile_function, compile_step
 from adaptctl.compilation.object_cache import SUFFIX, ObjectCache, cache_folder
+from adaptctl.compilation.processor import Processor
 
 KEY, OTHER, OBJECT = b"k" * 32, b"o" * 32, b"machine code" * 100
 
@@ -70,6 +72,16 @@ def test_the_object_on_disk_is_what_runs(folder: Path) -> None:
 def test_equal_equations_share_an_object_and_others_do_not(folder: Path) -> None:
     for number in (1.0, 1.0, 2.0, 1.0):
         plus(number)
+    assert len(kept(folder)) == 2
+
+
+def test_every_processor_has_its_own(folder: Path) -> None:
+    processors = [Processor.host(), Processor("generic", ""), Processor("generic", "")]
+    for processor in processors:
+        ensemble = compile_step(lambda x: (2.0 * x,), state={"x": 3}, lanes=1, processor=processor).ensemble(1)
+        ensemble.state["x"] = [1.0, 2.0, 3.0]
+        ensemble.run(3)
+        assert ensemble.state["x"].tolist() == [[8.0, 16.0, 24.0]]
     assert len(kept(folder)) == 2
 
 
@@ -142,10 +154,43 @@ def test_a_folder_that_others_can_write_to_is_not_trusted(folder: Path, permissi
     assert ObjectCache(folder).get(bytes.fromhex(path.stem)) is None
 
 
+def test_a_folder_that_may_only_be_read_is_read(folder: Path) -> None:
+    run("plus(1.0)")
+    (path,) = kept(folder)
+    used = path.stat().st_mtime_ns
+    folder.chmod(0o500)
+    assert run("print(plus(1.0), plus(2.0))", like_anybody) == "2.0 3.0\n"
+    folder.chmod(0o700)
+    assert kept(folder) == [path]
+    assert path.stat().st_mtime_ns > used
+
+
+def like_anybody() -> None:
+    """Give up what root has over others, to write where that is forbidden (CAP_DAC_OVERRIDE; see prctl(2))."""
+    ctypes.CDLL(None).prctl(24, 1)
+
+
 def test_a_full_disk_is_done_without(folder: Path) -> None:
     """No file may grow beyond a hundred bytes here."""
     run("import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100)); assert plus(1.0) == 2.0")
     assert kept(folder) == []
+
+
+def test_a_disk_that_gets_full_while_writing_leaves_nothing(tmp_path: Path) -> None:
+    """Half of the object fits, then none: what was begun is removed, and the next that fits is kept."""
+    beside = tmp_path / "cache"
+    beside.mkdir(mode=0o700)
+    run(f"""
+import adaptctl.compilation.object_cache as cache
+import resource
+resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000))
+kept = cache.ObjectCache(cache.Path({str(beside)!r}))
+kept.put(b"k" * 32, b"x" * 10_000)
+assert kept.get(b"k" * 32) is None
+kept.put(b"k" * 32, b"x" * 1_000)
+assert kept.get(b"k" * 32) == b"x" * 1_000
+""")
+    assert [path.name for path in kept(beside)] == [f"{KEY.hex()}{SUFFIX}"]
 
 
 # Where it is, and how large it may grow
@@ -227,13 +272,13 @@ def long(number):
 """
 
 
-def start(program: str) -> subprocess.Popen[str]:
+def start(program: str, first: Callable[[], None] | None = None) -> subprocess.Popen[str]:
     command = [sys.executable, "-W", "ignore::DeprecationWarning", "-c", PROGRAM + program]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=first)
 
 
-def run(program: str) -> str:
-    process = start(program)
+def run(program: str, first: Callable[[], None] | None = None) -> str:
+    process = start(program, first)
     try:
         output, errors = process.communicate(timeout=60)
     finally:

@@ -115,6 +115,13 @@ def test_worst_known_angles(pair: Pair) -> None:
     assert worst(pair, np.array(angles)) < 2.0
 
 
+def test_tiny_angles(pair: Pair) -> None:
+    tiny = np.array([0.0, -0.0, 5e-324, -5e-324, 1e-310, 2.2250738585072014e-308, 1e-300, -1e-160, 1e-30, -1e-9])
+    sines, cosines = pair(tiny)
+    np.testing.assert_array_equal(sines, tiny)
+    np.testing.assert_array_equal(cosines, 1.0)
+
+
 def test_up_to_the_limit(pair: Pair) -> None:
     rng = np.random.default_rng(1)
     angles = np.concatenate([rng.uniform(-FARTHEST, FARTHEST, 1000), [FARTHEST, -FARTHEST]])
