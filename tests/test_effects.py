@@ -282,19 +282,18 @@ def test_many_arms_step_as_one_does(puma: Mechanism, effects: Sequence[Effect]) 
     rng = np.random.default_rng(0)
     noise, true = rng.normal(size=(members, 12)), puma.inertial_parameters
     torques = rng.normal(scale=90.0, size=(20, members, 6))
-    states = [plant.init(*rng.normal(size=(2, 6)), noise[k], true) for k in range(members)]
+    p, v = rng.normal(size=(2, members, 6))
+    together, states = plant.init(p, v, noise, true), [plant.init(p[k], v[k], noise[k], true) for k in range(members)]
     stepper = compile_step(
         plant.equation, state=plant.sizes, held={"parameters": len(true)}, driven={"torque": 6, "noise": 12}, lanes=2
     )
     arms = stepper.ensemble(members)
     arms.held["parameters"] = true
-    for name, values in {
-        "q": [state.arm.q for state in states],
-        "v": [state.arm.v for state in states],
-        "drives": [state.drives for state in states],
-        "sensors": [state.sensors for state in states],
-    }.items():
+    for name, values in zip(plant.sizes, (*together.arm[3:1:-1], together.drives, together.sensors), strict=True):
         arms.state[name] = values
+    for k, state in enumerate(states):
+        for one, many in zip(state[1:], together[1:], strict=True):
+            np.testing.assert_allclose(many[k] if np.ndim(many) else many, one, rtol=1e-11, atol=1e-11)
     for torque in torques:
         outputs = arms.run(1, {"torque": torque[None], "noise": noise[None]})
         states = [plant.step(states[k], torque[k], noise[k], true) for k in range(members)]

@@ -25,7 +25,7 @@ from adaptctl.simulation.integrator import Integrator, RungeKutta4
 
 class PlantState(NamedTuple):
     """The arm at one time (s): positions (r,) and velocities (r,) of its primary joints, and all its tree's
-    joints q (n,), which are p where there are no loops."""
+    joints q (n,), which are p where there are no loops; of many arms with leading axes."""
 
     time: float
     p: Array
@@ -66,12 +66,15 @@ class Plant:
         return self.mechanism.dof
 
     def init(self, p: ArrayLike, v: ArrayLike) -> PlantState:
-        """The state at time zero, from positions and velocities (r,).
+        """The state at time zero, from positions and velocities (..., r), of as many arms as there are.
 
         Raises `SingularityError` where loops cannot be followed to p.
         """
-        positions = self._vector(p, "p")
-        return PlantState(0.0, positions, self._vector(v, "v"), self.mechanism.configuration(positions))
+        arrays = (np.atleast_1d(np.asarray(values)) for values in (p, v))
+        given = zip(arrays, ("p", "v"), strict=True)
+        positions, velocities = (checked(x, self.dof, f"{self.mechanism.name}: {what}") for x, what in given)
+        positions, velocities = np.broadcast_arrays(positions, velocities)
+        return PlantState(0.0, positions, velocities, self.mechanism.configuration(positions))
 
     def limited(self, torque: ArrayLike) -> Array:
         """The torque (r,) clipped to the limits: what the arm feels. Raises as `step` does."""

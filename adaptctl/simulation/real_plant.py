@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.compilation import compile_function
+from adaptctl.compilation import Kernel, compile_function
+from adaptctl.dynamics.arrays import column, stacked
 from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column, Scalar, absolute, maximum, where
 from adaptctl.simulation.effects import PlantEffects
@@ -92,18 +93,27 @@ class RealPlant:
         return sum(load.mass(time) for load in self.effects.loads)
 
     def init(self, p: ArrayLike, v: ArrayLike, noise: Array, parameters: Array) -> RealPlantState:
-        """The state at time zero, the joints having been held still by the torque that gravity asks for."""
+        """The state at time zero, the joints having been held still by the torque that gravity asks for: of one arm
+        or, with leading axes, of many."""
         arm, period = self.plant.init(p, v), self.plant.control_period
-        held = np.zeros(self.plant.dof)
-        if self.effects.actuators:
-            held = self.plant.mechanism.with_parameters(parameters).inverse_dynamics(arm.p, held, held)
-        drives = _joined(effect.start(held, period) for effect in self.effects.actuators)
-        sensors = _joined(effect.start(arm.p, arm.v, period) for effect in self.effects.sensors)
-        measured = (arm.p, arm.v, sensors)
+        arms = arm.p.shape[:-1]
+        held = self._holding(arm.q, parameters) if self.effects.actuators else np.zeros_like(arm.p)
+        drives = _joined(arms, (effect.start(held, period) for effect in self.effects.actuators))
+        sensors = _joined(arms, (effect.start(arm.p, arm.v, period) for effect in self.effects.sensors))
+        measured: Sequence[Array] = arm.p, arm.v, sensors
         if self.effects.sensors:
-            measured = self._sense(arm.p, arm.v, noise, sensors)
-        p, v, sensors = measured
-        return RealPlantState(arm, p, v, held, False, np.zeros(len(self.marks)), drives, sensors)
+            given = np.broadcast_to(noise, (*arms, 2 * self.plant.dof))
+            rows = (x.reshape(math.prod(arms), x.shape[-1]) for x in (arm.p, arm.v, given, sensors))
+            measured = [x.reshape(*arms, x.shape[-1]) for x in self._sense.map(*rows)]
+        told_p, told_v, sensors = measured
+        marks = np.zeros((*arms, len(self.marks)))
+        return RealPlantState(arm, told_p, told_v, held, False, marks, drives, sensors)
+
+    def _holding(self, q: Array, parameters: Array) -> Array:
+        """The torques (..., r) of gravity on true parameters (..., P)."""
+        still, true = Column.zeros(self.plant.dof), column(np.asarray(parameters, dtype=np.float64))
+        torque = self.plant.mechanism.equations.inverse_dynamics(column(q), still, still, still, true)
+        return stacked(torque.of, q.shape[:-1])
 
     def step(self, state: RealPlantState, torque: Array, noise: Array, parameters: Array) -> RealPlantState:
         """One control period under a commanded torque (r,); `noise` (2r,) is standard normal.
@@ -131,7 +141,7 @@ class RealPlant:
         return compile_function(self.drive_equation, sizes, name="drives")
 
     @cached_property
-    def _sense(self) -> Callable[..., tuple[Array, Array, Array]]:
+    def _sense(self) -> Kernel:
         r = self.plant.dof
         sizes = {"p": r, "v": r, "noise": 2 * r, "memory": sum(self._sensor_sizes)}
         return compile_function(self.sense_equation, sizes, name="sensors")
@@ -194,9 +204,9 @@ class RealPlant:
         return [len(effect.start(blank, blank, period)) for effect in self.effects.sensors]
 
 
-def _joined(memories: Iterable[Array]) -> Array:
-    parts = list(memories)
-    return np.concatenate(parts) if parts else np.zeros(0)
+def _joined(arms: tuple[int, ...], memories: Iterable[Array]) -> Array:
+    parts = [np.broadcast_to(memory, (*arms, memory.shape[-1])) for memory in memories]
+    return np.concatenate(parts, axis=-1) if parts else np.zeros((*arms, 0))
 
 
 def _split(memory: Column, sizes: Sequence[int]) -> list[Column]:

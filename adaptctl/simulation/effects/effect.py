@@ -35,7 +35,7 @@ class ActuatorEffect(Effect):
 
     @abstractmethod
     def start(self, torque: Array, control_period: float) -> Array:
-        """The memory (m,) at rest, the joints having been held by a torque (r,)."""
+        """The memory (..., m) at rest, the joints having been held by a torque (..., r)."""
 
     @abstractmethod
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
@@ -50,7 +50,7 @@ class SensorEffect(Effect):
 
     @abstractmethod
     def start(self, p: Array, v: Array, control_period: float) -> Array:
-        """The memory (m,) before the first measurement, of an arm that has moved like this (r,)."""
+        """The memory (..., m) before the first measurement, of arms that have moved like this (..., r)."""
 
     @abstractmethod
     def measure(
@@ -84,7 +84,7 @@ class LoadEffect(Effect):
 
     @abstractmethod
     def loaded(self, parameters: Array, links: tuple[str, ...], time: float) -> Array:
-        """The inertial parameters (P,) with what is added at a time (s)."""
+        """The inertial parameters (..., P) with what is added at a time (s)."""
 
 
 def per_joint(values: ArrayLike, dof: int, what: str) -> Array:

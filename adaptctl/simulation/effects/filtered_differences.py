@@ -42,7 +42,7 @@ class FilteredDifferences(SensorEffect):
 
     def start(self, p: Array, v: Array, control_period: float) -> Array:
         """The last position (r,), and the filter's state (r,), which has settled."""
-        return np.concatenate((p - control_period * v, v))
+        return np.concatenate((p - control_period * v, v), axis=-1)
 
     def measure(
         self, p: Column, v: Column, noise: Column, memory: Column, control_period: float

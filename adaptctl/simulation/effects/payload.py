@@ -52,7 +52,7 @@ class Payload:
         return cls(**given)
 
     def added_to(self, parameters: ArrayLike, link: int) -> Array:
-        """The inertial parameters (10N,) of a mechanism whose link of that index carries this."""
+        """The inertial parameters (..., P) of a mechanism whose link of that index carries this."""
         loaded = np.array(parameters, dtype=np.float64)
-        loaded[10 * link : 10 * link + 10] += from_center_of_mass(self.mass, self.center, self.inertia)
+        loaded[..., 10 * link : 10 * link + 10] += from_center_of_mass(self.mass, self.center, self.inertia)
         return loaded
