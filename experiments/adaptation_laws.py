@@ -17,6 +17,7 @@ from adaptctl.control import (
     Composite,
     ComputedTorque,
     Controller,
+    CushionedFloor,
     DeadZone,
     EModification,
     Gains,
@@ -29,6 +30,7 @@ from adaptctl.control import (
     Sinusoids,
     SlotineLi,
 )
+from adaptctl.control.adaptation.natural import pseudos
 from adaptctl.control.controller import leaves
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, NotFoundError
@@ -61,6 +63,7 @@ LAWS = (
     "dead-zone",
     "projection",
     "bounded-gain-forgetting",
+    "cushioned-floor",
     "natural",
     "adaptive-computed-torque",
     "passivity-integral",
@@ -106,8 +109,11 @@ class AdaptationLaws(Learning):
         low=1e-6,
         high=1e9,
     )
-    cutoff: float = setting(20.0, "of the torque filter, 1/s", low=0.1, high=1000.0)
-    forgetting: float = setting(0.5, "of least squares, 1/s", low=0.0, high=100.0)
+    cutoff: float = setting(5.0, "of the torque filter, 1/s", low=0.1, high=1000.0)
+    forgetting: float = setting(2.0, "of least squares, 1/s", low=0.0, high=100.0)
+    acceleration_gain: float = setting(
+        1.0, "adaptive computed torque, which learns from accelerations, has this share of the gain", low=1e-6, high=1.0
+    )
     velocity_noise: float = setting(0.0, "deviation of what is measured of velocities, rad/s", low=0.0, high=1.0)
 
     def __post_init__(self) -> None:
@@ -178,29 +184,32 @@ class AdaptationLaws(Learning):
         gains, rough = self.gains(mechanism), self._rough(mechanism)
         knows = f"links within {100 * self.parameter_error:.0f} %"
 
-        def slotine_li(law: AdaptationLaw[Any] | None, on: ReducedModel = model) -> SlotineLi:
-            first = on.regrouping @ rough
-            return SlotineLi(on, gains.bandwidth, gains.damping, law, first, self.control_period)
+        first = model.regrouping @ rough
 
-        adaptation, control = self._laws(model, rough), self._control_laws(model, gains, model.regrouping @ rough)
+        def slotine_li(law: AdaptationLaw[Any] | None) -> SlotineLi:
+            return SlotineLi(model, gains.bandwidth, gains.damping, law, first, self.control_period)
+
+        adaptation, control = self._laws(model, first), self._control_laws(model, gains, first)
 
         def contender(name: str) -> Contender:
             if name == "natural":
-                natural = Natural(self.rate * self.parameter_error**2)
-                return Contender(name, "Natural, full parameters", knows, slotine_li(natural, full))
+                law, start = self._natural(mechanism)
+                natural = SlotineLi(full, gains.bandwidth, gains.damping, law, start, self.control_period)
+                return Contender(name, "Natural, full parameters", knows, natural)
             if name in adaptation:
-                label, law = adaptation[name]
-                return Contender(name, label, knows, slotine_li(law))
+                return Contender(name, adaptation[name][0], knows, slotine_li(adaptation[name][1]))
             return Contender(name, control[name][0], knows, control[name][1])
 
         off = Contender(ADAPTATION_OFF, "Adaptation off", knows, slotine_li(None))
         return [*map(contender, self.laws), off]
 
-    def _laws(self, model: ReducedModel, rough: Array) -> dict[str, tuple[str, AdaptationLaw[Any]]]:
+    def _natural(self, mechanism: Mechanism) -> tuple[Natural, Array]:
+        """Natural adaptation with the gain that the others have at the rough model, and where it starts."""
+        return Natural(self.rate * self.parameter_error**2), self._rough(mechanism)
+
+    def _laws(self, model: ReducedModel, first: Array) -> dict[str, tuple[str, AdaptationLaw[Any]]]:
         """Adaptation laws on the reduced model, by name, with what to call them."""
-        gain, first = self.adaptation(model), model.regrouping @ rough
-        weight = self.prediction / self._limits(model.mechanism) ** 2
-        reach = BOUNDS * self._deviations(model)
+        gain, weight = self.adaptation(model), self.prediction / self._limits(model.mechanism) ** 2
         return {
             "composite": ("Composite", Composite(gain, weight, self.cutoff)),
             "gradient": ("Gradient", Gradient(gain)),
@@ -208,21 +217,30 @@ class AdaptationLaws(Learning):
             "sigma-modification": ("σ-modification", SigmaModification(gain, self.leakage, first)),
             "e-modification": ("e-modification", EModification(gain, self.sliding_leakage, first)),
             "dead-zone": ("Dead zone", DeadZone(gain, np.full(model.mechanism.dof, self.dead_zone))),
-            "projection": ("Projection", Projection(Gradient(gain), first - reach, first + reach)),
+            "projection": ("Projection", self._projected(model, gain, first)),
             "bounded-gain-forgetting": (
-                "Least squares, forgetting",
+                "Least squares, bounded gain",
                 BoundedGainForgetting(gain, weight, self.cutoff, self.forgetting),
             ),
+            "cushioned-floor": ("Least squares, floor", CushionedFloor(gain, weight, self.cutoff, self.forgetting)),
         }
+
+    def _projected(self, model: ReducedModel, gain: Array, first: Array) -> Projection[Any]:
+        """The gradient, within some deviations of the rough model."""
+        reach = BOUNDS * self._deviations(model)
+        return Projection(Gradient(gain), first - reach, first + reach)
 
     def _control_laws(self, model: ReducedModel, gains: Gains, first: Array) -> dict[str, tuple[str, Controller[Any]]]:
         """The other control laws, by name, with what to call them."""
         gain, period = self.adaptation(model), self.control_period
-        stiffness = gains.bandwidth * gains.damping
+        stiffness, resetting = (
+            gains.bandwidth * gains.damping,
+            self._projected(model, self.acceleration_gain * gain, first),
+        )
         return {
             "adaptive-computed-torque": (
                 "Adaptive computed torque",
-                AdaptiveComputedTorque(model, gains.bandwidth, first, gain, period=period),
+                AdaptiveComputedTorque(model, gains.bandwidth, first, resetting, period=period),
             ),
             "passivity-integral": (
                 "Integral action, gradient",
@@ -243,6 +261,8 @@ class AdaptationLaws(Learning):
             if (over_time := errors.of(run)) is not None:
                 meaning = f"{run.label}: parameter error at the end, of {over_time[0]:.3g} at the start"
                 yield Finding(f"parameter_error.{run.name}", float(over_time[-1]), "1", meaning)
+            if run.name == "natural":
+                yield smallest_eigenvalue(outcome.mechanism, run)
         for run in outcome.runs:
             cost = float_tick(contenders[run.name].controller, run)
             yield Finding(f"tick_floats.{run.name}", 1e6 * cost, "us", f"{run.label}: a tick on Python floats")
@@ -276,6 +296,15 @@ class AdaptationLaws(Learning):
         from adaptctl.envs.torque_limits import finite_torque_limits
 
         return finite_torque_limits(mechanism)
+
+
+def smallest_eigenvalue(mechanism: Mechanism, run: Run) -> Finding:
+    """The smallest eigenvalue of any link's pseudo-inertia over a run that adapts all parameters."""
+    bodies = len(mechanism.description.bodies)
+    tens = run.rollout.estimate[:, : 10 * bodies].reshape(-1, bodies, 10)
+    value = float(np.linalg.eigvalsh(pseudos(tens))[..., 0].min())
+    meaning = f"{run.label}: smallest eigenvalue of any link's pseudo-inertia, over the whole run"
+    return Finding(f"smallest_eigenvalue.{run.name}", value, "SI", meaning)
 
 
 def float_tick(controller: Controller[Any], run: Run) -> float:

@@ -28,6 +28,8 @@ LAWS = (
     "projection",
     "composite",
     "bounded-gain-forgetting",
+    "cushioned-floor",
+    "natural",
     "gradient",
 )
 EXCITING = 0.25
@@ -50,13 +52,13 @@ class NoiseAndDelay(AdaptationLaws):
     duration: float = setting(60.0, "length of every run, s", low=0.01, high=600.0)
     control_period: float = setting(2e-3, "time a torque is held, s", low=1e-4, high=0.02)
     amplitude: float = setting(0.0, "of each joint's term at 0.2 Hz, rad; 0 holds still", low=0.0, high=2.0)
-    dead_zone: float = setting(0.05, "width of the dead zone of s, rad/s", low=1e-6, high=10.0)
+    dead_zone: float = setting(0.1, "width of the dead zone of s, rad/s", low=1e-6, high=10.0)
     resolution: float = setting(1e-4, "of the encoders at the joints, rad", low=0.0, high=0.1)
     noise: float = setting(1e-4, "deviation of positions before they are counted, rad", low=0.0, high=0.1)
     filter: float = setting(50.0, "cutoff of the differences that velocities are, Hz", low=0.1, high=1e4)
     delay: int = setting(1, "control periods from measurement to torque", low=0, high=64)
     lag: float = setting(3e-3, "time constant of the drives, s; 0 for none", low=0.0, high=1.0)
-    strength: float = setting(0.4, "the motors have this share of their torque limits", low=0.01, high=1.0)
+    strength: float = setting(0.22, "the motors have this share of their torque limits", low=0.01, high=1.0)
 
     @property
     def purpose(self) -> str:

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from adaptctl.control import Natural
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.experiments.adaptation_laws import AdaptationLaws
 from adaptctl.experiments.contest import Outcome
 from adaptctl.experiments.experiment import setting
+from adaptctl.experiments.recovery import WINDOW, Recovery, recovery, recovery_times
 from adaptctl.experiments.rough_model import deviations
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
 from adaptctl.mechanism.pose import Array
@@ -21,13 +24,8 @@ from adaptctl.recording import Finding, Run
 if TYPE_CHECKING:
     import gymnasium
 
+    from adaptctl.recording.drawing import Drawing
     from adaptctl.simulation.effects import Effect, Payload
-
-WINDOW = 0.5
-"""s over which errors are averaged"""
-EARLIER = 2.0
-"""s before the payload is picked up, whose error is the measure"""
-TWICE = 2.0
 
 
 @dataclass(frozen=True)
@@ -41,6 +39,10 @@ class PayloadDrop(AdaptationLaws):
     velocity_noise: float = setting(
         0.03, "deviation of what is measured of velocities, rad/s: without it errors fall on and on", low=0.0, high=1.0
     )
+    acceleration_gain: float = setting(
+        0.1, "adaptive computed torque, which learns from accelerations, has this share of the gain", low=1e-6, high=1.0
+    )
+    dead_zone: float = setting(0.08, "width of the dead zone of s, rad/s: wider than the noise", low=1e-6, high=10.0)
     payload: float = setting(2.0, "mass of the payload, kg", low=0.0, high=1e3)
     size: float = setting(0.1, "edge of the payload, a cube, m", low=0.0, high=10.0)
     lever: float = setting(0.05, "its centre before the flange, m", low=-10.0, high=10.0)
@@ -49,9 +51,9 @@ class PayloadDrop(AdaptationLaws):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not EARLIER <= self.start < self.stop < self.duration:
+        if not WINDOW <= self.start < self.stop < self.duration:
             raise InputError(
-                f"start, stop: expected {EARLIER:g} s before the payload is picked up, and that it is dropped after "
+                f"start, stop: expected {WINDOW:g} s before the payload is picked up, and that it is dropped after "
                 f"that and within the {self.duration:g} s of the run, got {self.start:g} and {self.stop:g}"
             )
 
@@ -62,8 +64,10 @@ class PayloadDrop(AdaptationLaws):
             f"An arm picks up {self.payload:g} kg at {self.start:g} s and drops it at {self.stop:g} s, and nobody "
             "tells its controller. "
             + super().purpose
-            + " The measure is the time that a law takes, after either event, "
-            f"until its error over {WINDOW:g} s is back below twice what it was in the {EARLIER:g} s before."
+            + " The measure is the time that a law takes, after either event, until "
+            f"its error over {WINDOW:g} s is back below twice what it was in the {WINDOW:g} s before the pickup. Gains "
+            "are told that a payload like this may come; natural adaptation, whose gain is its estimate, starts from "
+            "half of it."
         )
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
@@ -91,39 +95,64 @@ class PayloadDrop(AdaptationLaws):
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
         """How long each law takes to return, after each event; where it does not, how far it stays off."""
+        for one in self._recoveries(outcome):
+            name, event = one.run.name, one.event
+            if one.time is not None:
+                meaning = f"{one.run.label}: time after the {event} until the error is below twice the earlier"
+                yield Finding(f"return_after_{event}.{name}", one.time, "s", meaning)
+            else:
+                meaning = f"{one.run.label}: does not return after the {event}; error at the end over the earlier"
+                yield Finding(f"not_back_after_{event}.{name}", one.left, "1", meaning)
         for run in outcome.runs:
-            before = run.rms_error(self.start - EARLIER, self.start)
-            for event, begin, end in (("pickup", self.start, self.stop), ("drop", self.stop, self.duration)):
-                if before is None or run.duration <= begin:
-                    continue
-                time = time_to_return(run, begin, end, TWICE * before)
-                if time is not None:
-                    meaning = f"{run.label}: time after the {event} until the error is below twice the earlier"
-                    yield Finding(f"return_after_{event}.{run.name}", time, "s", meaning)
-                else:
-                    last = run.rms_error(min(end, run.duration) - EARLIER, end) or np.nan
-                    meaning = f"{run.label}: does not return after the {event}; error at the end over the earlier"
-                    yield Finding(f"not_back_after_{event}.{run.name}", last / before, "1", meaning)
+            if (earlier := self._earlier(run)) is not None:
+                meaning = f"{run.label}: RMS error in the {WINDOW:g} s before the pickup"
+                yield Finding(f"earlier_error.{run.name}", 1e3 * earlier, "mrad", meaning)
         yield from super().findings(outcome, basis)
 
-    def _body(self) -> Payload:
+    def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
+        """The times to return, before the parameter errors."""
+        from adaptctl.recording.drawing import Drawing
+
+        found = list(self._recoveries(outcome))
+        if found:
+            yield Drawing(
+                "recovery",
+                f"Time from either event until the error over {WINDOW:g} s is below twice the earlier one, which is "
+                "given in brackets, in mrad: a law that tracked better before has more to come back to.",
+                partial(recovery_times, found),
+            )
+        yield from super().drawings(outcome, basis)
+
+    def _recoveries(self, outcome: Outcome) -> Iterator[Recovery]:
+        """Of every run, after either event that it reached."""
+        for run in outcome.runs:
+            earlier = self._earlier(run)
+            for event, begin, end in (("pickup", self.start, self.stop), ("drop", self.stop, self.duration)):
+                if earlier is not None and run.duration > begin:
+                    yield recovery(run, event, earlier, begin, end)
+
+    def _earlier(self, run: Run) -> float | None:
+        return run.rms_error(self.start - WINDOW, self.start)
+
+    def _natural(self, mechanism: Mechanism) -> tuple[Natural, Array]:
+        """From half a payload on the last link, whose rate gives it the gain there that the other laws have."""
+        last = len(mechanism.description.bodies) - 1
+        rough, law = self._rough(mechanism), super()._natural(mechanism)[0]
+        first = self._body(0.5).added_to(rough, last)
+        rates = np.full(len(first) - 9 * (last + 1), float(law.rate))
+        off = np.hypot(self.parameter_error * rough[10 * last], self.payload)
+        rates[last] = self.rate * (off / first[10 * last]) ** 2
+        return Natural(rates), first
+
+    def _body(self, share: float = 1.0) -> Payload:
+        """The payload, or a share of it."""
         from adaptctl.simulation.effects import Payload
 
-        return Payload(self.payload, np.array([0.0, 0.0, self.lever]), self.payload * self.size**2 / 6.0 * np.eye(3))
+        mass = share * self.payload
+        return Payload(mass, np.array([0.0, 0.0, self.lever]), mass * self.size**2 / 6.0 * np.eye(3))
 
     def _deviations(self, model: ReducedModel) -> Array:
         """How far off the rough model may be, a payload like this on the last link included."""
         nothing = np.zeros(len(model.mechanism.parameter_names))
         loaded = self._body().added_to(nothing, len(model.mechanism.description.bodies) - 1)
         return np.hypot(super()._deviations(model), deviations(model, loaded, 1.0))
-
-
-def time_to_return(run: Run, begin: float, end: float, below: float) -> float | None:
-    """s from `begin` until the error, averaged over WINDOW, stays below a bound up to `end`; None for never."""
-    time, error = run.rollout.time, run.moving_rms_error(WINDOW)
-    inside = (time >= begin) & (time < end)
-    above = np.flatnonzero(inside & (error > below))
-    if above.size == 0:
-        return 0.0
-    back = float(time[above[-1]]) + run.rollout.control_period
-    return back - begin if back < min(end, run.duration) - WINDOW else None

@@ -104,21 +104,25 @@ def loop(
     disturbance: Disturbance | None = None,
     noise: float = 0.0,
     parameters: Array | None = None,
+    late: int = 0,
 ) -> Loop:
     """The controller on the mechanism from the reference's start, `off` in every joint.
 
-    `noise` (rad/s) is the deviation of what is measured of velocities; `parameters` (P,) are the true ones.
+    `noise` (rad/s) is the deviation of what is measured of velocities; `parameters` (P,) are the true ones; torques
+    act `late` periods after they were computed, the first until then.
     """
     time = np.arange(round(duration / period)) * period
     points, rng, body = reference(time), np.random.default_rng(0), plant(mechanism, period)
     state = body.init(points.p[0] + off, points.v[0])
     memory = controller.init(state.p, state.v)
     rows: list[tuple[Array, Array, Array, Any]] = []
+    coming: list[Array] = []
     for k, t in enumerate(time):
         measured = state.v + noise * rng.normal(size=mechanism.dof) if noise else state.v
         torque, memory = controller.step(memory, state.p, measured, ReferencePoint(*(part[k] for part in points)))
         rows.append((state.p, state.v, torque, memory))
-        acting = torque if disturbance is None else torque + disturbance(t)
+        coming += [torque] * (late + 1 - len(coming))
+        acting = coming.pop(0) if disturbance is None else coming.pop(0) + disturbance(t)
         state = body.step(state, acting, parameters)
     p, v, torques, states = zip(*rows, strict=True)
     return Loop(period, time, np.array(p), np.array(v), np.array(torques), list(states))

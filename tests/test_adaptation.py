@@ -15,6 +15,7 @@ from adaptctl.control import (
     AdaptationLaw,
     BoundedGainForgetting,
     Composite,
+    CushionedFloor,
     DeadZone,
     EModification,
     Gradient,
@@ -22,6 +23,7 @@ from adaptctl.control import (
     Projection,
     ReferencePoint,
     SigmaModification,
+    Sinusoids,
     SlotineLi,
     Subspace,
     adaptation_gain,
@@ -58,6 +60,7 @@ LAWS: dict[str, Callable[[str], AdaptationLaw]] = {
     "composite": lambda name: Composite(gain(name), 0.1),
     "subspace": lambda name: Subspace(np.ones(4), np.eye(len(gain(name)))[:, 1:5]),
     "bounded-gain forgetting": lambda name: BoundedGainForgetting(gain(name), 0.1),
+    "cushioned floor": lambda name: CushionedFloor(gain(name), 0.1),
 }
 
 
@@ -122,6 +125,20 @@ def test_the_dead_zone_stands_still_within() -> None:
     np.testing.assert_array_equal(moved, ~within)
     assert within.any()
     assert moved.any()
+
+
+def test_least_squares_go_on_forgetting_where_others_stop() -> None:
+    """One joint alone moves. What nothing excites brings bounded-gain forgetting, and so all its gains, to a stop."""
+    name, mechanism = "puma560_arm3", arm("puma560_arm3")
+    reference = Sinusoids(posture(mechanism), [0.0, 0.0, 0.3], [1.0, 1.0, 0.7], start_time=0.3)
+    lowest = {}
+    for law in (BoundedGainForgetting(gain(name), 1.0), CushionedFloor(gain(name), 1.0)):
+        run = loop(on(name, law), mechanism, reference, 8.0)
+        scale = np.sqrt(np.outer(law.gain, law.gain))
+        found = [np.linalg.eigvalsh(law.covariance(run.states[k].learning) / scale)[0] for k in (3999, 7999)]
+        lowest[type(law)] = found[1] / found[0]
+    assert lowest[BoundedGainForgetting] < 0.7
+    assert lowest[CushionedFloor] > 0.9
 
 
 def test_a_dead_zone_for_a_disturbance_holds_it() -> None:
@@ -245,12 +262,20 @@ ONES = np.ones(K)
         (lambda: BoundedGainForgetting(ONES, bound=0.5), "bound: expected at least 1"),
         (lambda: BoundedGainForgetting(ONES, forgetting=-1.0), "forgetting: expected at least 0"),
         (lambda: on("puma560_arm3", BoundedGainForgetting(ONES, forgetting=1e3)), "use at most 100 1/s"),
+        (lambda: CushionedFloor(-ONES), "cushioned floor: gain: expected positive"),
+        (lambda: CushionedFloor(ONES, forgetting=-1.0), "cushioned floor: forgetting: expected at least 0"),
+        (lambda: on("puma560_arm3", CushionedFloor(np.ones(30))), "30 parameters, of which the basis keeps 15"),
         (lambda: Subspace(np.ones(2), np.ones((K, 2))), "directions are not independent"),
         (lambda: Subspace(np.ones(3), np.eye(K)[:, :2]), r"subspace: gain: expected shape \(2,\)"),
         (lambda: Subspace(np.zeros(2), np.eye(K)[:, :2]), "subspace: gain: expected positive"),
         (lambda: Subspace(np.ones(K), np.ones(K)), r"expected shape \(k, s\)"),
         (lambda: on("puma560_arm3", Subspace(np.ones(2), np.eye(4)[:, :2])), "directions: expected 15 numbers"),
         (lambda: Natural(0.0), "natural adaptation: rate"),
+        (lambda: Natural(np.array([1.0, np.nan])), "rate: expected positive numbers"),
+        (
+            lambda: SlotineLi(full("semi_direct_drive"), 8.0, 50.0, Natural(np.ones(3))),
+            "expected a number, or 5 of them, one for each of 5 links and 0 parameters of drives, got 3",
+        ),
         (lambda: on("puma560_arm3", Natural(0.1)), "15 fundamental parameters are none"),
         (
             lambda: SlotineLi(full("puma560_arm3"), 8.0, 50.0, Natural(0.1)),

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from adaptctl.errors import InputError
@@ -61,10 +62,13 @@ def test_friction_is_learned_where_there_are_columns_for_it() -> None:
 
 
 def test_a_payload_is_learned_and_forgotten() -> None:
-    """The gradient from a rough model comes back after either event; the same without adaptation does not."""
-    content = shown(PayloadDrop(laws=("gradient",), duration=17.0, start=3.0, stop=10.0))
-    assert 0.0 <= found(content, "return_after_pickup.gradient") < 7.0
-    assert 0.0 <= found(content, "return_after_drop.gradient") < 7.0
+    """From a rough model these come back after either event; the same without adaptation does not."""
+    laws = ("gradient", "cushioned-floor", "natural")
+    content = shown(PayloadDrop(laws=laws, duration=24.0, start=6.0, stop=15.0))
+    for law in laws:
+        assert 0.0 <= found(content, f"return_after_pickup.{law}") < 5.0
+        assert 0.0 <= found(content, f"return_after_drop.{law}") < 5.0
+    assert found(content, "smallest_eigenvalue.natural") > 0.0
     assert found(content, "not_back_after_pickup.adaptation-off") > 2.0
     assert content["final_rms_error"] < 0.3 * content["final_rms_error_adaptation_off"]
 
@@ -138,3 +142,8 @@ def test_a_run_becomes_a_folder(tmp_path: Path) -> None:
     content = json.loads((out / "summary.json").read_text())
     assert math.isfinite(content["findings"]["freeze_over_none"]["value"])
     assert (out / "figures" / "saturation.png").stat().st_size > 1000
+    trace = pq.read_table(out / "trace.parquet")
+    held = trace["mark.payload"].to_numpy()
+    np.testing.assert_array_equal(held[[0, 150, 250, 550, 650, 999]], [0.0, 0.0, 4.0, 4.0, 0.0, 0.0])
+    assert trace.schema.field("mark.payload").metadata[b"unit"] == b"kg"
+    assert set(trace["mark.frozen"].to_numpy()) <= {0.0, 1.0}

@@ -17,6 +17,15 @@ from adaptctl.mechanism.pose import Array
 from adaptctl.recording.comparison import Comparison, Run
 
 SCHEMA = "adaptctl/trace/1"
+MARKS = {
+    "payload": ("kg", "mass that is held"),
+    "torque_limited": ("1", "1 where a limit held a torque back"),
+    "rate_limited": ("1", "1 where a torque would have changed too fast"),
+    "frozen": ("1", "1 where nothing is learned from the period"),
+    "bounded": ("1", "1 where an estimate was brought back to its bounds"),
+    "stopped": ("1", "1 from where the arm is braked"),
+}
+"""What marks are measured in, and mean, of the plants and guards here."""
 
 
 class Quantity(NamedTuple):
@@ -63,6 +72,9 @@ def quantities(run: Run, mechanism: Mechanism, parameters: tuple[str, ...]) -> I
     yield Quantity("energy", "J", "kinetic plus potential energy", rollout.energy)
     yield Quantity("reward", "1", "reward of the environment", rollout.reward)
     yield Quantity("clipped", "1", "1 where a torque was clipped", rollout.clipped)
+    for mark, values in rollout.marks.items():
+        unit, meaning = MARKS.get(mark, ("1", "marked by the plant or by the controller's guards"))
+        yield Quantity(f"mark.{mark}", unit, meaning, values)
     if run.lyapunov is not None:
         yield Quantity("lyapunov", "J", "Lyapunov function of the adaptive law", run.lyapunov)
     for name, values in zip(parameters, rollout.estimate.T, strict=False):

@@ -2,6 +2,7 @@
 
 from adaptctl.control.adaptation.bounded_gain_forgetting import BoundedGainForgetting
 from adaptctl.control.adaptation.composite import Composite
+from adaptctl.control.adaptation.cushioned_floor import CushionedFloor
 from adaptctl.control.adaptation.dead_zone import DeadZone
 from adaptctl.control.adaptation.gradient import Gradient
 from adaptctl.control.adaptation.law import AdaptationLaw, Period
@@ -15,6 +16,7 @@ __all__ = [
     "AdaptationLaw",
     "BoundedGainForgetting",
     "Composite",
+    "CushionedFloor",
     "DeadZone",
     "EModification",
     "Gradient",

@@ -1,0 +1,83 @@
+"""How long a law takes to have its error back after an event, and a figure of that."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from adaptctl.recording import Run
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+WINDOW = 2.0
+"""s over which errors are averaged, before an event and after it"""
+TWICE = 2.0
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """What an event did to a run's error."""
+
+    run: Run
+    event: str
+    earlier: float
+    """RMS error over WINDOW before the first event"""
+    time: float | None
+    """s from the event until the RMS error over the coming WINDOW is below TWICE the earlier; None for never"""
+    left: float
+    """RMS error over the last WINDOW before the next event, over the earlier"""
+
+
+def recovery(run: Run, event: str, earlier: float, begin: float, end: float) -> Recovery:
+    """That from an event at `begin` (s) to the next at `end`."""
+    end = min(end, run.duration)
+    left = run.rms_error(max(begin, end - WINDOW), end) or np.nan
+    return Recovery(run, event, earlier, time_to_return(run, begin, end, TWICE * earlier), left / earlier)
+
+
+def time_to_return(run: Run, begin: float, end: float, below: float) -> float | None:
+    """s from `begin` to the first WINDOW, ended before `end`, over which the RMS error is below a bound."""
+    length = round(WINDOW / run.rollout.control_period)
+    coming = run.moving_rms_error(WINDOW)[length - 1 :]
+    time = run.rollout.time[: len(coming)]
+    back = np.flatnonzero((time >= begin) & (time <= end - WINDOW) & (coming < below))
+    return float(time[back[0]]) - begin if back.size else None
+
+
+def recovery_times(found: Sequence[Recovery]) -> Figure:
+    """A bar a law and event, the events side by side; a law that is not back has its error written instead."""
+    from matplotlib.figure import Figure
+
+    from adaptctl.recording.drawing import DOTS, WIDTH
+
+    events = list(dict.fromkeys(one.event for one in found))
+    runs = list(dict.fromkeys(one.run.label for one in found))
+    figure = Figure(figsize=(WIDTH, 1.0 + 0.3 * len(runs)), dpi=DOTS, layout="constrained")
+    panels = figure.subplots(1, len(events), sharey=True, squeeze=False)[0]
+    for axes, event in zip(panels, events, strict=True):
+        _bars(axes, [one for one in found if one.event == event], runs)
+        axes.set_title(f"after the {event}")
+        axes.set_xlabel("time to return [s]")
+    names = {one.run.label: f"{one.run.label}  ({1e3 * one.earlier:.2g})" for one in found}
+    panels[0].set_yticks(range(len(runs)), [names[label] for label in runs])
+    panels[0].invert_yaxis()
+    return figure
+
+
+def _bars(axes: Axes, found: Sequence[Recovery], runs: Sequence[str]) -> None:
+    from adaptctl.recording.palette import MUTED, run_color
+
+    longest = max((one.time for one in found if one.time is not None), default=1.0) or 1.0
+    for one in found:
+        place = runs.index(one.run.label)
+        if one.time is None:
+            axes.text(0.02 * longest, place, f"not back: {one.left:.2g} × earlier", va="center", color=MUTED.hex)
+            continue
+        axes.barh(place, one.time, height=0.6, color=run_color(0).hex)
+        axes.text(one.time + 0.02 * longest, place, f"{one.time:.2g}", va="center")
+    axes.set_xlim(0.0, 1.18 * longest)
