@@ -1,0 +1,104 @@
+"""How long a fresh process takes to the first tick of an adaptive controller for the PUMA.
+
+    python benchmarks/start_up.py [REPETITIONS]
+
+The tick is compiled then and there (cold), or an earlier process has left it in the cache. Each time is the median over
+processes that take turns; the processor's time is what a machine with nothing else to do would take.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TypeAlias
+
+Split: TypeAlias = dict[str, tuple[float, float]]
+"""Seconds of each stage: on the clock, and of the processor."""
+
+
+def stages() -> Iterator[str]:
+    """What a user writes; each stage is named when it is done."""
+    import numpy as np
+
+    yield "import numpy"
+    import adaptctl
+
+    arm = adaptctl.load("puma560")
+    yield "load"
+    basis = adaptctl.fundamental_basis(adaptctl.essential_space(arm))
+    yield "essential space, basis"
+    model = adaptctl.ReducedModel(arm, basis)
+    learn = adaptctl.adaptation_gain(model)
+    controller = adaptctl.SlotineLi(model, 8.0, [90.0, 150.0, 70.0, 20.0, 16.0, 18.0], learn)
+    yield "controller"
+    reference = adaptctl.MinimumJerk([[0.0] * 6, [0.5] * 6], [0.0, 1.0])
+    p, v = np.zeros(6), np.zeros(6)
+    state = controller.init(p, v)
+    yield "init"
+    controller.step(state, p, v, reference(0.0))
+    yield "first tick"
+
+
+def split() -> Split:
+    """The stages of this process."""
+    found: Split = {"Python itself": (0.0, time.process_time())}
+    clock, processor = time.perf_counter(), time.process_time()
+    for stage in stages():
+        now = time.perf_counter(), time.process_time()
+        found[stage] = now[0] - clock, now[1] - processor
+        clock, processor = time.perf_counter(), time.process_time()
+    return found
+
+
+def fresh(cache: Path, bytecode: Path) -> Split:
+    """The stages of another process, which finds the library's bytecode, as an installed one does."""
+    environment = os.environ | {"ADAPTCTL_CACHE": str(cache), "PYTHONPYCACHEPREFIX": str(bytecode)}
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)
+    command = [sys.executable, "-W", "ignore", __file__, "--split"]
+    start = time.perf_counter()
+    with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE) as process:
+        line, whole = process.stdout.readline(), time.perf_counter() - start
+    found: dict[str, list[float]] = json.loads(line)
+    found["Python itself"][0] = whole - sum(clock for clock, _ in found.values())
+    return {**found, "together": (whole, sum(processor for _, processor in found.values()))}
+
+
+def median(splits: list[Split]) -> Split:
+    return {
+        stage: tuple(statistics.median(each) for each in zip(*(split[stage] for split in splits), strict=True))
+        for stage in splits[0]
+    }
+
+
+def measured(repetitions: int) -> tuple[Split, Split]:
+    """Cold and cached."""
+    cold, cached = [], []
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder)
+        fresh(place / "warm", place / "bytecode")
+        for k in range(repetitions):
+            cold.append(fresh(place / str(k), place / "bytecode"))
+            cached.append(fresh(place / str(k), place / "bytecode"))
+    return median(cold), median(cached)
+
+
+def main() -> None:
+    if sys.argv[1:] == ["--split"]:
+        print(json.dumps(split()))
+        return
+    cold, cached = measured(int(sys.argv[1]) if sys.argv[1:] else 7)
+    print(f"{'ms':24}{'cold':>8}{'(processor)':>13}{'cached':>10}{'(processor)':>13}")
+    for stage in cold:
+        times = [1e3 * seconds for seconds in (*cold[stage], *cached[stage])]
+        print(f"{stage:24}{times[0]:8.0f}{times[1]:13.0f}{times[2]:10.0f}{times[3]:13.0f}")
+
+
+if __name__ == "__main__":
+    main()
