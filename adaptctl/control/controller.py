@@ -19,8 +19,8 @@ from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column
 
-LARGEST_COMPILED = 32
-"""Links above which straight-line code takes too long to compile; the same law then runs on floats."""
+LARGEST_COMPILED = 48
+"""Links up to which the first call takes seconds, 4 s for a plant of so many; beyond, the same law runs on floats."""
 
 
 class ReferencePoint(NamedTuple):
