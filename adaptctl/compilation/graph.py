@@ -58,22 +58,20 @@ class Graph:
         self._expressions: dict[Any, Expression] = {}
         self.routines = {} if routines is None else routines
 
-    def __len__(self) -> int:
-        return len(self._expressions)
-
     def make(self, kind: type[E], op: Op, *operands: Any, detail: Any = None) -> E:
         """The one expression with this operation, these operands and this detail."""
         key = (op, operands, detail)
         found = self._expressions.get(key)
         if found is None:
             self.require_own(operands)
-            found = self._expressions[key] = kind(self, len(self), op, operands, detail)
+            found = self._expressions[key] = kind(self, len(self._expressions), op, operands, detail)
         return cast(E, found)
 
     def require_own(self, values: Iterable[Any]) -> None:
         """Raise when one of the values was traced elsewhere."""
-        if any(isinstance(x, Expression) and x.graph is not self for x in values):
-            raise untraceable("a value of another trace was used: pass it to the function as an argument")
+        for x in values:
+            if isinstance(x, Expression) and x.graph is not self:
+                raise untraceable("a value of another trace was used: pass it to the function as an argument")
 
 
 def reachable(outputs: Iterable[Any]) -> list[Expression]:
