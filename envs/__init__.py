@@ -7,22 +7,36 @@ from adaptctl.envs.random_reference import random_sinusoids
 from adaptctl.envs.reward import RewardWeights
 from adaptctl.envs.semi_direct_drive import SemiDirectDriveTrackingEnv
 from adaptctl.envs.tracking import TrackingEnv
+from adaptctl.envs.vector_tracking import (
+    Puma560VectorTrackingEnv,
+    SemiDirectDriveVectorTrackingEnv,
+    VectorTrackingEnv,
+)
 from adaptctl.simulation.effects import Payload
 
 __all__ = [
     "Payload",
     "Puma560TrackingEnv",
+    "Puma560VectorTrackingEnv",
     "RewardWeights",
     "SemiDirectDriveTrackingEnv",
+    "SemiDirectDriveVectorTrackingEnv",
     "TrackingEnv",
+    "VectorTrackingEnv",
     "random_sinusoids",
 ]
 
 # The environments check actions and the order of calls themselves, so the wrappers that do are left out: at
 # a step of some 20 microseconds they would cost more than the physics.
-for _id, _entry_point in (
-    ("adaptctl/Puma560Tracking-v0", "adaptctl.envs.puma560:Puma560TrackingEnv"),
-    ("adaptctl/SemiDirectDriveTracking-v0", "adaptctl.envs.semi_direct_drive:SemiDirectDriveTrackingEnv"),
-    ("adaptctl/Tracking-v0", "adaptctl.envs.tracking:TrackingEnv"),
+for _id, _kind, _module in (
+    ("adaptctl/Puma560Tracking-v0", "Puma560", "puma560"),
+    ("adaptctl/SemiDirectDriveTracking-v0", "SemiDirectDrive", "semi_direct_drive"),
+    ("adaptctl/Tracking-v0", "", "tracking"),
 ):
-    register(_id, _entry_point, order_enforce=False, disable_env_checker=True)
+    register(
+        _id,
+        f"adaptctl.envs.{_module}:{_kind}TrackingEnv",
+        vector_entry_point=f"adaptctl.envs.vector_tracking:{_kind}VectorTrackingEnv",
+        order_enforce=False,
+        disable_env_checker=True,
+    )

@@ -16,8 +16,7 @@ BLOCK = 1024
 class Preview:
     """Rows of a reference of r joints at every control period (s): p, v, a now and p at each time ahead (s).
 
-    Raises `InputError` when the reference is not of r joints or does not take many times at once, and
-    `NonFiniteError` where it is not finite.
+    Raises what `sampled` raises.
     """
 
     def __init__(self, reference: Reference, dof: int, control_period: float, look_ahead: Array) -> None:
@@ -32,17 +31,27 @@ class Preview:
         return self._rows[step - self._first]
 
     def _block(self, first: int) -> Array:
-        times = self._period * np.arange(first, first + BLOCK)
-        now = self.reference(times)
-        ahead = [self._checked(self.reference(times + delay).p, "p") for delay in self._look_ahead]
-        parts = [self._checked(getattr(now, name), name) for name in ("p", "v", "a")]
-        return np.concatenate((*parts, *ahead), axis=1)
+        times = self._period * np.arange(first, first + BLOCK, dtype=np.float64)
+        return sampled(self.reference, times, self._dof, self._look_ahead)
 
-    def _checked(self, values: Array, name: str) -> Array:
-        array = checked(values, self._dof, f"reference: {name}")
-        if array.shape != (BLOCK, self._dof):
-            raise InputError(
-                f"reference: {name}: expected times of shape (n,) to give shape (n, {self._dof}), "
-                f"got {array.shape} for n = {BLOCK}"
-            )
-        return array
+
+def sampled(reference: Reference, times: Array, dof: int, look_ahead: Array) -> Array:
+    """p, v, a at times (T,) and p at each time ahead of them, in rows (T, 3r + r per time ahead).
+
+    Raises `InputError` when the reference is not of r joints or does not take many times at once, and
+    `NonFiniteError` where it is not finite.
+    """
+    now = reference(times)
+    parts = [(getattr(now, name), name) for name in ("p", "v", "a")]
+    parts += [(reference(times + delay).p, "p") for delay in look_ahead]
+    return np.concatenate([_checked(values, name, len(times), dof) for values, name in parts], axis=1)
+
+
+def _checked(values: Array, name: str, count: int, dof: int) -> Array:
+    array = checked(values, dof, f"reference: {name}")
+    if array.shape != (count, dof):
+        raise InputError(
+            f"reference: {name}: expected times of shape (n,) to give shape (n, {dof}), "
+            f"got {array.shape} for n = {count}"
+        )
+    return array

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,13 +35,13 @@ class RewardWeights:
             if not (math.isfinite(value) and value >= 0.0):
                 raise InputError(f"reward weight of {name}: expected a number of at least 0, got {value}")
 
+    def cost(self, position: Any, velocity: Any, torque: Any) -> Any:
+        """The weighted sum of sums of squares, over scalars of any kind."""
+        return self.position * position + self.velocity * velocity + self.torque * torque
+
     def reward(
         self, error: Array, velocity_error: Array, relative_torque: Array, terminated: NDArray[np.bool_]
     ) -> Array:
         """Minus the weighted squares of errors (..., r) and torque (..., r), and what ending (...) costs."""
-        cost = (
-            self.position * np.vecdot(error, error)
-            + self.velocity * np.vecdot(velocity_error, velocity_error)
-            + self.torque * np.vecdot(relative_torque, relative_torque)
-        )
-        return np.asarray(-cost - self.termination * terminated)
+        squares = (np.vecdot(x, x) for x in (error, velocity_error, relative_torque))
+        return np.asarray(-self.cost(*squares) - self.termination * terminated)

@@ -195,8 +195,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         if not np.all(self.error_bound > 0.0):
             raise InputError(f"error_bound: expected positive numbers, got {self.error_bound.tolist()}")
         self.reward_weights = reward_weights or RewardWeights()
-        self._initial_error = _per_joint(initial_error, self.mechanism.dof, "initial_error")
-        self._trajectory = reference
+        self.initial_error = _per_joint(initial_error, self.mechanism.dof, "initial_error")
+        self.trajectory = reference
         self._set_spaces()
         self._set_render_mode(render_mode)
         self._episode: _Episode | None = None
@@ -214,9 +214,9 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         if unknown := [name for name in given if name not in OPTIONS]:
             raise NotFoundError(f"reset: unknown option {unknown[0]!r}; options: {', '.join(OPTIONS)}")
         r = self.plant.dof
-        error = _per_joint(given.get("initial_error", self._initial_error), r, "initial_error")
+        error = _per_joint(given.get("initial_error", self.initial_error), r, "initial_error")
         parameters = self._true_parameters(given)
-        reference = drawn(given.get("trajectory", self._trajectory), self.mechanism, self.np_random)
+        reference = drawn(given.get("trajectory", self.trajectory), self.mechanism, self.np_random)
         preview = Preview(reference, r, self.control_period, self.look_ahead)
         start = preview.row(0)
         self.real_plant.compile()

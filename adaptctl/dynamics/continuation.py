@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from adaptctl.compilation import Kernel, compile_function
+from adaptctl.dynamics.determinant import determinant
+from adaptctl.dynamics.least_squares import Factored
 from adaptctl.dynamics.loop_equations import LoopEquations
 from adaptctl.errors import SingularityError
 from adaptctl.mechanism.pose import Array
-from adaptctl.scalars import Column
+from adaptctl.scalars import Column, Scalar, absolute, maximum, where
 
 LARGEST_STEP = 0.05
 """rad or m of any primary joint that moves a loop, between two closed configurations"""
@@ -75,6 +78,24 @@ class Continuation:
         gap, smallest, sign = self._look(q)
         _, reference, side = self._at_reference
         return np.where((sign == side) & (gap < LOST), smallest / reference, 0.0)
+
+    def surely_regular(self, q: Column) -> Scalar:
+        """1 where the regularity at q (n,) is at least NEAREST beyond doubt, else 0; over scalars of any kind.
+
+        The dependent block's smallest singular value is at least 1/|A^-1|, by Frobenius' norm, and for d dependent
+        joints at most sqrt(d) times as much.
+        """
+        block = self.equations.dependent_block(q)
+        factor, units = Factored(block), range(len(block))
+        inverse = [factor.solve(Column(float(i == j) for j in units)) for i in units]
+        square = sum((column @ column for column in inverse[1:]), inverse[0] @ inverse[0])
+        _, smallest, side = (float(x) for x in self._at_reference)
+        gap: Any = 0.0
+        for residual in self.equations.residual(q):
+            gap = maximum(gap, absolute(residual))
+        regular = where(square * (NEAREST * smallest) ** 2 <= 1.0, 1.0, 0.0)
+        regular = where(side * determinant(block) > 0.0, regular, 0.0)
+        return where(gap < LOST, regular, 0.0)
 
     def require_regular(self, q: Array) -> None:
         """Refuse configurations (..., n) near or beyond a singularity, with the worst of them."""

@@ -1,0 +1,31 @@
+"""Determinants over scalars of any kind."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from adaptctl.scalars import Column, Scalar, absolute, where
+
+
+def determinant(rows: Iterable[Column]) -> Scalar:
+    """By elimination with partial pivoting, no step of which branches on a value. NaN where a pivot vanishes.
+
+    Rows change places by quarter turns of the plane they span, which keep the sign.
+    """
+    left, product = [list(row) for row in rows], 1.0
+    while left:
+        pivot, *others = left
+        for i, row in enumerate(others):
+            larger = absolute(row[0]) > absolute(pivot[0])
+            others[i] = [where(larger, -x, y) for x, y in zip(pivot, row, strict=True)]
+            pivot = [where(larger, y, x) for x, y in zip(pivot, row, strict=True)]
+        product = product * pivot[0]
+        left = [_eliminated(row, pivot) for row in others]
+    return product
+
+
+def _eliminated(row: list[Any], pivot: list[Any]) -> list[Any]:
+    """A row without its first entry, which the pivot's takes away."""
+    factor = row[0] / pivot[0]
+    return [y - factor * x for x, y in zip(pivot[1:], row[1:], strict=True)]

@@ -1,0 +1,459 @@
+"""Vector environments: each arm as alone, Gymnasium's rules of beginning again, options and seeds of each arm."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.error import ResetNeeded
+from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
+from gymnasium.wrappers.vector import RecordEpisodeStatistics, RescaleAction
+from random_trees import random_chain, random_tree
+from sampled_loops import RANGES, arm, gains, reduced
+
+import adaptctl.envs
+from adaptctl.compilation import compile_function
+from adaptctl.control import ComputedTorque, MinimumJerk, ReferencePoint, Sinusoids, SlotineLi, adaptation_gain
+from adaptctl.control.controller import LARGEST_COMPILED
+from adaptctl.dynamics.continuation import NEAREST
+from adaptctl.dynamics.determinant import determinant
+from adaptctl.envs import Payload, TrackingEnv, VectorTrackingEnv
+from adaptctl.envs.arm_streams import BLOCK, ArmStreams
+from adaptctl.errors import InputError, NonFiniteError, NotFoundError
+from adaptctl.mechanism.pose import Array
+from adaptctl.scalars import Column
+from adaptctl.simulation.effects import (
+    ActuatorLag,
+    ControlDelay,
+    Encoder,
+    FilteredDifferences,
+    Friction,
+    PayloadHeld,
+    TorqueLimit,
+    TorqueRateLimit,
+)
+
+PUMA, LOOP, ANY = (f"adaptctl/{name}Tracking-v0" for name in ("Puma560", "SemiDirectDrive", ""))
+MODES = [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP]
+
+
+def effects(payload: float = 1.0) -> list[Any]:
+    """All of them, each strong enough to be felt."""
+    return [
+        ControlDelay(2),
+        TorqueLimit(60.0),
+        TorqueRateLimit(20_000.0),
+        ActuatorLag(2e-3),
+        Friction(0.5, 0.5),
+        PayloadHeld(payload, 0.02, 0.05),
+        Encoder(1e-4, 1e-5, 1e-4),
+        FilteredDifferences(100.0),
+    ]
+
+
+def vector(name: str, arms: int, **settings: Any) -> VectorTrackingEnv:
+    env = gymnasium.make_vec(name, num_envs=arms, vectorization_mode="vector_entry_point", **settings)
+    assert isinstance(env, VectorTrackingEnv)
+    return env
+
+
+def one_by_one(name: str, arms: int, mode: AutoresetMode = AutoresetMode.NEXT_STEP, **settings: Any) -> SyncVectorEnv:
+    return SyncVectorEnv([lambda: gymnasium.make(name, **settings)] * arms, autoreset_mode=mode)
+
+
+def agree(ours: Any, theirs: Any, where: str = "") -> None:
+    """Equal to 1e-9, whatever is nested in what."""
+    if isinstance(theirs, dict | tuple):
+        pairs = theirs.items() if isinstance(theirs, dict) else enumerate(theirs)
+        assert type(ours) is type(theirs)
+        assert len(ours) == len(theirs), (where, ours, theirs)
+        for key, value in pairs:
+            agree(ours[key], value, f"{where}[{key}]")
+    elif theirs.dtype == object:
+        for own, other in zip(ours, theirs, strict=True):
+            assert (own is None) == (other is None), where
+            if other is not None:
+                agree(own, other, where)
+    else:
+        assert ours.dtype == theirs.dtype, where
+        np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-9, err_msg=where)
+
+
+def pushes(env: VectorEnv[Any, Any, Any], steps: int, share: float, seed: int = 0) -> Array:
+    """Random torques (steps, N, r) of up to a share of the limits, held for a while."""
+    space = env.action_space
+    assert isinstance(space, gymnasium.spaces.Box)
+    draws = np.random.default_rng(seed).uniform(-share, share, (steps // 7 + 1, *space.shape))
+    return np.repeat(draws, 7, axis=0)[:steps] * space.high
+
+
+def followed(ours: VectorTrackingEnv, theirs: Any, actions: Array, seed: Any = 3, **options: Any) -> int:
+    """The same from both in all steps. Returns how many episodes ended."""
+    agree(ours.reset(seed=seed, options=dict(options)), theirs.reset(seed=seed, options=dict(options)), "reset")
+    ended = 0
+    for k, action in enumerate(actions):
+        result = ours.step(action)
+        agree(result, theirs.step(action), f"step {k}: ")
+        ended += int((result[2] | result[3]).sum())
+    return ended
+
+
+def point(observation: Array, env: Any) -> tuple[Array, Array, ReferencePoint]:
+    p, v, *reference = (observation[..., env.observation_slices[name]] for name in ("p", "v", *REFERENCE))
+    return p, v, ReferencePoint(*reference)
+
+
+REFERENCE = ("reference_p", "reference_v", "reference_a")
+
+
+@pytest.mark.parametrize("settings", [{}, {"effects": effects()}], ids=["ideal", "effects"])
+@pytest.mark.parametrize(
+    ("name", "robot", "payload"),
+    [(PUMA, "puma560", 1.5), (LOOP, "semi_direct_drive", {"mass": 2.0, "center": [0.1, 0, 0]}), (ANY, None, 0.5)],
+)
+def test_arms_are_as_each_alone_for_a_second(name: str, robot: str | None, payload: Any, settings: Any) -> None:
+    mechanism = random_tree(3, 3) if robot is None else arm(robot)
+    settings = settings | {"robot": mechanism}
+    ours, theirs = vector(name, 3, **settings), one_by_one(name, 3, **settings)
+    law = ComputedTorque(mechanism, 6.0)
+    steps, options = (1000 if not settings.get("effects") else 300), {"payload": payload}
+    told, _ = ours.reset(seed=3, options=options)
+    theirs.reset(seed=3, options=options)
+    state = law.init(*point(told, ours)[:2])
+    for k, push in enumerate(pushes(ours, steps, 0.03)):
+        torque, state = law.step(state, *point(told, ours))
+        result = ours.step(torque + push)
+        agree(result, theirs.step(torque + push), f"step {k}: ")
+        told = result[0]
+    assert result[4]["time"] == pytest.approx(steps * 1e-3)
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("name", [PUMA, LOOP])
+def test_arms_begin_again_as_gymnasiums_do(name: str, mode: AutoresetMode) -> None:
+    """Random references and noise after it show that each arm's generator is where it should be."""
+    settings: dict[str, Any] = {"duration": 0.09, "error_bound": 0.101, "effects": effects()}
+    if name == PUMA:
+        settings["reference"] = "random"
+    ours = vector(name, 5, autoreset_mode=mode, **settings)
+    theirs = one_by_one(name, 5, mode, **settings)
+    assert ours.metadata["autoreset_mode"] is mode
+    ended = followed(ours, theirs, pushes(ours, 250, 0.8), payload=0.7, initial_error=0.05)
+    assert ended > 12
+
+
+def test_autoreset_disabled_waits_for_a_reset() -> None:
+    settings = {"duration": 0.06, "error_bound": 0.101, "effects": [Encoder(noise=1e-4)], "reference": None}
+    ours = vector(PUMA, 4, autoreset_mode="Disabled", **settings)
+    theirs = one_by_one(PUMA, 4, AutoresetMode.DISABLED, **settings)
+    agree(ours.reset(seed=1), theirs.reset(seed=1))
+    partial = 0
+    for action in pushes(ours, 200, 0.8):
+        result = ours.step(action)
+        agree(result, theirs.step(action))
+        over = result[2] | result[3]
+        if over.any():
+            with pytest.raises(ResetNeeded, match=f"the episode of arm {over.argmax()} is over"):
+                ours.step(action)
+            partial += not over.all()
+            options = {"payload": 1.0}
+            again = ours.reset(options=options | {"reset_mask": over.copy()})
+            agree(again, theirs.reset(options=options | {"reset_mask": over.copy()}))
+            result[0][:], again[0][:] = 7.0, 7.0  # what is returned is the caller's
+    assert partial > 3
+
+
+@pytest.mark.parametrize("arms", [1, 3, 17])
+@pytest.mark.parametrize("seed", [11, "list"])
+def test_any_number_of_arms_and_seeds(arms: int, seed: Any) -> None:
+    seeds = [5 * k for k in range(arms)] if seed == "list" else seed
+    settings = {"duration": 0.02, "error_bound": np.inf}
+    ours, theirs = vector(ANY, arms, **settings), one_by_one(ANY, arms, **settings)
+    assert followed(ours, theirs, pushes(ours, 50, 0.2), seed=seeds) == 2 * arms
+    assert followed(ours, theirs, pushes(ours, 30, 0.2), seed=None) == arms
+
+
+def test_loops_end_where_they_may_not_work() -> None:
+    settings = {"error_bound": np.inf, "duration": 1.0}
+    ours, theirs = vector(LOOP, 6, **settings), one_by_one(LOOP, 6, **settings)
+    assert followed(ours, theirs, pushes(ours, 600, 1.0, seed=2)) >= 3
+
+
+def test_options_and_references_of_each_arm() -> None:
+    mechanism = arm("puma560_measured")
+    rng = np.random.default_rng(0)
+    scales = rng.uniform(0.7, 1.3, 4)[:, None] * mechanism.inertial_parameters
+    two = Sinusoids(np.zeros(6), *rng.uniform(0.1, 0.3, (3, 2, 6)), start_time=0.0)
+    each = {
+        "parameters": scales,
+        "payload": [0.0, 2.0, Payload(1.0, np.array([0.1, 0.0, 0.0])), {"mass": 3.0}],
+        "trajectory": [two, 3, "random", Sinusoids(np.ones(6), np.full(6, 0.2), np.full(6, 0.3))],
+        "initial_error": rng.uniform(-0.1, 0.1, (4, 6)),
+    }
+    ours = vector(ANY, 4, robot=mechanism, error_bound=np.inf)
+    alone = [TrackingEnv(mechanism, error_bound=np.inf) for _ in range(4)]
+    told, info = ours.reset(seed=20, options=each)
+    for k, env in enumerate(alone):
+        expected, own = env.reset(seed=20 + k, options={name: values[k] for name, values in each.items()})
+        np.testing.assert_allclose(told[k], expected, rtol=1e-12, atol=1e-12)
+        np.testing.assert_array_equal(info["parameters"][k], own["parameters"])
+    for action in pushes(ours, 40, 0.1):
+        told, reward, *_ = ours.step(action)
+        for k, env in enumerate(alone):
+            expected, paid, *_ = env.step(action[k])
+            np.testing.assert_allclose(told[k], expected, rtol=1e-9, atol=1e-9)
+            assert reward[k] == pytest.approx(paid, rel=1e-9)
+
+
+def test_what_arms_begin_again_with_can_be_set() -> None:
+    masses = np.array([0.0, 1.0, 2.0])
+    ours = vector(PUMA, 3, duration=0.01, reset_options={"payload": masses}, autoreset_mode="SameStep")
+    added = ours.reset()[1]["parameters"][:, 50] - ours.single.mechanism.inertial_parameters[50]
+    np.testing.assert_allclose(added, masses)
+    added = ours.reset(options={"payload": 5.0})[1]["parameters"][:, 50] - ours.single.mechanism.inertial_parameters[50]
+    np.testing.assert_allclose(added, 5.0)
+    for _ in range(10):
+        info = ours.step(np.zeros((3, 6)))[4]
+    final = info["final_info"]["parameters"][:, 50] - ours.single.mechanism.inertial_parameters[50]
+    np.testing.assert_allclose(final, 5.0)
+    np.testing.assert_allclose(info["parameters"][:, 50] - ours.single.mechanism.inertial_parameters[50], masses)
+
+
+def test_references_without_numbers_are_sampled() -> None:
+    """A path shared by arms at other times, one of an arm's own, and the way to sinusoids and back."""
+    path = MinimumJerk(np.array([np.zeros(6), np.full(6, 0.4), np.zeros(6)]), np.array([0.0, 0.08, 0.2]))
+    settings = {"reference": path, "duration": 0.1, "error_bound": 0.05}
+    ours, theirs = vector(PUMA, 4, **settings), one_by_one(PUMA, 4, **settings)
+    assert followed(ours, theirs, pushes(ours, 250, 0.5), initial_error=0.0) > 8
+    assert followed(ours, theirs, pushes(ours, 50, 0.5), trajectory=2, initial_error=0.0) > 0
+    assert followed(ours, theirs, pushes(ours, 120, 0.5), trajectory=2, initial_error=0.0) > 4
+
+
+def test_thousands_of_arms() -> None:
+    ours = vector(PUMA, 16_384)
+    told, _ = ours.reset(seed=0, options={"payload": np.linspace(0.0, 2.0, 16_384)})
+    assert told.shape == (16_384, 42)
+    single = gymnasium.make(PUMA)
+    chosen = 12_345
+    expected, _ = single.reset(seed=chosen, options={"payload": float(np.linspace(0.0, 2.0, 16_384)[chosen])})
+    for action in np.random.default_rng(0).uniform(-5.0, 5.0, (3, 16_384, 6)):
+        told, reward, *_ = ours.step(action)
+        expected, paid, *_ = single.step(action[chosen])
+        np.testing.assert_allclose(told[chosen], expected, rtol=1e-12, atol=1e-12)
+        assert reward[chosen] == pytest.approx(paid, rel=1e-12)
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_an_arm_that_ends_disturbs_no_other(mode: AutoresetMode) -> None:
+    settings = {"autoreset_mode": mode, "error_bound": 0.05, "initial_error": 0.0}
+    quiet, wild = vector(PUMA, 9, **settings), vector(PUMA, 9, threads=2, **settings)
+    quiet.reset(seed=0), wild.reset(seed=0)
+    others, ended = np.arange(9) != 4, 0
+    for action in pushes(quiet, 60, 0.02):
+        thrown = action.copy()
+        thrown[4] = quiet.action_space.high[4]  # type: ignore[attr-defined]
+        one, other = quiet.step(action), wild.step(thrown)
+        ended += int(other[2][4])
+        for ours, theirs in zip(one[:4], other[:4], strict=True):
+            np.testing.assert_array_equal(ours[others], theirs[others])
+    assert ended > 0
+
+
+def test_many_arms_learn_from_one_law() -> None:
+    """Arms with other payloads each: everyone's error falls, and they learn other parameters."""
+    mechanism, model = arm("puma560"), reduced("puma560")
+    law = SlotineLi(model, 8.0, gains("puma560").damping, adaptation_gain(model, RANGES, 1.0))
+    ours = vector(PUMA, 16, robot=mechanism)
+    told, _ = ours.reset(seed=0, options={"payload": np.linspace(0.0, 2.0, 16)})
+    state, errors = law.init(*point(told, ours)[:2]), []
+    for _ in range(1500):
+        torque, state = law.step(state, *point(told, ours))
+        told, _, terminated, _, _ = ours.step(torque)
+        p, _, goal = point(told, ours)
+        errors.append(np.abs(p - goal.p).max(axis=1))
+        assert not terminated.any()
+    assert np.all(np.max(errors[-300:], axis=0) < 0.4 * np.max(errors[:300], axis=0))
+    assert np.ptp(state.estimate, axis=0).max() > 0.1
+
+
+def test_gymnasiums_wrappers_fit() -> None:
+    ours = RecordEpisodeStatistics(RescaleAction(vector(PUMA, 3, duration=0.02), -1.0, 1.0))
+    ours.reset(seed=0)
+    for _ in range(20):
+        _, _, _, truncated, info = ours.step(np.zeros((3, 6)))
+    assert truncated.all()
+    np.testing.assert_array_equal(info["episode"]["l"], 20)
+
+
+def test_images_are_those_of_each() -> None:
+    ours, single = vector(PUMA, 2, render_mode="rgb_array"), gymnasium.make(PUMA, render_mode="rgb_array")
+    ours.reset(seed=0), single.reset(seed=0)
+    action = np.full((2, 6), 20.0)
+    ours.step(action), single.step(action[0])
+    images = ours.render()
+    assert images is not None
+    np.testing.assert_array_equal(images[0], single.render())
+    assert len(images) == 2
+
+
+def test_draws_in_blocks_are_draws_one_by_one() -> None:
+    streams, rng = ArmStreams(2, 3), np.random.default_rng
+    for arm_number in (0, 1):
+        streams.seed(arm_number, 7 + arm_number)
+    plain = [gymnasium.utils.seeding.np_random(7 + k)[0] for k in (0, 1)]
+    both, draws = np.array([0, 1]), rng(0).integers(0, 2 * BLOCK, 6)
+    for count in draws.tolist():
+        for _ in range(count):
+            np.testing.assert_array_equal(streams.normal(both), [one.standard_normal(3) for one in plain])
+        assert streams.generator(1).random() == plain[1].random()
+
+
+# Loops natively
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 6])
+def test_determinants_are_numpys(size: int) -> None:
+    rng = np.random.default_rng(size)
+    names = [f"row{k}" for k in range(size)]
+    kernel = compile_function(lambda **rows: determinant(rows.values()), dict.fromkeys(names, size))
+    for _ in range(20):
+        matrix = rng.normal(size=(size, size))
+        expected = np.linalg.det(matrix)
+        assert kernel(*matrix) == pytest.approx(expected, rel=1e-10)
+        assert determinant(map(Column, matrix.tolist())) == pytest.approx(expected, rel=1e-10)
+
+
+@pytest.mark.parametrize("name", ["semi_direct_drive", "semi_direct_drive_parallelogram"])
+def test_what_is_surely_regular_is_regular(name: str) -> None:
+    continuation = arm(name).continuation
+    assert continuation is not None
+    sure = compile_function(continuation.surely_regular, {"q": len(continuation.reference)})
+    rng = np.random.default_rng(0)
+    near = continuation.reference + rng.uniform(-0.3, 0.3, (50, 3))[:, :1] * 0.0
+    far = rng.uniform(-np.pi, np.pi, (2000, len(continuation.reference)))
+    closed = continuation._closed(far[:, continuation.primary], far)
+    q = np.concatenate((near, far, closed[np.isfinite(closed).all(axis=1)]))
+    found, regularity = np.array([sure(row) for row in q]), continuation.regularity(q)
+    assert np.all(regularity[found == 1.0] >= NEAREST)
+    assert found[0] == 1.0
+    assert np.mean(found[regularity >= 2.0 * NEAREST]) > 0.99
+
+
+# Bad input
+
+
+@pytest.fixture
+def three() -> VectorTrackingEnv:
+    return vector(PUMA, 3)
+
+
+@pytest.mark.parametrize(
+    ("action", "error", "message"),
+    [
+        (np.zeros((3, 5)), InputError, r"action: expected shape \(3, 6\), got \(3, 5\)"),
+        (np.zeros(6), InputError, r"action: expected shape \(3, 6\), got \(6,\)"),
+        ("left", InputError, r"action: expected torques of shape \(3, 6\), got 'left'"),
+        (np.diag([1.0, np.nan, 1.0, 1.0, 1.0, 1.0])[:3], NonFiniteError, "got nan for joint 1 of arm 1"),
+        (np.full((3, 6), -np.inf), NonFiniteError, "got -inf for joint 0 of arm 0"),
+    ],
+)
+def test_bad_actions_are_refused_and_nothing_has_moved(
+    three: VectorTrackingEnv, action: Any, error: type[Exception], message: str
+) -> None:
+    three.reset(seed=0)
+    with pytest.raises(error, match=message):
+        three.step(action)
+    told = three.step(np.ones((3, 6)))[0]
+    three.reset(seed=0)
+    np.testing.assert_array_equal(told, three.step(np.ones((3, 6)))[0])
+
+
+def test_actions_of_arms_that_begin_again_do_not_matter() -> None:
+    ours = vector(PUMA, 2, duration=1e-3)
+    ours.reset(seed=0)
+    assert ours.step(np.zeros((2, 6)))[3].all()
+    told, reward, terminated, truncated, _ = ours.step(np.full((2, 6), np.nan))
+    np.testing.assert_array_equal(told, ours.reset(seed=0)[0])
+    np.testing.assert_array_equal([reward, terminated, truncated], 0.0)
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"paylod": 1.0}, NotFoundError, "'paylod'; options: payload, trajectory, initial_error, parameters"),
+        ({"payload": [1.0, 2.0]}, InputError, "payload: expected one, or one for each of 3 arms, got 2"),
+        ({"payload": [1.0, -2.0, 1.0]}, InputError, "expected a mass of at least 0 kg, got -2.0"),
+        ({"trajectory": ["random"] * 4}, InputError, "trajectory: expected one, or one for each of 3 arms, got 4"),
+        ({"trajectory": "fast"}, InputError, "expected a Reference, a seed of at least 0, or 'random', got 'fast'"),
+        ({"trajectory": Sinusoids([0.0], [1.0], [1.0])}, InputError, "reference: expected 6 joints, got 1 for arm 0"),
+        ({"initial_error": np.zeros((2, 6))}, InputError, r"or \(3, 6\) for the arms, got shape \(2, 6\)"),
+        ({"initial_error": [[0.0] * 6, [np.nan] * 6, [0.0] * 6]}, NonFiniteError, "got nan for arm 1"),
+        ({"parameters": np.zeros(59)}, InputError, r"expected a number or shape \(60,\), or \(3, 60\)"),
+        ({"parameters": "heavy"}, InputError, "parameters: expected numbers, got 'heavy'"),
+        ({"reset_mask": np.ones(3, dtype=bool)}, InputError, "for autoreset_mode=AutoresetMode.DISABLED"),
+    ],
+)
+def test_bad_options_are_refused(
+    three: VectorTrackingEnv, options: dict[str, Any], error: type[Exception], message: str
+) -> None:
+    with pytest.raises(error, match=message):
+        three.reset(options=options)
+
+
+@pytest.mark.parametrize("mask", [np.zeros(3, dtype=bool), np.ones(2, dtype=bool), np.ones(3)])
+def test_bad_masks_are_refused(mask: Array) -> None:
+    ours = vector(PUMA, 3, autoreset_mode="Disabled")
+    with pytest.raises(InputError, match="reset_mask: expected 3 bools, not all False"):
+        ours.reset(options={"reset_mask": mask})
+    with pytest.raises(ResetNeeded, match="reset all arms first"):
+        ours.reset(options={"reset_mask": np.array([True, False, True])})
+
+
+def test_the_order_of_calls_is_kept(three: VectorTrackingEnv) -> None:
+    for call in (lambda: three.step(np.zeros((3, 6))), three.render):
+        with pytest.raises(ResetNeeded, match=r"call env\.reset"):
+            call()
+    with pytest.raises(InputError, match="seed: expected a number, or one for each of 3 arms, got 2"):
+        three.reset(seed=[1, 2])
+
+
+def test_an_arm_that_runs_away_is_named() -> None:
+    mechanism = arm("puma560_measured")
+    ours = vector(PUMA, 3, robot=mechanism, error_bound=np.inf)
+    parameters = np.tile(mechanism.inertial_parameters, (3, 1))
+    parameters[1] *= -1e-3
+    ours.reset(options={"parameters": parameters})
+    with pytest.raises(NonFiniteError, match="puma560_measured: the motion of arm 1 ran away after"):
+        deque((ours.step(np.full((3, 6), 5.0)) for _ in range(2000)), maxlen=0)
+
+
+@pytest.mark.parametrize(
+    ("settings", "error", "message"),
+    [
+        ({"num_envs": 0}, InputError, "num_envs: expected a whole number of at least 1, got 0"),
+        ({"autoreset_mode": "Sometimes"}, InputError, "expected one of NextStep, SameStep, Disabled, got 'Sometimes'"),
+        ({"reset_options": {"paylod": 1.0}}, NotFoundError, "unknown option 'paylod'"),
+        ({"robot": "puma650"}, NotFoundError, "puma560"),
+        ({"duration": 0.0}, InputError, "duration: expected at least one control period"),
+        ({"robot": random_chain(0, LARGEST_COMPILED + 1)}, InputError, "use vectorization_mode='sync'"),
+    ],
+)
+def test_environments_that_cannot_be_are_refused(
+    settings: dict[str, Any], error: type[Exception], message: str
+) -> None:
+    with pytest.raises(error, match=message):
+        VectorTrackingEnv(**settings)
+
+
+@pytest.mark.parametrize("section", ["Action space", "Observation space", "Beginning again", "Arguments"])
+def test_the_docstring_is_the_card(section: str) -> None:
+    assert f"## {section}" in (VectorTrackingEnv.__doc__ or "")
+
+
+def test_the_module_registers_all() -> None:
+    for name in (PUMA, LOOP, ANY):
+        assert gymnasium.spec(name).vector_entry_point is not None
+    assert adaptctl.envs.VectorTrackingEnv is VectorTrackingEnv
