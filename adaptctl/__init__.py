@@ -30,7 +30,7 @@ if TYPE_CHECKING:
         fundamental_basis,
         reduce,
     )
-    from adaptctl.simulation import Plant, Rollout, rollout, simulate
+    from adaptctl.simulation import Plant, Rollout, rollout, simulate, simulate_many
 
     __version__: str
 
@@ -63,6 +63,7 @@ __all__ = [
     "reduce",
     "rollout",
     "simulate",
+    "simulate_many",
 ]
 
 _HOMES = {
@@ -88,7 +89,7 @@ _HOMES = {
         "fundamental_basis",
         "reduce",
     ),
-    "adaptctl.simulation": ("Plant", "Rollout", "rollout", "simulate"),
+    "adaptctl.simulation": ("Plant", "Rollout", "rollout", "simulate", "simulate_many"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 

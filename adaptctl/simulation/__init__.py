@@ -5,6 +5,7 @@ from adaptctl.simulation.plant import Plant, PlantState
 from adaptctl.simulation.real_plant import RealPlant, RealPlantState
 from adaptctl.simulation.rollout import Rollout, rollout
 from adaptctl.simulation.simulate import simulate
+from adaptctl.simulation.simulate_many import Rollouts, simulate_many
 
 __all__ = [
     "Acceleration",
@@ -14,8 +15,10 @@ __all__ = [
     "RealPlant",
     "RealPlantState",
     "Rollout",
+    "Rollouts",
     "RungeKutta4",
     "SemiImplicitEuler",
     "rollout",
     "simulate",
+    "simulate_many",
 ]

@@ -41,8 +41,8 @@ def simulate(
     environment is left where `rollout` leaves it.
 
     It takes a `TrackingEnv`, or another environment that hands over its `Episode`, in no wrappers but those of
-    `gymnasium.make`; a controller whose torque is that of its `law`; and at most 32 links. Anything else is driven by
-    `rollout`, with a `NotCompiledWarning` that says why. Raises what `rollout` raises.
+    `gymnasium.make`; a controller whose torque is that of its `law`; and at most LARGEST_COMPILED links. Anything else
+    is driven by `rollout`, with a `NotCompiledWarning` that says why. Raises what `rollout` raises.
     """
     _, period = interface(env, controller)
     if reason := _obstacle(env, controller):

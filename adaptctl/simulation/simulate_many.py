@@ -1,0 +1,259 @@
+"""Many closed loops of one kind at once, in SIMD lanes: for Monte Carlo studies, sweeps and tolerances."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.compilation import Stepper, compile_step
+from adaptctl.control.controller import LARGEST_COMPILED, Controller, Reference
+from adaptctl.dynamics.arrays import checked
+from adaptctl.errors import InputError
+from adaptctl.mechanism.pose import Array
+from adaptctl.scalars import Column, absolute, maximum
+from adaptctl.simulation.closed_loop import ClosedLoop
+from adaptctl.simulation.effects import PlantEffects
+from adaptctl.simulation.plant import Plant
+from adaptctl.simulation.real_plant import RealPlant
+from adaptctl.simulation.references_of_many import ReferenceForm, ReferencesOfMany
+
+MEMORY = 2**26
+"""Bytes that a native call may read and write besides the arms' states."""
+RECORDED = ("p", "v", "reference_p", "reference_v", "torque", "applied", "estimate")
+
+
+@dataclass(frozen=True, eq=False)
+class Rollouts:
+    """What happened in M closed-loop runs of r joints; every array is read-only.
+
+    Sample k has the states at `time[k]` and the torques commanded on them; T samples. The errors are of all control
+    periods, whether or not they are sampled. Runs never see each other: where one is not finite, the others are.
+    """
+
+    time: Array
+    """(T,) s"""
+    p: Array
+    """(T, M, r) positions, rad or m"""
+    v: Array
+    """(T, M, r)"""
+    reference_p: Array
+    """(T, M, r)"""
+    reference_v: Array
+    """(T, M, r)"""
+    torque: Array
+    """(T, M, r) commanded, N m"""
+    applied: Array
+    """(T, M, r) N m, what reached the joints"""
+    estimate: Array
+    """(T, M, k) the controllers' parameter estimates, k = 0 where they have none"""
+    parameters: Array
+    """(M, P) the true ones, without what effects load on them"""
+    rms_error: Array
+    """(M, r) root mean square of p - reference p"""
+    largest_error: Array
+    """(M, r) its largest magnitude"""
+    control_period: float
+    """s"""
+    wall_time: float
+    """s"""
+    complete: bool
+    """False when the runs were interrupted: what was computed is kept."""
+
+    @property
+    def error(self) -> Array:
+        """Tracking errors (T, M, r)."""
+        return self.p - self.reference_p
+
+    @property
+    def finite(self) -> Array:
+        """Which runs (M,) stayed finite."""
+        return np.asarray(np.isfinite(self.rms_error).all(axis=-1))
+
+
+def simulate_many(
+    plant: Plant | RealPlant,
+    controller: Controller[Any],
+    reference: Reference | Sequence[Reference],
+    *,
+    duration: float,
+    members: int | None = None,
+    parameters: ArrayLike | None = None,
+    p: ArrayLike | None = None,
+    v: ArrayLike | None = None,
+    seed: int | None = None,
+    every: int = 1,
+    threads: int = 1,
+    progress: Callable[[float], object] | None = None,
+) -> Rollouts:
+    """Many runs of one controller on one plant, of `duration` s each, that differ in what is given as a row each.
+
+    `reference` is one for all or a sequence of M; those that are `Sinusoids` alike in their number of terms cost no
+    memory. `parameters` (P,) or (M, P) are the true ones, the mechanism's own when not given; `p` and `v`, (r,) or
+    (M, r), are where the arms start, on their references when not given; `members` is M where nothing else tells.
+    `seed` is that of the sensors' noise.
+
+    Every `every`-th control period is recorded, the first one included: memory goes with T M over it. `threads` share
+    the arms. `progress` is called in between with the share done, and Ctrl-C keeps what was computed. Nothing ends a
+    run early. Raises `InputError` where arguments do not fit together, and for more than LARGEST_COMPILED links.
+    """
+    real = plant if isinstance(plant, RealPlant) else RealPlant(plant, PlantEffects())
+    run = _Runs(ClosedLoop(real, controller), reference, duration, every, threads)
+    run.begin(members, seed, parameters=parameters, p=p, v=v)
+    complete, started = False, perf_counter()
+    try:
+        while run.count < run.steps:
+            run.advance()
+            if progress is not None:
+                progress(run.count / run.steps)
+        complete = True
+    except KeyboardInterrupt:
+        pass
+    return run.result(perf_counter() - started, complete)
+
+
+@lru_cache(maxsize=8)
+def _compiled(loop: ClosedLoop, form: ReferenceForm) -> Stepper:
+    """A control period of arms in lanes, with the errors summed up."""
+
+    def step(squares: Column, largest: Column, **columns: Column) -> tuple[Any, ...]:
+        point = form.point(columns)
+        given = dict(zip(loop.reference, point, strict=True))
+        passed_on, sample = loop.equation(**columns, **given)
+        p = loop.plant.plant.primary(sample.q)
+        error = p - point.p
+        summed = squares + error * error, Column(map(maximum, largest, map(absolute, error)))
+        done = sample.torque, sample.applied, sample.estimate
+        return (*passed_on, *summed, p, sample.v, point.p, point.v, *done)
+
+    sums = dict.fromkeys(("squares", "largest"), loop.controller.dof)
+    return compile_step(
+        step,
+        state=loop.state | sums,
+        held=loop.held | form.held,
+        shared=form.shared,
+        driven=form.driven | loop.noise,
+        name=type(loop.controller).__name__,
+    )
+
+
+class _Runs:
+    """Runs in the making."""
+
+    def __init__(
+        self,
+        loop: ClosedLoop,
+        reference: Reference | Sequence[Reference],
+        duration: float,
+        every: int,
+        threads: int,
+    ) -> None:
+        self.loop, self.period, self.threads = loop, loop.plant.plant.control_period, threads
+        if not (np.isfinite(duration) and duration >= self.period):
+            raise InputError(f"duration: expected at least a control period of {self.period:g} s, got {duration}")
+        if every != int(every) or every < 1:
+            raise InputError(f"every: expected a whole number of at least 1, got {every}")
+        _require_compilable(loop)
+        self.steps, self.every, self.count = round(duration / self.period), int(every), 0
+        self.references = ReferencesOfMany.of(reference, loop.controller.reference_size)
+        self.records: list[tuple[Array, ...]] = []
+
+    def begin(self, members: int | None, seed: int | None, **given: ArrayLike | None) -> None:
+        """Put every arm where it starts: at `parameters`, `p` and `v`, those of the mechanism and on the reference
+        unless given."""
+        loop, start = self.loop, self.references.points(np.zeros(1))
+        on_course = [part[0] if self.references.arms else part[0, 0] for part in (start.p, start.v)]
+        own = {"parameters": loop.plant.plant.mechanism.inertial_parameters, "p": on_course[0], "v": on_course[1]}
+        chosen = own | {name: x for name, x in given.items() if x is not None}
+        rows = {name: checked(x, own[name].shape[-1], name) for name, x in chosen.items()}
+        count = _members(members, {"reference": self.references.arms} | {k: x.shape[:-1] for k, x in rows.items()})
+        self.parameters, p, v = (np.broadcast_to(x, (count, x.shape[-1])) for x in rows.values())
+        self.rng = np.random.default_rng(seed)
+        state = loop.plant.init(p, v, self._noise(1, count)[0], loop.plant.parameters(self.parameters, 0.0))
+        self.arms = _compiled(loop, self.references.form).ensemble(count)
+        loop.begin(self.arms, state, loop.controller.init(state.p, state.v))
+        self.arms.held["parameters"] = self.parameters
+        for name, values in self.references.held.items():
+            self.arms.held[name] = values
+        numbers = sum(math.prod(shape) for shape in self.arms.stepper.outputs) + 5 * loop.controller.dof
+        self.longest = max(1, MEMORY // (8 * numbers * count))
+
+    def advance(self) -> None:
+        """Up to the next sample that is kept, or, where all are, as far as memory allows."""
+        if self.every == 1:
+            self.records.append(self._stretch(self.steps - self.count, record=True))
+            return
+        sample = self.count + -self.count % self.every
+        while self.count < min(sample + 1, self.steps):
+            outputs = self._stretch(min(sample + 1, self.steps) - self.count, record=False)
+        if sample < self.steps:
+            self.records.append(tuple(part[None] for part in outputs))
+
+    def _stretch(self, most: int, *, record: bool) -> tuple[Array, ...]:
+        """At most so many control periods, in which the true parameters stay as they are: one native call."""
+        plant, begin = self.loop.plant, self.count * self.period
+        ahead = np.arange(self.count, self.count + min(most, self.longest)) * self.period
+        time = np.asarray(ahead[: max(1, int(np.searchsorted(ahead, plant.until(begin))))])
+        if plant.effects.loads:
+            self.arms.held["parameters"] = plant.parameters(self.parameters, begin)
+        signals = {**self.references.signals(time), "noise": self._noise(len(time), self.arms.members)}
+        outputs = self.arms.run(len(time), signals, record=record, threads=self.threads)
+        self.count += len(time)
+        return outputs
+
+    def _noise(self, steps: int, members: int) -> Array:
+        return self.rng.standard_normal((steps, members, self.loop.noise["noise"]))
+
+    def result(self, wall_time: float, complete: bool) -> Rollouts:
+        """What happened so far."""
+        shapes = [(0, self.arms.members, *shape) for shape in self.arms.stepper.outputs]
+        nothing = tuple(np.empty(shape) for shape in shapes)
+        parts = (_frozen(np.concatenate(parts)) for parts in zip(nothing, *self.records, strict=True))
+        columns = dict(zip(RECORDED, parts, strict=True))
+        count = len(columns["p"])
+        mean = self.arms.state["squares"] / max(self.count, 1)
+        return Rollouts(
+            **columns,
+            time=_frozen(np.asarray(np.arange(0, count * self.every, self.every) * self.period)),
+            parameters=_frozen(self.parameters.copy()),
+            rms_error=_frozen(np.asarray(np.sqrt(mean))),
+            largest_error=_frozen(self.arms.state["largest"]),
+            control_period=self.period,
+            wall_time=wall_time,
+            complete=complete,
+        )
+
+
+def _require_compilable(loop: ClosedLoop) -> None:
+    if (links := len(loop.plant.plant.mechanism.links)) > LARGEST_COMPILED:
+        raise InputError(
+            f"simulate_many: {links} links are too many to compile, at most {LARGEST_COMPILED} are not: use `rollout` "
+            "for one run after the other"
+        )
+    if loop.controller.reference_size != loop.controller.dof:
+        raise InputError("simulate_many: expected a controller whose reference is one of joints")
+    if type(loop.controller).step is not Controller.step:
+        raise InputError(
+            f"simulate_many: {type(loop.controller).__name__} has a step of its own, and only a law is compiled: use "
+            "`rollout` for one run after the other"
+        )
+
+
+def _members(given: int | None, rows: Mapping[str, tuple[int, ...]]) -> int:
+    """How many arms there are: what is given, and what has a row each, must agree."""
+    told = {name: axes for name, axes in rows.items() if axes} | ({} if given is None else {"members": (given,)})
+    if any(len(axes) > 1 for axes in told.values()) or len(set(told.values())) > 1:
+        counts = ", ".join(f"{name} {'×'.join(map(str, axes))}" for name, axes in told.items())
+        raise InputError(f"members: expected a row for each arm, as many everywhere, got {counts}")
+    return next((axes[0] for axes in told.values()), 1)
+
+
+def _frozen(array: Array) -> Array:
+    array.flags.writeable = False
+    return array

@@ -1,0 +1,185 @@
+"""Many runs at once are those of one after the other, each its own, and what is kept of them is bounded."""
+
+from __future__ import annotations
+
+import signal
+from typing import Any
+
+import numpy as np
+import pytest
+from random_trees import random_chain
+from sampled_loops import arm, gains, posture, reduced, swinging
+
+from adaptctl.control import ComputedTorque, MinimumJerk, Sinusoids, SlotineLi
+from adaptctl.control.controller import LARGEST_COMPILED, Controller, ReferencePoint
+from adaptctl.dynamics import Mechanism
+from adaptctl.envs import TrackingEnv
+from adaptctl.errors import InputError
+from adaptctl.mechanism.pose import Array
+from adaptctl.simulation import Plant, RealPlant, rollout, simulate_many
+from adaptctl.simulation.effects import (
+    ControlDelay,
+    Effect,
+    Encoder,
+    FilteredDifferences,
+    PayloadHeld,
+    PlantEffects,
+    TorqueLimit,
+)
+
+SMALL, LOOP, PERIOD = "puma560_arm3", "semi_direct_drive", 1e-3
+REAL: list[Effect] = [
+    ControlDelay(1), TorqueLimit(50.0), PayloadHeld(1.0, 0.1, 0.2), Encoder(1e-4), FilteredDifferences(100.0)
+]  # fmt: skip
+LIMIT = 60.0
+
+
+def learning(name: str) -> SlotineLi:
+    first = 1.2 * reduced(name).fundamental_parameters
+    return SlotineLi(reduced(name), 8.0, gains(name).damping, np.full(len(first), 0.05), first)
+
+
+def real(mechanism: Mechanism, effects: list[Effect]) -> RealPlant:
+    return RealPlant(Plant(mechanism, PERIOD, torque_limits=np.full(mechanism.dof, LIMIT)), PlantEffects.of(effects))
+
+
+def one_by_one(
+    name: str, effects: list[Effect], references: list[Any], parameters: Array, off: Array, duration: float
+) -> list[Any]:
+    """The same runs in Gymnasium's loop."""
+    env = TrackingEnv(
+        arm(name), duration=duration, effects=effects, error_bound=np.inf, torque_limits=LIMIT, initial_error=0.0
+    )
+    found = []
+    for reference, true, error in zip(references, parameters, off, strict=True):
+        options = {"trajectory": reference, "parameters": true, "initial_error": error}
+        found.append(rollout(env, learning(name), seed=0, options=options))
+    return found
+
+
+@pytest.mark.parametrize("name", [SMALL, LOOP])
+@pytest.mark.parametrize("effects", [[], REAL], ids=["ideal", "real"])
+@pytest.mark.parametrize("kind", ["sinusoids", "samples", "one"])
+def test_each_arm_runs_as_it_does_alone(name: str, effects: list[Effect], kind: str) -> None:
+    mechanism, members, duration = arm(name), 5, 0.3
+    rng = np.random.default_rng(1)
+    references: list[Any] = [swinging(mechanism, seed=k, amplitude=0.05) for k in range(members)]
+    if kind == "samples":
+        home = posture(mechanism)
+        references[2:] = [MinimumJerk([home, home + 0.1 * k], [0.0, duration]) for k in range(2, members)]
+    if kind == "one":
+        references = references[:1] * members
+    parameters = mechanism.inertial_parameters * rng.uniform(0.95, 1.05, (members, 1))
+    off = 0.05 * rng.normal(size=(members, mechanism.dof))
+    start = [reference(0.0) for reference in references]
+    together = simulate_many(
+        real(mechanism, effects),
+        learning(name),
+        references[0] if kind == "one" else references,
+        duration=duration,
+        parameters=parameters,
+        p=np.array([point.p for point in start]) + off,
+        v=np.array([point.v for point in start]),
+    )
+    assert together.complete
+    assert together.finite.all()
+    alone = one_by_one(name, effects, references, parameters, off, duration)
+    for k, run in enumerate(alone):
+        for column in ("p", "v", "reference_p", "reference_v", "torque", "applied", "estimate"):
+            wanted = getattr(run, column)
+            np.testing.assert_allclose(
+                getattr(together, column)[:, k],
+                wanted,
+                rtol=0.0,
+                atol=1e-9 * max(np.abs(wanted).max(), 1e-3),
+                err_msg=column,
+            )
+        np.testing.assert_allclose(together.rms_error[k], np.sqrt((run.error**2).mean(axis=0)), rtol=1e-9)
+        np.testing.assert_allclose(together.largest_error[k], np.abs(run.error).max(axis=0), rtol=1e-9)
+    np.testing.assert_array_equal(together.time, alone[0].time)
+
+
+def test_a_sample_now_and_then_is_one_of_all_samples() -> None:
+    mechanism, law = arm(SMALL), learning(SMALL)
+    plant = real(mechanism, [Encoder(noise=1e-4), PayloadHeld(1.0, 0.1, 0.2)])
+    every = {
+        n: simulate_many(plant, law, swinging(mechanism), duration=0.25, members=3, seed=4, every=n, threads=threads)
+        for n, threads in ((1, 1), (7, 2), (250, 1))
+    }
+    for n, runs in every.items():
+        np.testing.assert_array_equal(runs.time, every[1].time[::n])
+        for column in ("p", "v", "reference_p", "torque", "estimate", "error"):
+            np.testing.assert_array_equal(getattr(runs, column), getattr(every[1], column)[::n])
+        np.testing.assert_array_equal(runs.rms_error, every[1].rms_error)
+    assert not np.array_equal(every[1].torque[:, 0], every[1].torque[:, 1])  # each has noise of its own
+    other = simulate_many(plant, law, swinging(mechanism), duration=0.25, members=3, seed=5, every=250)
+    assert not np.array_equal(other.rms_error, every[1].rms_error)
+    with pytest.raises(ValueError, match="read-only"):
+        other.p[0] = 0.0
+
+
+def test_an_arm_that_is_lost_takes_no_other_with_it() -> None:
+    mechanism = arm(SMALL)
+    plant, law = Plant(mechanism, PERIOD), ComputedTorque(mechanism, 8.0)
+    parameters = np.tile(mechanism.inertial_parameters, (9, 1))
+    parameters[4] = 0.0  # no force moves it by a finite acceleration
+    runs = simulate_many(plant, law, swinging(mechanism), duration=1.0, parameters=parameters, every=100)
+    alone = simulate_many(plant, law, swinging(mechanism), duration=1.0, every=100)
+    lost = np.arange(9) == 4
+    np.testing.assert_array_equal(runs.finite, ~lost)
+    for column in ("p", "torque"):
+        np.testing.assert_array_equal(
+            getattr(runs, column)[:, ~lost], np.repeat(getattr(alone, column), 8, axis=1), err_msg=column
+        )
+
+
+def test_interrupted_runs_keep_what_was_computed() -> None:
+    mechanism, law = arm(SMALL), learning(SMALL)
+
+    def interrupt(share: float) -> None:
+        if share > 0.5:
+            signal.raise_signal(signal.SIGINT)
+
+    arguments: dict[str, Any] = {"duration": 0.2, "members": 2, "every": 10}
+    whole = simulate_many(Plant(mechanism, PERIOD), law, swinging(mechanism), **arguments)
+    part = simulate_many(Plant(mechanism, PERIOD), law, swinging(mechanism), progress=interrupt, **arguments)
+    assert (whole.complete, part.complete) == (True, False)
+    assert len(part.time) == 11
+    np.testing.assert_array_equal(part.p, whole.p[:11])
+
+
+class OwnStep(ComputedTorque):
+    def step(self, state: Any, p: Any, v: Any, reference: ReferencePoint) -> Any:
+        return np.zeros(3), state
+
+
+@pytest.mark.parametrize(
+    ("arguments", "what"),
+    [
+        ({"duration": 0.0}, "duration: expected at least a control period of 0.001 s, got 0.0"),
+        ({"every": 0}, "every: expected a whole number of at least 1, got 0"),
+        ({"members": 3, "p": np.zeros((2, 3))}, "expected a row for each arm, as many everywhere, got p 2, members 3"),
+        ({"p": np.zeros((2, 2, 3))}, "got p 2×2"),
+        ({"parameters": np.zeros(7)}, r"parameters: expected shape \(..., 30\), got \(7,\)"),
+        ({"reference": []}, r"reference: expected a Reference or a sequence of them, got \[\]"),
+        ({"reference": [Sinusoids([0.0], [0.1], [0.2])]}, r"reference: p: expected shape \(..., 3\), got \(1, 1\)"),
+        (
+            {"controller": ComputedTorque(arm("puma560_measured"), 8.0)},
+            "the plant has 3 joints, the controller is for 6",
+        ),
+        ({"controller": OwnStep(arm(SMALL), 8.0)}, "OwnStep has a step of its own"),
+    ],
+)
+def test_what_does_not_fit_together_is_refused(arguments: dict[str, Any], what: str) -> None:
+    mechanism = arm(SMALL)
+    usual = {"plant": Plant(mechanism, PERIOD), "controller": ComputedTorque(mechanism, 8.0), "duration": 0.1}
+    with pytest.raises(InputError, match=what):
+        simulate_many(**({"reference": swinging(mechanism)} | usual | arguments))
+
+
+def test_arms_too_long_to_compile_are_refused() -> None:
+    chain = random_chain(0, LARGEST_COMPILED + 1)
+    law: Controller[Any] = ComputedTorque(chain, 5.0)
+    still = Sinusoids(np.zeros(chain.dof), np.zeros(chain.dof), np.zeros(chain.dof))
+    with pytest.raises(InputError, match=f"{LARGEST_COMPILED + 1} links are too many to compile"):
+        simulate_many(Plant(chain, PERIOD), law, still, duration=0.1)
