@@ -15,6 +15,7 @@ if TYPE_CHECKING:
         PriorRanges,
         Sinusoids,
         SlotineLi,
+        Spline,
         adaptation_gain,
         lyapunov,
     )
@@ -54,6 +55,7 @@ __all__ = [
     "Rollout",
     "Sinusoids",
     "SlotineLi",
+    "Spline",
     "__version__",
     "adaptation_gain",
     "essential_space",
@@ -74,6 +76,7 @@ _HOMES = {
         "PriorRanges",
         "Sinusoids",
         "SlotineLi",
+        "Spline",
         "adaptation_gain",
         "lyapunov",
     ),

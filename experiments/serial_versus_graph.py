@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from adaptctl.compilation import trace
 from adaptctl.control import Gains, PriorRanges, Sinusoids, SlotineLi, Spline, adaptation_gain
-from adaptctl.dynamics import Mechanism, load
+from adaptctl.dynamics import Mechanism, equation_costs, load
 from adaptctl.dynamics.inverse_kinematics import Tip
 from adaptctl.errors import InputError
 from adaptctl.experiments.contest import Contender, Outcome, contest
@@ -26,7 +25,6 @@ from adaptctl.identifiability import (
 )
 from adaptctl.recording import Comparison, Setting
 from adaptctl.recording.side_by_side import OperationCounts, Side, SideBySide
-from adaptctl.scalars import Column
 
 if TYPE_CHECKING:
     import gymnasium
@@ -254,13 +252,4 @@ def _told(progress: Progress, arm: str, what: str, share: float) -> None:
 
 def regressor_counts(mechanism: Mechanism, basis: FundamentalBasis) -> OperationCounts:
     """What the Slotine-Li regressor costs, compiled, at a configuration that closes the loops."""
-    r, equations = mechanism.dof, mechanism.equations
-
-    def flops(columns: range | tuple[int, ...]) -> int:
-        def regressor(q: Column, v: Column, v_r: Column, a_r: Column) -> Column:
-            rows = equations.torque_regressor(q, v, v_r, a_r, columns)
-            return Column(entry for row in rows for entry in row)
-
-        return trace(regressor, {"q": len(mechanism.links), "v": r, "v_r": r, "a_r": r}).operations.flops
-
-    return OperationCounts(flops(tuple(basis.columns)), flops(range(len(mechanism.parameter_names))))
+    return OperationCounts(equation_costs(mechanism, basis.columns).regressor, equation_costs(mechanism).regressor)

@@ -2,122 +2,162 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
-from typing import Any
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
 from adaptctl.compilation import compile_function, compile_step, trace
-from adaptctl.control.adaptive import spread
-from adaptctl.dynamics import Mechanism, load
+from adaptctl.control import PriorRanges, ReferencePoint, SlotineLi, Subspace, adaptation_gain
+from adaptctl.control.controller import home, leaves, like
+from adaptctl.dynamics import equation_costs, load
 from adaptctl.dynamics.arrays import column, stacked
+from adaptctl.dynamics.momentum import momentum_terms
 from adaptctl.errors import TraceError
+from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column, Dual
 
-TABLE_4_SET = {
-    "link1": "I_yy",
-    "link2": "mc_x mc_y I_yy I_zz I_xy I_xz I_yz",
-    "link3": "mc_x mc_z I_yy I_zz I_xy I_xz I_yz",
-    "link4": "mc_x mc_z I_yy I_zz I_xy I_xz I_yz",
-    "link5": "mc_x I_yy I_zz I_xy I_xz I_yz",
-    "link6": "mc_x mc_y mc_z I_yy I_zz I_xy I_xz I_yz",
-}
-"""The 36 columns that the paper's priorities keep, exact twists given."""
-
-Equation = Callable[..., tuple[Column, ...]]
+ARMS = ["puma560_measured", "semi_direct_drive"]
 
 
-@pytest.fixture(scope="module")
-def puma() -> Mechanism:
-    return load("puma560_measured")
+class Equation(NamedTuple):
+    """A function of columns, and what each of its arguments is."""
+
+    function: Callable[..., tuple[Column, ...]]
+    given: tuple[str, ...]
 
 
-@pytest.fixture(scope="module")
-def kept(puma: Mechanism) -> list[int]:
-    names = [f"{link}.{kind}" for link, kinds in TABLE_4_SET.items() for kind in kinds.split()]
-    return sorted(puma.parameter_names.index(name) for name in names)
+@lru_cache
+def reduced(name: str) -> ReducedModel:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        mechanism = load(name)
+    return ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))
 
 
-def equations(puma: Mechanism, kept: list[int]) -> dict[str, tuple[Equation, tuple[int, ...]]]:
-    """Each equation as a function of six-columns and of the 60 parameters where it needs them."""
-    e = puma.equations
+@lru_cache
+def equations(name: str) -> dict[str, Equation]:
+    model = reduced(name)
+    e, kept = model.mechanism.equations, list(model.columns)
+    motion = ("q", "v", "v_r", "a_r")
 
-    def both(p: Column, v: Column, w: Column, a: Column, s: Column, D: Column) -> tuple[Column, ...]:
-        motion = e.motion(p, v, w, a)
-        return motion.torque(D), motion.powers(s, kept)
+    def remembered(q: Column, v: Column, w: Column, a: Column, s: Column) -> tuple[Column]:
+        return (e.remembered(e.motion(q, v, w, a).numbers).powers(s, kept),)
 
     return {
-        "energy": (lambda p, v: (e.energy_regressor(p, v),), (6, 6)),
-        "potential": (lambda p: (e.potential_regressor(p),), (6,)),
-        "regressor": (lambda p, v, w, a: tuple(e.torque_regressor(p, v, w, a, kept)), (6, 6, 6, 6)),
-        "inverse": (lambda p, v, w, a, D: (e.inverse_dynamics(p, v, w, a, D),), (6, 6, 6, 6, 60)),
-        "torque and powers": (both, (6, 6, 6, 6, 6, 60)),
-        "forward": (lambda p, v, t, D: (e.forward_dynamics(p, v, t, D),), (6, 6, 6, 60)),
+        "energy": Equation(lambda q, v: (e.energy_regressor(q, v),), ("q", "v")),
+        "potential": Equation(lambda q: (e.potential_regressor(q),), ("q",)),
+        "rates": Equation(lambda q, v: (e.rates(q, v),), ("q", "v")),
+        "closed": Equation(lambda p, q: (e.closed(p, q),), ("p", "q")),
+        "momentum": Equation(lambda q, v: sum(map(tuple, momentum_terms(e, q, v, kept)), ()), ("q", "v")),
+        "regressor": Equation(lambda *moving: tuple(e.torque_regressor(*moving, kept)), motion),
+        "torque": Equation(lambda q, v, w, a, D: (e.inverse_dynamics(q, v, w, a, D),), (*motion, "D")),
+        "powers": Equation(lambda q, v, w, a, s: (e.motion(q, v, w, a).powers(s, kept),), (*motion, "s")),
+        "remembered powers": Equation(remembered, (*motion, "s")),
+        "mass matrix": Equation(lambda q, D: tuple(map(Column, e.mass_matrix(q, D))), ("q", "D")),
+        "forward": Equation(lambda q, v, t, D: (e.forward_dynamics(q, v, t, D),), ("q", "v", "torque", "D")),
+        "tick": adaptive_tick(model),
     }
 
 
-NAMES = ["energy", "potential", "regressor", "inverse", "torque and powers", "forward"]
+NAMES = [
+    "energy", "potential", "rates", "closed", "momentum", "regressor", "torque", "powers", "remembered powers",
+    "mass matrix", "forward", "tick",
+]  # fmt: skip
+
+
+def adaptive_tick(model: ReducedModel) -> Equation:
+    """A whole control law, with its memory."""
+    law = SlotineLi(model, 8.0, 0.05, adaptation_gain(model, PriorRanges()))
+    blank = law.start(law.home, np.zeros(law.dof))
+
+    def tick(p: Column, v: Column, *rest: Column) -> tuple[Column, ...]:
+        torque, after = law.law(p, v, ReferencePoint(*rest[:3]), like(blank, rest[3:]))
+        return (torque, *leaves(after))
+
+    return Equation(tick, ("p", "v", "p", "v", "a_r", "beta", "q", "motion", "s", "torque", "elapsed"))
+
+
+def inputs(name: str, given: tuple[str, ...], samples: int) -> list[Array]:
+    model, rng = reduced(name), np.random.default_rng(3)
+    mechanism = model.mechanism
+    tree = mechanism.continuation is None
+    p = home(mechanism) + rng.normal(size=(samples, mechanism.dof)) * (1.0 if tree else 0.02)
+    known = {
+        "p": p,
+        "q": mechanism.configuration(p),
+        "D": np.broadcast_to(mechanism.inertial_parameters, (samples, len(mechanism.inertial_parameters))),
+        "beta": rng.normal(size=(samples, len(model.columns))),
+        "motion": rng.normal(size=(samples, mechanism.equations.motion_size)),
+        "elapsed": np.full((samples, 1), 1e-3),
+    }
+    return [known[x] if x in known else rng.normal(size=(samples, mechanism.dof)) for x in given]
 
 
 def flat(columns: tuple[Column, ...]) -> list[Any]:
     return [entry for one in columns for entry in one]
 
 
-def inputs(puma: Mechanism, sizes: tuple[int, ...], samples: int) -> list[Array]:
-    rng = np.random.default_rng(3)
-    D = np.broadcast_to(puma.inertial_parameters, (samples, 60))
-    return [D if size == 60 else rng.normal(size=(samples, size)) for size in sizes]
+def value(x: Any) -> float:
+    return x.value if isinstance(x, Dual) else x
 
 
-def tolerance(puma: Mechanism, name: str, p: Array) -> float:
+def tolerance(name: str, what: str, arrays: list[Array]) -> float:
     """Forward dynamics is judged by its conditioning."""
-    return 1e-12 * (float(np.linalg.cond(puma.mass_matrix(p)).max()) if name == "forward" else 1.0)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_all_kinds_of_scalar_agree(puma: Mechanism, kept: list[int], name: str) -> None:
-    function, sizes = equations(puma, kept)[name]
-    arrays = inputs(puma, sizes, 8)
-    together = stacked(flat(function(*map(column, arrays))), (8,))
-    native = compile_function(
-        lambda **named: Column(flat(function(*named.values()))), {f"x{i}": n for i, n in enumerate(sizes)}
+    if what != "forward":
+        return 1e-12
+    e, q, D = reduced(name).mechanism.equations, arrays[0], arrays[3]
+    return 1e-12 * max(
+        float(np.linalg.cond([list(row) for row in e.mass_matrix(column(a), column(b))]))
+        for a, b in zip(q, D, strict=True)
     )
-    allowed = tolerance(puma, name, arrays[0]) * np.abs(together).max()
+
+
+@pytest.mark.parametrize("what", NAMES)
+@pytest.mark.parametrize("name", ARMS)
+def test_all_kinds_of_scalar_agree(name: str, what: str) -> None:
+    function, given = equations(name)[what]
+    arrays = inputs(name, given, 8)
+    together = stacked(flat(function(*map(column, arrays))), (8,))
+    sizes = {f"x{i}": array.shape[-1] for i, array in enumerate(arrays)}
+    native = compile_function(lambda **named: Column(flat(function(*named.values()))), sizes)
+    allowed = tolerance(name, what, arrays) * np.abs(together).max()
     for k in range(8):
         one = [np.ascontiguousarray(array[k]) for array in arrays]
         floats = np.array(flat(function(*map(column, one))))
         duals = flat(function(*(Column(Dual(x) for x in values.tolist()) for values in one)))
         assert np.abs(floats - together[k]).max() <= allowed
         assert np.abs(native(*one) - together[k]).max() <= allowed
-        assert (
-            max(abs((x.value if isinstance(x, Dual) else x) - y) for x, y in zip(duals, floats, strict=True)) <= allowed
-        )
+        assert np.abs(np.array([value(x) for x in duals]) - floats).max() <= allowed
 
 
 @pytest.mark.parametrize("lanes", [4, 8])
-@pytest.mark.parametrize("name", NAMES)
-def test_lanes_agree_with_arrays(puma: Mechanism, kept: list[int], name: str, lanes: int) -> None:
-    function, sizes = equations(puma, kept)[name]
-    arrays = inputs(puma, sizes, 11)
+@pytest.mark.parametrize("what", NAMES)
+@pytest.mark.parametrize("name", ARMS)
+def test_lanes_agree_with_arrays(name: str, what: str, lanes: int) -> None:
+    function, given = equations(name)[what]
+    arrays = inputs(name, given, 11)
     expected = stacked(flat(function(*map(column, arrays))), (11,))
-    held = {f"x{i}": n for i, n in enumerate(sizes)}
+    held = {f"x{i}": array.shape[-1] for i, array in enumerate(arrays)}
     stepper = compile_step(lambda **named: (Column(flat(function(*named.values()))),), state={}, held=held, lanes=lanes)
     ensemble = stepper.ensemble(11)
     for key, values in zip(held, arrays, strict=True):
         ensemble.held[key] = values
     (together,) = ensemble.run()
-    assert np.abs(together - expected).max() <= tolerance(puma, name, arrays[0]) * np.abs(expected).max()
+    assert np.abs(together - expected).max() <= tolerance(name, what, arrays) * np.abs(expected).max()
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_dual_numbers_are_the_derivative(puma: Mechanism, kept: list[int], name: str) -> None:
-    function, sizes = equations(puma, kept)[name]
-    arrays = inputs(puma, sizes, 1)
-    point = [array[0] for array in arrays]
+@pytest.mark.parametrize("what", [what for what in NAMES if what != "momentum"])  # which is made with dual numbers
+@pytest.mark.parametrize("name", ARMS)
+def test_dual_numbers_are_the_derivative(name: str, what: str) -> None:
+    function, given = equations(name)[what]
+    point = [array[0] for array in inputs(name, given, 1)]
     rng = np.random.default_rng(9)
-    ways = [rng.normal(size=len(x)) * (0.1 * x if len(x) == 60 else 1.0) for x in point]
+    ways = [rng.normal(size=len(x)) * (0.1 * x if kind == "D" else 1.0) for x, kind in zip(point, given, strict=True)]
     pairs = zip(point, ways, strict=True)
     duals = flat(function(*(Column(map(Dual, x.tolist(), dx.tolist())) for x, dx in pairs)))
     slopes = np.array([x.slope if isinstance(x, Dual) else 0.0 for x in duals])
@@ -130,35 +170,47 @@ def test_dual_numbers_are_the_derivative(puma: Mechanism, kept: list[int], name:
     assert np.abs(slopes - differences).max() < 1e-6 * max(np.abs(slopes).max(), 1.0)
 
 
-def regressor_flops(mechanism: Mechanism, columns: list[int]) -> int:
-    sizes = dict.fromkeys(("p", "v", "v_r", "a_r"), 6)
-    routine = trace(lambda p, v, v_r, a_r: tuple(mechanism.equations.torque_regressor(p, v, v_r, a_r, columns)), sizes)
-    return routine.operations.flops
-
-
-def tick_flops(mechanism: Mechanism, columns: list[int]) -> int:
-    def tick(p: Column, v: Column, v_r: Column, a_r: Column, s: Column, beta: Column) -> tuple[Column, ...]:
-        motion = mechanism.equations.motion(p, v, v_r, a_r)
-        return motion.torque(spread(beta, columns, 60)), motion.powers(s, columns)
-
-    sizes = dict.fromkeys(("p", "v", "v_r", "a_r", "s"), 6)
-    return trace(tick, sizes | {"beta": len(columns)}).operations.flops
-
-
 def test_the_price_of_36_columns() -> None:
-    puma = load("puma560_measured")
-    names = [f"{link}.{kind}" for link, kinds in TABLE_4_SET.items() for kind in kinds.split()]
-    kept = sorted(puma.parameter_names.index(name) for name in names)
-    assert regressor_flops(puma, kept) <= 950
-    assert tick_flops(puma, kept) <= 1000
+    model = reduced("puma560_measured")
+    costs = equation_costs(model.mechanism, model.columns)
+    assert len(model.columns) == 36
+    assert costs.regressor <= 920
+    assert costs.tick <= 960
+    assert costs.forward_dynamics <= 1040
+    law = SlotineLi(model, 8.0, 0.05, adaptation_gain(model, PriorRanges()))
+    assert law.kernel is not None
+    assert law.kernel.operations.flops <= 1160  # one motion, its torque, the last one's powers, and the law itself
+    assert law.kernel.operations["sin"] == 6
 
 
-@pytest.mark.parametrize("flops", [regressor_flops, tick_flops])
-def test_fewer_columns_cost_less(puma: Mechanism, kept: list[int], flops: Callable[..., int]) -> None:
-    counts = [flops(puma, columns) for columns in (kept[-10:], kept[-20:], kept, list(range(60)))]
-    assert counts == sorted(set(counts))
+@pytest.mark.parametrize("name", ARMS)
+def test_fewer_columns_cost_less(name: str) -> None:
+    model = reduced(name)
+    everything = range(len(model.mechanism.parameter_names))
+    choices = [model.columns[-10:], model.columns[-20:], model.columns, everything]
+    for costs in zip(*(equation_costs(model.mechanism, columns) for columns in choices), strict=True):
+        assert list(costs) == sorted(set(costs))
 
 
-def test_a_value_that_must_not_steer_an_if_names_where() -> None:
+def test_what_is_not_learned_costs_less() -> None:
+    model = reduced("semi_direct_drive")
+    k = len(model.columns)
+    laws = None, Subspace(np.ones(5), np.eye(k)[:, :5]), np.ones(k)
+    kernels = [SlotineLi(model, 8.0, 0.05, law).kernel for law in laws]
+    flops = [kernel.operations.flops for kernel in kernels if kernel is not None]
+    assert flops == sorted(set(flops))
+    assert len(flops) == 3
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        lambda p: p if p[0] > 0.0 else -p,
+        lambda p: Column([max(p[0], p[1])]),
+        lambda p: Column([1.0 if 0.0 < p[0] < 1.0 else 0.0]),
+        lambda p: p if p[0] > 0.0 and p[1] > 0.0 else -p,
+    ],
+)
+def test_a_value_that_must_not_steer_an_if_names_where(law: Callable[[Column], Column]) -> None:
     with pytest.raises(TraceError, match="where"):
-        trace(lambda p: p if p[0] > 0.0 else -p, {"p": 2})
+        trace(law, {"p": 2})

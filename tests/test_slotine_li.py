@@ -20,9 +20,9 @@ from adaptctl.control import (
     mapped_gain,
     sliding_variable,
 )
-from adaptctl.control.adaptive import spread
 from adaptctl.control.controller import leaves
 from adaptctl.dynamics import Mechanism, load
+from adaptctl.dynamics.arrays import spread
 from adaptctl.errors import GainError, InputError, NonFiniteError, PhysicalConsistencyWarning
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.mechanism.pose import Array

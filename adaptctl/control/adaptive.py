@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -14,6 +14,7 @@ from adaptctl.control.adaptation.gradient import Gradient
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
 from adaptctl.control.controller import Controller, home
 from adaptctl.control.gains import require_sampled_gain
+from adaptctl.dynamics.arrays import spread
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.mechanism.pose import Array, frozen_array
@@ -119,11 +120,3 @@ class Adaptive(Controller[AdaptiveState]):
     def _parameters(self, estimate: Column) -> Column:
         """All P parameters of an estimate."""
         return spread(estimate, self.model.columns, self.model.mechanism.equations.parameters)
-
-
-def spread(values: Column, columns: Sequence[int], size: int) -> Column:
-    """Values at their columns, exact zeros elsewhere, so that the rest is never computed once traced."""
-    entries: list[Any] = [0.0] * size
-    for column, value in zip(columns, values, strict=True):
-        entries[column] = value
-    return Column(entries)

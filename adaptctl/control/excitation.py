@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from adaptctl.compilation import compile_function
 from adaptctl.control.adaptation import PriorRanges
 from adaptctl.control.controller import LARGEST_COMPILED
+from adaptctl.control.run import Followed
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.mechanism.pose import Array, frozen_array
@@ -22,32 +23,12 @@ BLOCKS = 2**DOUBLINGS
 """Into which a window is divided, and by which it moves."""
 
 
-class Motion(Protocol):
-    """What is needed of a closed-loop run of T periods of r joints."""
-
-    @property
-    def p(self) -> Array:
-        """Positions (T, r)."""
-        ...
-
-    @property
-    def v(self) -> Array:
-        """Velocities (T, r)."""
-        ...
-
-    @property
-    def reference_p(self) -> Array:
-        """Their reference (T, r)."""
-        ...
-
-    @property
-    def reference_v(self) -> Array:
-        """Its velocities (T, r)."""
-        ...
+class Run(Followed, Protocol):
+    """A run, how its reference accelerated, and how often it was sampled."""
 
     @property
     def reference_a(self) -> Array:
-        """Its accelerations (T, r)."""
+        """The reference's accelerations (T, r)."""
         ...
 
     @property
@@ -90,7 +71,7 @@ class Excitation:
 
 
 def persistent_excitation(
-    model: ReducedModel, run: Motion, window: float, *, bandwidth: ArrayLike = 0.0, scale: ArrayLike | None = None
+    model: ReducedModel, run: Run, window: float, *, bandwidth: ArrayLike = 0.0, scale: ArrayLike | None = None
 ) -> Excitation:
     """Measure the excitation of a run in windows of a length (s), in whole sixteenths of which they move.
 
@@ -157,6 +138,6 @@ def regressor_of(model: ReducedModel) -> Callable[[Array, Array, Array, Array], 
     return regressor
 
 
-def _followed(run: Motion, bandwidth: Array) -> tuple[Array, Array, Array, Array]:
+def _followed(run: Run, bandwidth: Array) -> tuple[Array, Array, Array, Array]:
     e, rate = run.p - run.reference_p, run.v - run.reference_v
     return run.p, run.v, run.reference_v - bandwidth * e, run.reference_a - bandwidth * rate

@@ -6,34 +6,15 @@ from typing import Protocol
 
 import numpy as np
 
+from adaptctl.control.run import Followed
 from adaptctl.control.slotine_li import SlotineLi
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.mechanism.pose import Array
 
 
-class Run(Protocol):
-    """What is needed of a closed-loop run of T periods."""
-
-    @property
-    def p(self) -> Array:
-        """Positions (T, r)."""
-        ...
-
-    @property
-    def v(self) -> Array:
-        """Velocities (T, r)."""
-        ...
-
-    @property
-    def reference_p(self) -> Array:
-        """Their reference (T, r)."""
-        ...
-
-    @property
-    def reference_v(self) -> Array:
-        """Their reference (T, r)."""
-        ...
+class Run(Followed, Protocol):
+    """A run, and what was learned."""
 
     @property
     def estimate(self) -> Array:
@@ -41,7 +22,7 @@ class Run(Protocol):
         ...
 
 
-def sliding_variable(controller: SlotineLi, run: Run) -> Array:
+def sliding_variable(controller: SlotineLi, run: Followed) -> Array:
     """s = e' + Lambda e (T, r)."""
     return run.v - run.reference_v + controller.bandwidth * (run.p - run.reference_p)
 

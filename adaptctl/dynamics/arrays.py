@@ -1,4 +1,4 @@
-"""Between arrays with sample axes and columns of scalars."""
+"""Between arrays with sample axes and columns of scalars, and between few parameters and all."""
 
 from __future__ import annotations
 
@@ -55,3 +55,11 @@ def stacked_rows(rows: Sequence[Sequence[Any] | Column], samples: tuple[int, ...
     """Rows of scalars gathered as (..., rows, columns)."""
     flat = stacked([entry for row in rows for entry in row], samples)
     return flat.reshape(*samples, len(rows), len(rows[0]) if rows else 0)
+
+
+def spread(values: Column, columns: Sequence[int], size: int) -> Column:
+    """Values at their columns, exact zeros elsewhere, so that the rest is never computed once traced."""
+    entries: list[Any] = [0.0] * size
+    for column, value in zip(columns, values, strict=True):
+        entries[column] = value
+    return Column(entries)
