@@ -277,7 +277,7 @@ class AdaptationLaws(Learning):
         yield Drawing(
             "parameter-error",
             "Parameter errors, weighed by the torque that each parameter makes along the motion, in shares of the "
-            "torque of all, one line a law that adapts.",
+            "torque of all, one line a law that adapts, with its last value.",
             partial(parameter_errors, drawn),
         )
 

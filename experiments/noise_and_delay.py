@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from adaptctl.dynamics import Mechanism
-from adaptctl.experiments.adaptation_laws import AdaptationLaws
+from adaptctl.experiments.adaptation_laws import AdaptationLaws, smallest_eigenvalue
 from adaptctl.experiments.contest import Contender, Outcome
 from adaptctl.experiments.experiment import setting
 from adaptctl.experiments.parameter_errors import SAMPLES, ParameterErrors
@@ -108,7 +108,7 @@ class NoiseAndDelay(AdaptationLaws):
         ]
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """How fast each estimate drifts, how far it went, and what the loop tolerates."""
+        """How fast each estimate drifts, how far it went, how often motors were too weak, what the loop tolerates."""
         errors = self._errors(outcome, basis)
         for run in outcome.runs:
             if (over_time := errors.of(run)) is None:
@@ -117,6 +117,10 @@ class NoiseAndDelay(AdaptationLaws):
             meaning = f"{run.label}: how far the estimate moves in a minute of the second half"
             yield Finding(f"drift.{run.name}", _drift(errors, run), "1/min", meaning)
             yield Finding(f"true_rms_error.{run.name}", run.rms_error() or np.nan, "rad", f"{run.label}: of all joints")
+            share = float(run.rollout.marks["torque_limited"].mean())
+            yield Finding(f"saturated.{run.name}", share, "1", f"{run.label}: share of periods with a torque held back")
+            if run.name == "natural":
+                yield smallest_eigenvalue(outcome.mechanism, run)
         yield from self._loop(outcome.mechanism)
 
     def _loop(self, mechanism: Mechanism) -> Iterator[Finding]:

@@ -13,10 +13,13 @@ from adaptctl.mechanism.pose import Array
 from adaptctl.recording import Run
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 SAMPLES = 400
 """of a motion, over which parameters are weighed; and of a curve"""
+NAME_HEIGHT = 0.062
+"""of a curve's name, in heights of the axes"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +57,7 @@ class ParameterErrors:
 
 
 def parameter_errors(curves: Sequence[tuple[int, Run, Array]]) -> Figure:
-    """Parameter errors over time, on a logarithmic scale."""
+    """Parameter errors over time, on a logarithmic scale, each named where it ends."""
     from matplotlib.figure import Figure
 
     from adaptctl.recording.drawing import DOTS, WIDTH
@@ -66,8 +69,33 @@ def parameter_errors(curves: Sequence[tuple[int, Run, Array]]) -> Figure:
     for i, run, values in curves:
         every = thinned(len(values), SAMPLES)
         style = "-" if i < 5 else (0, (4, 2))
-        axes.semilogy(run.rollout.time[every], values[every], color=run_color(i).hex, label=run.label, linestyle=style)
+        axes.semilogy(run.rollout.time[every], values[every], color=run_color(i).hex, linestyle=style)
     axes.set_xlabel("time [s]")
     axes.set_ylabel("parameter error")
-    figure.legend(loc="outside upper left", ncols=4)
+    axes.margins(x=0.01)
+    _name_ends(axes, curves)
     return figure
+
+
+def _name_ends(axes: Axes, curves: Sequence[tuple[int, Run, Array]]) -> None:
+    """Names to the right of where curves end, moved apart where they would overlap."""
+    from adaptctl.recording.palette import run_color
+
+    low, high = np.log(axes.get_ylim())
+    ends = sorted(((np.log(values[-1]) - low) / (high - low), i, run) for i, run, values in curves)
+    heights = np.array([end for end, _, _ in ends])
+    for k in range(1, len(heights)):
+        heights[k] = max(heights[k], heights[k - 1] + NAME_HEIGHT)
+    heights -= max(0.0, heights[-1] - 1.0)
+    for height, (end, i, run) in zip(heights, ends, strict=True):
+        axes.annotate(
+            f"{run.label}  {np.exp(low + end * (high - low)):.2g}",
+            (1.0, end),
+            (1.025, height),
+            "axes fraction",
+            "axes fraction",
+            color=run_color(i).hex,
+            fontsize=8.0,
+            va="center",
+            arrowprops={"arrowstyle": "-", "color": run_color(i).hex, "linewidth": 0.6},
+        )

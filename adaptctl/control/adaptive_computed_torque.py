@@ -33,7 +33,9 @@ class AdaptiveComputedTorque(Adaptive):
     V = s'Ws/2 + error' Gamma^-1 error/2 falls as -s'W Lambda s, so the tracking error goes to zero.
 
     Gives up: it needs the acceleration a, which is taken from the difference of velocities over the period and
-    so carries the noise of velocities over T_c; and M^^-1, so the estimate must keep M^ positive definite. The
+    so carries the noise of velocities over T_c: noise of deviation sigma moves an inertia by about Gamma sigma^2 a
+    period, where `SlotineLi`'s regressor moves it by T_c Lambda of that, so Gamma must be as much smaller (a
+    filtered a, which is late, did worse); and M^^-1, so the estimate must keep M^ positive definite. The
     first one must; then `Natural` guarantees it, `Projection` on narrow bounds makes it likely, and nothing else
     does. The paper resets parameters at their bounds, which is `Projection`.
 

@@ -29,8 +29,10 @@ class Composite(Descent[Filtered]):
     no weight is too large for the period.
 
     Gives up: the torque that is commanded must be the torque that acts: friction that is no parameter, actuator
-    lag and delay are learned as inertia. Without excitation it drifts under disturbance as `Gradient` does, but
-    not along what W sees. Costs the momenta's regressor and r filters for each parameter.
+    lag and delay are learned as inertia. Noise of velocities enters W with the gain lambda, and pulls the estimate
+    to zero along what is little excited: choose lambda about as fast as the motion. Without excitation it drifts
+    under disturbance as `Gradient` does, but not along what W sees. Costs the momenta's regressor and r filters for
+    each parameter.
     """
 
     weight: Array = 1.0  # type: ignore[assignment]  # a number becomes an array for the model's joints

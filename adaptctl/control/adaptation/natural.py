@@ -37,10 +37,11 @@ class Natural(AdaptationLaw[NoMemory]):
     Sampled, P = G G' becomes G Q Q G' with X = T_c rate_i G'L G and Q = exp(-X/2) by its Pade approximant of order
     (2, 2): the geodesic to fourth order, Q positive definite and within a factor of 14 of 1 for every X.
 
-    Gives up: the reduced model; it adapts all parameters, and starts from consistent ones. The same velocity of
-    drift as `Gradient` under disturbance. A body that starts almost without some moment hardly finds it: 1/m moves
-    at the rate times what the error tells, so a wrist of 0.05 kg that picks up 2 kg has 19.5 /kg to go, and one
-    thought to hold 0.5 kg has 1.5. Start a link that may be loaded from a load that is plausible.
+    Gives up: the reduced model; it adapts all parameters, and starts from consistent ones. Under disturbance it
+    drifts as `Gradient` does, and faster the farther it has come, its gain being the estimate. A body that starts
+    almost without some moment hardly finds it: 1/m moves at the rate times what the error tells, so a wrist of
+    0.05 kg that picks up 2 kg has 19.5 /kg to go, and one thought to hold 0.5 kg has 1.5. Start a link that may be
+    loaded from a load that is plausible.
     """
 
     rate: float | Array
