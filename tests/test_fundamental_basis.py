@@ -248,8 +248,7 @@ def test_columns_must_rise(basis: FundamentalBasis) -> None:
         "geometry_sha256": "",
         "parameter_names": ("a", "b"),
         "regrouping": np.eye(2),
-        "condition": 1.0,
-        "scaled_condition": 1.0,
+        "scales": np.ones(2),
         "gap": 1e9,
     }
     for columns in ((1, 0), (0, 2), (-1, 0), (0, 0), ()):

@@ -20,15 +20,15 @@ class _Robot(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class _BasisFile(msgspec.Struct, forbid_unknown_fields=True):
-    """`regrouping` names, for every kept parameter, what is added to it, with factors in SI units."""
+    """`regrouping` names, for every kept parameter, what is added to it, with factors in SI units; parameters over
+    `scales` are comparable."""
 
     schema: Literal["adaptctl/fundamental-basis/1"]
     robot: _Robot
     rank: int
     gap: float
-    condition: float
-    scaled_condition: float
     parameters: list[str]
+    scales: list[float]
     regrouping: dict[str, dict[str, float]]
 
 
@@ -41,9 +41,8 @@ def write_basis(path: str | Path, basis: FundamentalBasis) -> None:
         robot=_Robot(basis.mechanism_name, basis.geometry_sha256),
         rank=basis.rank,
         gap=basis.gap,
-        condition=basis.condition,
-        scaled_condition=basis.scaled_condition,
         parameters=list(basis.parameter_names),
+        scales=basis.scales.tolist(),
         regrouping=added,
     )
     write_json(path, content)
@@ -83,7 +82,6 @@ def _basis(content: _BasisFile) -> FundamentalBasis:
         parameter_names=tuple(content.parameters),
         columns=tuple(place[name] for name in content.regrouping),
         regrouping=K,
-        condition=content.condition,
-        scaled_condition=content.scaled_condition,
+        scales=np.array(content.scales),
         gap=content.gap,
     )

@@ -38,10 +38,12 @@ class Certificate:
     `gap` is sigma_k/sigma_k+1 of the energy differences, `relative_smallest` sigma_k/sigma_1, both floored at
     1e-15 of sigma_1. `null_residual` is the largest torque that any null vector makes on other samples,
     relative to the largest that a vector of its size can make.
+    Of a tree whose null space comes from its geometry, joint by joint, there is that rank in place of torques', and
+    the rest is of the joint where it is worst: how energies change as bodies are taken from its link and given to the
+    one before, and in `null_residual` how much they do for bodies that the joint does not feel.
     """
 
     rank_energy: int
-    rank_torque: int
     rank_doubled: int
     gap: float
     relative_smallest: float
@@ -50,6 +52,8 @@ class Certificate:
     null_residual: float
     leftovers: tuple[Leftover, ...] = ()
     near_right_angles: tuple[NearRightAngle, ...] = ()
+    rank_torque: int | None = None
+    rank_geometry: int | None = None
 
     @property
     def rank(self) -> int:
@@ -59,7 +63,8 @@ class Certificate:
     @property
     def faults(self) -> tuple[str, ...]:
         """Why the rank cannot be accepted; empty when it can."""
-        ranks = (self.rank_energy, self.rank_torque, self.rank_doubled)
+        other, what = self._other
+        ranks = (self.rank_energy, other, self.rank_doubled)
         wrong = {
             f"the gap at {self.rank} is {self.gap:.1e}, at least {SMALLEST_GAP:.0e} is needed": (
                 self.gap < SMALLEST_GAP
@@ -67,7 +72,7 @@ class Certificate:
             f"sigma_k/sigma_1 is {self.relative_smallest:.1e}, at least {SMALLEST_SINGULAR_VALUE:.0e} is needed": (
                 self.relative_smallest < SMALLEST_SINGULAR_VALUE
             ),
-            f"energies say {ranks[0]}, torques {ranks[1]}, energies of twice as many samples {ranks[2]}": (
+            f"energies say {ranks[0]}, {what} {ranks[1]}, energies of twice as many samples {ranks[2]}": (
                 len(set(ranks)) > 1
             ),
         }
@@ -81,9 +86,17 @@ class Certificate:
 
     def __str__(self) -> str:
         return (
-            f"rank {self.rank} by the energies of {self.samples} and of {2 * self.samples} states and by torques; "
+            f"rank {self.rank} by the energies of {self.samples} and of {2 * self.samples} states and by "
+            f"{self._other[1]}; "
             f"gap {self.gap:.1e}, sigma_k/sigma_1 {self.relative_smallest:.1e}"
         )
+
+    @property
+    def _other(self) -> tuple[int | None, str]:
+        """The rank that is not found from energies, and where from."""
+        if self.rank_geometry is not None:
+            return self.rank_geometry, "geometry"
+        return self.rank_torque, "torques"
 
     def require_accepted(self, mechanism: str, spectrum: Array, suspects: Sequence[object] = ()) -> None:
         """Raise RankError, with the spectrum and the suspects, unless the rank can be accepted."""

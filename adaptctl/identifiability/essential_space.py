@@ -2,21 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError
-from adaptctl.identifiability.certificate import ROUND_OFF, Certificate, leftovers
-from adaptctl.identifiability.null_space import null_residual, unscaled_bases
-from adaptctl.identifiability.numerical_rank import singular_values, triangle
-from adaptctl.identifiability.right_angles import near_right_angles
-from adaptctl.identifiability.sampled_regressors import energetic_names, energy_differences, torque_rows
-from adaptctl.identifiability.sampling import States, random_states
-from adaptctl.identifiability.scaled_regressor import ScaledRegressor
+from adaptctl.dynamics.related_mechanism import RelatedMechanism
+from adaptctl.errors import InputError, RankError
+from adaptctl.identifiability.certificate import Certificate
+from adaptctl.identifiability.certified_null_space import CertifiedNullSpace, NullSpace, by_decomposition, by_transfers
+from adaptctl.identifiability.energy_factor import EnergyFactor
+from adaptctl.identifiability.null_space import unscaled_bases
+from adaptctl.identifiability.numerical_rank import singular_values
+from adaptctl.identifiability.sampled_regressors import energetic_names, energy_blocks
+from adaptctl.identifiability.sampling import States
 from adaptctl.mechanism.pose import Array, frozen_array
+
+Method = Literal["automatic", "svd", "transfers"]
+METHODS: tuple[str, ...] = get_args(Method)
+LONG = 100
+"""Parameters of a tree from which on its null space is found joint by joint."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,43 +35,69 @@ class EssentialSpace:
 
     `singular_values` (P,) and `basis` V1 (P, k) belong to the energy differences H of `states`, unscaled, as
     the paper has them (Sheu and Walker 1991, section 3). `null_basis` V2 (P, P-k) is orthonormal and does not
-    depend on the states. The rank is certified on energy differences at random states with scaled columns:
-    `scales` (P,) are the factors, `scaled_singular_values` (P,) and `scaled_vectors` (P, P), a vector a column,
-    factor that matrix. Choices between parameters of different units are made on these.
+    depend on the states. `scales` (P,) make parameters comparable: choices between parameters of different units
+    are made on D / scales, whose null vectors are `scaled_null_basis` (P, P-k). Arrays are made when first asked for,
+    and cannot be written.
     """
 
-    mechanism_name: str
-    sha256: str
-    geometry_sha256: str
-    parameter_names: tuple[str, ...]
-    rank: int
-    singular_values: Array
-    basis: Array
-    null_basis: Array
-    scales: Array
-    scaled_singular_values: Array
-    scaled_vectors: Array
+    mechanism: Mechanism
+    null_space: NullSpace
     certificate: Certificate
     states: str
     """where the states behind `singular_values` and `basis` come from"""
-
-    def __post_init__(self) -> None:
-        P, k = len(self.parameter_names), self.rank
-        shapes = {
-            "singular_values": (P,),
-            "basis": (P, k),
-            "null_basis": (P, P - k),
-            "scales": (P,),
-            "scaled_singular_values": (P,),
-            "scaled_vectors": (P, P),
-        }
-        for name, shape in shapes.items():
-            object.__setattr__(self, name, frozen_array(getattr(self, name), shape, name))
+    energies: Callable[[], Array]
+    """The triangle R of these states' energy differences H = Q R."""
 
     @property
+    def mechanism_name(self) -> str:
+        """The mechanism's name."""
+        return self.mechanism.name
+
+    @property
+    def sha256(self) -> str:
+        """The hash of all that moves."""
+        return self.mechanism.description.sha256
+
+    @property
+    def geometry_sha256(self) -> str:
+        """The hash of what the space depends on."""
+        return self.mechanism.geometry_sha256
+
+    @cached_property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the P parameters that enter energies."""
+        return energetic_names(self.mechanism)
+
+    @property
+    def rank(self) -> int:
+        """How many parameters are independent, k."""
+        return self.null_space.rank
+
+    @cached_property
+    def scales(self) -> Array:
+        """(P,)"""
+        return frozen_array(self.null_space.scales, (len(self.parameter_names),), "scales")
+
+    @cached_property
     def scaled_null_basis(self) -> Array:
         """Orthonormal null vectors (P, P-k) among the scaled parameters D / scales."""
-        return self.scaled_vectors[:, self.rank :]
+        return self._frozen(self.null_space.null_basis, "scaled null basis")
+
+    @cached_property
+    def null_basis(self) -> Array:
+        """V2 (P, P-k)."""
+        return self._frozen(self._bases[0], "null basis")
+
+    @cached_property
+    def singular_values(self) -> Array:
+        """Of H (P,), falling."""
+        return frozen_array(singular_values(self._triangle), (len(self.parameter_names),), "singular values")
+
+    @cached_property
+    def basis(self) -> Array:
+        """V1 (P, k)."""
+        complement = self._bases[1]
+        return self._frozen(complement @ np.linalg.svd(self._triangle @ complement)[2].T, "basis")
 
     def project(self, parameters: ArrayLike) -> Array:
         """Essential parameters D_E = V1 V1' D (..., P) of inertial parameters D (..., P)."""
@@ -70,40 +106,65 @@ class EssentialSpace:
             raise InputError(f"parameters: expected shape (..., {len(self.parameter_names)}), got {D.shape}")
         return (D @ self.basis) @ self.basis.T
 
+    @cached_property
+    def _triangle(self) -> Array:
+        return self.energies()
+
+    @cached_property
+    def _bases(self) -> tuple[Array, Array]:
+        return unscaled_bases(self.null_space.null_basis, self.null_space.scales)
+
+    @staticmethod
+    def _frozen(array: Array, what: str) -> Array:
+        return frozen_array(array, array.shape, what)
+
 
 def essential_space(
-    mechanism: Mechanism, *, samples: int | None = None, seed: int = 0, states: States | None = None
+    mechanism: Mechanism,
+    *,
+    samples: int | None = None,
+    seed: int = 0,
+    states: States | None = None,
+    method: Method = "automatic",
 ) -> EssentialSpace:
-    """The essential parameter space of a mechanism, from energies at random states.
+    """The essential parameter space of a mechanism.
 
-    `samples` is the number of states, at least (and by default about) twice as many as parameters. With
-    `states`, the singular values and V1 are those of the given states' energies, so that model reduction holds
-    for them; the rank and V2, which are the mechanism's own, still come from random ones.
+    By the method "svd" it comes from energies at random states; `samples` is their number, at least (and by default
+    about) twice as many as parameters. By "transfers", for trees alone, its null space comes from the geometry, joint
+    by joint, in time that grows with the number of links, and energies hold it to account. "automatic" takes
+    transfers for trees of a hundred parameters or more if their rank can be certified so, and else "svd".
+    With `states`, the singular values and V1 are those of the given states' energies, so that model reduction holds
+    for them; the rank and V2, which are the mechanism's own, do not depend on them.
     Raises `RankError`, with the spectrum, when the rank cannot be certified.
     """
-    count = _sample_count(samples, len(energetic_names(mechanism)))
-    generator = np.random.default_rng(seed)
-    doubled = random_states(mechanism, 2 * count, generator)
-    generic = States(doubled.p[:count], doubled.v[:count], f"{count} {doubled.origin}, seed {seed}")
-    scaled = ScaledRegressor.of_energies(mechanism, generic)
-    null_basis, complement = unscaled_bases(scaled.null_basis, scaled.scales)
-    rows = torque_rows(mechanism, generator)
-    certificate = Certificate(
-        rank_energy=scaled.decision.rank,
-        rank_torque=ScaledRegressor.of_torques(mechanism, rows).decision.rank,
-        rank_doubled=ScaledRegressor.of_energies(mechanism, doubled).decision.rank,
-        gap=scaled.decision.gap,
-        relative_smallest=scaled.decision.smallest,
-        samples=count,
-        seed=seed,
-        null_residual=null_residual(rows, null_basis, scaled.scales),
-        leftovers=leftovers(scaled.singular_values, scaled.vectors, scaled.decision.rank, energetic_names(mechanism)),
-        near_right_angles=near_right_angles(mechanism.description),
-    )
-    # An angle that is taken as exact elsewhere may be what spoils a gap.
-    suspects = near_right_angles(mechanism.description, exact=ROUND_OFF)
-    certificate.require_accepted(mechanism.name, scaled.singular_values, suspects)
-    return _space(mechanism, states or generic, certificate, scaled, null_basis, complement)
+    count = _sample_count(samples, mechanism.energetic)
+    given = None if states is None else EnergyFactor.of(energy_blocks(mechanism, [states])).triangle
+    found = _certified(mechanism, method, count, seed)
+    if given is None or states is None:
+        return EssentialSpace(mechanism, found.null_space, found.certificate, found.states, found.energies)
+    return EssentialSpace(mechanism, found.null_space, found.certificate, states.origin, lambda: given)
+
+
+def _certified(mechanism: Mechanism, method: str, samples: int, seed: int) -> CertifiedNullSpace:
+    """By the method asked for. Where it is left to us, what transfers cannot certify may still have a clear gap."""
+    if method not in METHODS:
+        raise InputError(f"method: expected one of {', '.join(METHODS)}, got {method!r}")
+    hindrance = _no_tree(mechanism)
+    if method == "transfers":
+        if hindrance:
+            raise InputError(f"method: transfers are for trees, but {mechanism.name} has {hindrance}; use svd")
+        return by_transfers(mechanism, samples, seed)
+    if method == "automatic" and not hindrance and mechanism.energetic >= LONG:
+        with suppress(RankError):
+            return by_transfers(mechanism, samples, seed)
+    return by_decomposition(mechanism, samples, seed)
+
+
+def _no_tree(mechanism: Mechanism) -> str:
+    """What keeps a mechanism from being a tree with ten parameters a link; empty where nothing does."""
+    if mechanism.description.loops is not None:
+        return "loops"
+    return "relations among its parameters" if isinstance(mechanism, RelatedMechanism) else ""
 
 
 def _sample_count(asked: int | None, parameters: int) -> int:
@@ -112,34 +173,3 @@ def _sample_count(asked: int | None, parameters: int) -> int:
     if asked < 2 * parameters:
         raise InputError(f"samples: expected at least twice the {parameters} parameters, got {asked}")
     return asked
-
-
-def _space(
-    mechanism: Mechanism,
-    states: States,
-    certificate: Certificate,
-    scaled: ScaledRegressor,
-    null_basis: Array,
-    complement: Array,
-) -> EssentialSpace:
-    H = energy_differences(mechanism, states)
-    return EssentialSpace(
-        mechanism_name=mechanism.name,
-        sha256=mechanism.description.sha256,
-        geometry_sha256=mechanism.geometry_sha256,
-        parameter_names=energetic_names(mechanism),
-        rank=certificate.rank,
-        singular_values=singular_values(H),
-        basis=complement @ _right_vectors(H @ complement),
-        null_basis=null_basis,
-        scales=scaled.scales,
-        scaled_singular_values=scaled.singular_values,
-        scaled_vectors=scaled.vectors,
-        certificate=certificate,
-        states=states.origin,
-    )
-
-
-def _right_vectors(matrix: Array) -> Array:
-    """All right singular vectors, a vector a column, however few the rows."""
-    return np.linalg.svd(triangle(matrix))[2].T

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,17 +12,14 @@ from numpy.typing import ArrayLike
 from adaptctl.errors import InputError, RankError
 from adaptctl.identifiability.equations import regrouping_equations
 from adaptctl.identifiability.essential_space import EssentialSpace
-from adaptctl.identifiability.numerical_rank import NumericalRank
 from adaptctl.identifiability.priority import Priority
-from adaptctl.identifiability.selection import removable
+from adaptctl.identifiability.regrouping import Regrouping, condition
 from adaptctl.mechanism.pose import Array, frozen_array
 
 TOLERANCE = 1e-3
 """Of the scaled null vectors' rows. Real robots leave nothing between 1e-4 and 0.1; tighter ones take a
 rounded right angle for independence, as Table 5 of Sheu and Walker (1991) shows."""
 LARGEST_CONDITION = 1e4
-EXACT_ZERO = 1e-11
-"""Regrouping coefficients below are round-off: left in, they would leak large parameters into small ones."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,9 +27,8 @@ class FundamentalBasis:
     """Which k of the P inertial parameters to keep, and how the others regroup onto them.
 
     For all states Y(p, v, a) D = Y[:, columns] beta with the fundamental parameters beta = K D, K the
-    `regrouping` (k, P). `condition` is that of F2' V2 (Sheu and Walker 1991, equation 25), `scaled_condition`
-    the same among scaled parameters, which does not depend on units. It depends on the mechanism's geometry
-    and gravity only, named by `geometry_sha256`: its inertial values may change.
+    `regrouping` (k, P). It depends on the mechanism's geometry and gravity only, named by `geometry_sha256`: its
+    inertial values may change.
     """
 
     mechanism_name: str
@@ -41,8 +36,8 @@ class FundamentalBasis:
     parameter_names: tuple[str, ...]
     columns: tuple[int, ...]
     regrouping: Array
-    condition: float
-    scaled_condition: float
+    scales: Array
+    """(P,): parameters over these are comparable, whatever the units"""
     gap: float
     """of the rank's certificate"""
 
@@ -54,11 +49,23 @@ class FundamentalBasis:
         if not np.array_equal(K[:, columns], np.eye(len(columns))):
             raise InputError("regrouping: every kept parameter must count once for itself and for no other")
         object.__setattr__(self, "regrouping", K)
+        object.__setattr__(self, "scales", frozen_array(self.scales, (P,), "scales"))
 
     @property
     def rank(self) -> int:
         """Number of fundamental parameters k."""
         return len(self.columns)
+
+    @cached_property
+    def condition(self) -> float:
+        """The condition of F2' V2 (Sheu and Walker 1991, equation 25)."""
+        return condition(np.delete(self.regrouping, self.columns, axis=1))
+
+    @cached_property
+    def scaled_condition(self) -> float:
+        """The same among scaled parameters, which does not depend on units."""
+        scaled = self.regrouping * self.scales / self.scales[list(self.columns), None]
+        return condition(np.delete(scaled, self.columns, axis=1))
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -99,57 +106,31 @@ def fundamental_basis(
     scaled parameters): the priority then removes parameters that very nearly depend on each other.
     """
     order = (priority or Priority()).indices(space.parameter_names)
-    removed = removable(space.scaled_null_basis, order, tolerance)
-    columns = tuple(sorted(set(range(len(order))) - set(removed)))
-    scaled_condition = _condition(space.scaled_null_basis[list(removed)])
-    _require_conditioned(space, removed, scaled_condition)
-    _require_rank(space, columns)
-    return FundamentalBasis(
-        mechanism_name=space.mechanism_name,
-        geometry_sha256=space.geometry_sha256,
-        parameter_names=space.parameter_names,
-        columns=columns,
-        regrouping=_regrouping(space, columns, removed),
-        condition=_condition(space.null_basis[list(removed)]),
-        scaled_condition=scaled_condition,
-        gap=space.certificate.gap,
-    )
-
-
-def _condition(block: Array) -> float:
-    """The condition of a square block; 1 where nothing is removed."""
-    return float(np.linalg.cond(block)) if block.size else 1.0
-
-
-def _regrouping(space: EssentialSpace, columns: Sequence[int], removed: Sequence[int]) -> Array:
-    """K = F1' (I - V2 (F2' V2)^-1 F2') (equation 25), found among scaled parameters and then unscaled."""
-    Z, kept, gone = space.scaled_null_basis, list(columns), list(removed)
-    scaled = -np.linalg.solve(Z[gone].T, Z[kept].T).T
-    scaled[np.abs(scaled) < EXACT_ZERO] = 0.0
-    K = np.zeros((len(kept), len(Z)))
-    K[:, kept] = np.eye(len(kept))
-    K[:, gone] = scaled * space.scales[kept, None] / space.scales[gone]
-    return K
-
-
-def _require_conditioned(space: EssentialSpace, removed: Sequence[int], condition: float) -> None:
-    if condition <= LARGEST_CONDITION:
-        return
-    left, _, _ = np.linalg.svd(space.scaled_null_basis[list(removed)])
-    names = [space.parameter_names[removed[i]] for i in np.argsort(-np.abs(left[:, -1]))[:3]]
-    raise RankError(
-        f"{space.mechanism_name}: this priority removes parameters that nearly depend on each other, {names[0]} and "
-        f"{names[-1]} among them: the condition of F2' V2 is {condition:.1e}, at most {LARGEST_CONDITION:.0e} is "
-        "allowed; keep one of them longer, or pass a larger tolerance"
-    )
-
-
-def _require_rank(space: EssentialSpace, columns: Sequence[int]) -> None:
-    """H[:, columns] = U S V'[:, columns] must have rank k; scaled, and without U, which changes no rank."""
-    kept = (space.scaled_vectors * space.scaled_singular_values)[list(columns)]
-    found = NumericalRank.of(np.linalg.svd(kept, compute_uv=False))
+    found = space.null_space.regrouping(order, tolerance)
+    _require_conditioned(space, found)
     if found.rank != space.rank:
         raise RankError(
             f"{space.mechanism_name}: the kept columns have rank {found.rank}, not {space.rank}; "
             "pass a larger tolerance"
         )
+    return FundamentalBasis(
+        mechanism_name=space.mechanism_name,
+        geometry_sha256=space.geometry_sha256,
+        parameter_names=space.parameter_names,
+        columns=found.kept,
+        regrouping=found.matrix(space.scales),
+        scales=space.scales,
+        gap=space.certificate.gap,
+    )
+
+
+def _require_conditioned(space: EssentialSpace, found: Regrouping) -> None:
+    if found.bound <= LARGEST_CONDITION or found.condition <= LARGEST_CONDITION:
+        return
+    weights = np.linalg.svd(found.coefficients)[2][0]
+    names = [space.parameter_names[found.removed[i]] for i in np.argsort(-np.abs(weights))[:3]]
+    raise RankError(
+        f"{space.mechanism_name}: this priority removes parameters that nearly depend on each other, {names[0]} and "
+        f"{names[-1]} among them: the condition of F2' V2 is {found.condition:.1e}, at most {LARGEST_CONDITION:.0e} is "
+        "allowed; keep one of them longer, or pass a larger tolerance"
+    )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+
 import numpy as np
 
 from adaptctl.dynamics import Mechanism
@@ -13,6 +15,9 @@ from adaptctl.identifiability.sampling import (
 )
 from adaptctl.mechanism.pose import Array
 
+BLOCK = 1024
+"""states at once, or four times as many as there are parameters"""
+
 
 def energetic_names(mechanism: Mechanism) -> tuple[str, ...]:
     """Names of the P parameters that enter the energy: all but friction, which energies can never find."""
@@ -22,6 +27,13 @@ def energetic_names(mechanism: Mechanism) -> tuple[str, ...]:
 def energies(mechanism: Mechanism, states: States) -> Array:
     """Kinetic plus potential energies (samples, P) per unit of each parameter, in J."""
     return mechanism.energy_regressor(states.p, states.v)[..., : mechanism.energetic]
+
+
+def energy_blocks(mechanism: Mechanism, states: Iterable[States]) -> Iterator[Array]:
+    """The same of many states, a part of them at a time."""
+    for some in states:
+        for part in some.parts(max(BLOCK, 4 * mechanism.energetic)):
+            yield energies(mechanism, part)
 
 
 def energy_differences(mechanism: Mechanism, states: States) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
 
@@ -12,7 +13,10 @@ from adaptctl.errors import InputError
 from adaptctl.identifiability.branch import positions_on_branch, reachable_positions
 from adaptctl.mechanism import GROUND
 from adaptctl.mechanism.description import STANDARD_GRAVITY
-from adaptctl.mechanism.pose import Array
+from adaptctl.mechanism.pose import Array, Pose
+
+MOST = 4096
+"""states drawn at a time"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,17 +37,27 @@ class States:
     def __len__(self) -> int:
         return len(self.p)
 
+    def parts(self, most: int) -> Iterator[States]:
+        """The same states, at most so many, and at least two, at a time."""
+        for begin, end in _spans(len(self), most):
+            yield States(self.p[begin:end], self.v[begin:end], self.origin)
+
 
 def characteristic_length(mechanism: Mechanism) -> float:
     """L (m): the largest offset from a joint to the next at zero; the farthest link frame from its joint where
     all joints meet in a point, and 1 m where even these do."""
     links = mechanism.links
-    between = [links[k.parent].far @ k.near for k in links if k.parent != GROUND]
-    for poses in (between, [k.far for k in links]):
-        longest = max((float(np.linalg.norm(pose.translation)) for pose in poses), default=0.0)
+    between = [_offset(links[k.parent].far, k.near) for k in links if k.parent != GROUND]
+    for offsets in (between, [k.far.translation for k in links]):
+        longest = max((float(np.linalg.norm(offset)) for offset in offsets), default=0.0)
         if longest > 1e-9:
             return longest
     return 1.0
+
+
+def _offset(first: Pose, second: Pose) -> Array:
+    """The origin of one frame after another."""
+    return first.rotation @ second.translation + first.translation
 
 
 def random_states(mechanism: Mechanism, samples: int, generator: np.random.Generator) -> States:
@@ -57,8 +71,35 @@ def random_states(mechanism: Mechanism, samples: int, generator: np.random.Gener
     p = generator.uniform(-1.0, 1.0, (samples, mechanism.dof)) * np.where(turns, np.pi, length)
     p = positions_on_branch(mechanism, p, generator)
     v = generator.normal(size=p.shape) * _rate(mechanism) * np.where(turns, 1.0, length)
-    where = "over the full circle" if mechanism.continuation is None else "on the reference's branch"
-    return States(p, v, f"random states {where}")
+    return States(p, v, f"random states {whereabouts(mechanism)}")
+
+
+def whereabouts(mechanism: Mechanism) -> str:
+    """Where random states are."""
+    return "over the full circle" if mechanism.description.loops is None else "on the reference's branch"
+
+
+def random_halves(
+    mechanism: Mechanism, samples: int, generator: np.random.Generator
+) -> tuple[Iterable[States], Iterable[States]]:
+    """Twice so many random states in two halves, to be used one after the other. Many are drawn as they are used, a
+    few thousand at a time, so that any number of them needs the same memory."""
+    if 2 * samples > MOST:
+        return _blocks(mechanism, samples, generator), _blocks(mechanism, samples, generator)
+    both = random_states(mechanism, 2 * samples, generator)
+    first, second = both.parts(samples)
+    return [first], [second]
+
+
+def _blocks(mechanism: Mechanism, samples: int, generator: np.random.Generator) -> Iterator[States]:
+    for begin, end in _spans(samples, MOST):
+        yield random_states(mechanism, end - begin, generator)
+
+
+def _spans(count: int, most: int) -> Iterator[tuple[int, int]]:
+    """0..count in parts of at most `most` and at least two."""
+    ends = [*range(most, count - 1, most), count]
+    return zip([0, *ends], ends, strict=False)
 
 
 def random_accelerations(mechanism: Mechanism, samples: int, generator: np.random.Generator) -> Array:

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from adaptctl.dynamics import Mechanism
-from adaptctl.identifiability.numerical_rank import NumericalRank, singular_values, triangle
-from adaptctl.identifiability.sampled_regressors import energetic_names, energies
-from adaptctl.identifiability.sampling import States, characteristic_length
-from adaptctl.identifiability.scaling import column_scales
+from adaptctl.identifiability.energy_factor import EnergyFactor
+from adaptctl.identifiability.numerical_rank import NumericalRank, triangle
+from adaptctl.identifiability.regrouping import Regrouping
+from adaptctl.identifiability.sampled_regressors import energetic_names
+from adaptctl.identifiability.sampling import characteristic_length
+from adaptctl.identifiability.scaling import comparable
+from adaptctl.identifiability.selection import removable
 from adaptctl.mechanism.pose import Array
 
 
@@ -23,24 +27,25 @@ class ScaledRegressor:
     triangle: Array
 
     @classmethod
-    def of_energies(cls, mechanism: Mechanism, states: States) -> ScaledRegressor:
-        """Energy differences at more states than there are parameters; scaled by the energies themselves."""
-        E = energies(mechanism, states)
-        return cls._factored(np.diff(E, axis=0), _scales(mechanism, E))
+    def of_energies(cls, mechanism: Mechanism, factor: EnergyFactor) -> ScaledRegressor:
+        """Differences of more energies than there are parameters; scaled by the energies themselves."""
+        return cls._scaled(mechanism, factor.triangle, factor.square_sums)
 
     @classmethod
     def of_torques(cls, mechanism: Mechanism, rows: Array) -> ScaledRegressor:
         """Rows of the torque regressor, more than there are parameters."""
-        return cls._factored(rows, _scales(mechanism, rows))
+        return cls._scaled(mechanism, triangle(rows), np.square(rows).sum(axis=0))
 
     @classmethod
-    def _factored(cls, regressor: Array, scales: Array) -> ScaledRegressor:
-        return cls(scales, triangle(regressor * scales))
+    def _scaled(cls, mechanism: Mechanism, R: Array, square_sums: Array) -> ScaledRegressor:
+        names, length = energetic_names(mechanism), characteristic_length(mechanism)
+        scales = comparable(np.sqrt(square_sums), names, length)
+        return cls(scales, R * scales)
 
     @cached_property
     def singular_values(self) -> Array:
         """The singular values (P,), falling."""
-        return singular_values(self.triangle)
+        return np.asarray(np.linalg.svd(self.triangle, compute_uv=False), dtype=np.float64)
 
     @cached_property
     def vectors(self) -> Array:
@@ -53,10 +58,27 @@ class ScaledRegressor:
         return NumericalRank.of(self.singular_values)
 
     @property
+    def rank(self) -> int:
+        """The rank k."""
+        return self.decision.rank
+
+    @property
     def null_basis(self) -> Array:
-        """Orthonormal null vectors (P, P-k) among the scaled parameters."""
-        return self.vectors[:, self.decision.rank :]
+        """Orthonormal null vectors (P, P-k) among the scaled parameters D / scales."""
+        return self.vectors[:, self.rank :]
 
+    def regrouping(self, order: Sequence[int], tolerance: float) -> Regrouping:
+        """Parameters removed in an order, as long as their rows of the null basis Z are independent.
 
-def _scales(mechanism: Mechanism, regressor: Array) -> Array:
-    return column_scales(regressor, energetic_names(mechanism), characteristic_length(mechanism))
+        K = F1' (I - Z (F2' Z)^-1 F2'), equation 25 of Sheu and Walker (1991).
+        """
+        Z = self.null_basis
+        gone = list(removable(Z, order, tolerance))
+        kept = sorted(set(order) - set(gone))
+        coefficients = np.asarray(-np.linalg.solve(Z[gone].T, Z[kept].T).T, dtype=np.float64)
+        return Regrouping(tuple(kept), tuple(gone), coefficients, self._rank_of(kept))
+
+    def _rank_of(self, columns: Sequence[int]) -> int:
+        """The rank of some columns of H = U S V'; without U, which changes no rank."""
+        shares = (self.vectors * self.singular_values)[columns]
+        return NumericalRank.of(np.linalg.svd(shares, compute_uv=False)).rank

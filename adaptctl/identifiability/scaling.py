@@ -25,9 +25,15 @@ def length_scales(parameter_names: Sequence[str], length: float) -> Array:
 def column_scales(regressor: Array, parameter_names: Sequence[str], length: float) -> Array:
     """Factors (P,) by which columns of `regressor` (rows, P) are multiplied before its rank is decided.
 
-    Columns by (1, L, L^2) for mass, first moment and inertia, then by one over max(norm, floor). Energies must
-    be given before differencing: a column that is constant then keeps its size, and its round-off stays small.
+    Energies must be given before differencing: a column that is constant then keeps its size, and its round-off
+    stays small.
     """
+    return comparable(np.linalg.norm(regressor, axis=0), parameter_names, length)
+
+
+def comparable(norms: Array, parameter_names: Sequence[str], length: float) -> Array:
+    """The same from the columns' norms (P,): columns times (1, L, L^2) for mass, first moment and inertia, then over
+    max(norm, floor)."""
     sizes = length_scales(parameter_names, length)
-    norms = np.linalg.norm(regressor * sizes, axis=0)
-    return sizes / np.maximum(norms, SMALLEST_NORM * norms.max())
+    scaled = norms * sizes
+    return sizes / np.maximum(scaled, SMALLEST_NORM * scaled.max())

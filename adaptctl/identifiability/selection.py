@@ -10,6 +10,13 @@ from adaptctl.errors import InputError
 from adaptctl.mechanism.pose import Array
 
 
+def require_tolerance(tolerance: float, parameters: int) -> None:
+    """Refuse a tolerance that could not find all of P - k rows."""
+    most = 1.0 / np.sqrt(parameters)
+    if not 0.0 < tolerance < most:
+        raise InputError(f"tolerance: expected a number between 0 and {most:.2g}, got {tolerance:g}")
+
+
 def removable(null_basis: Array, order: Iterable[int], tolerance: float) -> tuple[int, ...]:
     """Rows of `null_basis` (P, P-k) that are independent, met in this order: the parameters to remove.
 
@@ -19,8 +26,7 @@ def removable(null_basis: Array, order: Iterable[int], tolerance: float) -> tupl
     below 1/sqrt(P) always finds them all.
     """
     rows, needed = null_basis.shape
-    if not 0.0 < tolerance < 1.0 / np.sqrt(rows):
-        raise InputError(f"tolerance: expected a number between 0 and {1.0 / np.sqrt(rows):.2g}, got {tolerance:g}")
+    require_tolerance(tolerance, rows)
     left, directions, taken = null_basis.copy(), np.zeros((0, needed)), list[int]()
     for j in order:
         if len(taken) == needed:

@@ -42,7 +42,7 @@ def table13(study: Study) -> Item:
             ),
             evidence(
                 "Torques give {} too, and so does 7 N - 6 for N = 3. The gap behind the 15th singular value is {}.",
-                study.arm3_space.certificate.rank_torque,
+                study.arm3_space.certificate.rank_torque or 0,
                 study.arm3_space.certificate.gap,
             ),
             evidence(

@@ -66,11 +66,6 @@ class Ensemble:
 
 def _reduction(arm: Arm, values: Array, right: Array) -> Reduction:
     """The reduction for one draw, whose factors among the essential parameters are given."""
-    zeros = np.zeros(len(arm.parameters) - len(values))
-    drawn = replace(
-        arm.space,
-        singular_values=np.append(values, zeros),
-        basis=arm.space.basis @ right.T,
-        states="a draw of Sheu and Walker's kind",
-    )
+    energies = values[:, None] * (right @ arm.space.basis.T)
+    drawn = replace(arm.space, energies=lambda: energies, states="a draw of Sheu and Walker's kind")
     return reduce(drawn, arm.parameters, components=arm.space.rank)

@@ -1,0 +1,88 @@
+"""Energies at random states, held against what the geometry of a tree says that its joints feel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from adaptctl.dynamics import Mechanism, energy
+from adaptctl.dynamics.arrays import column, stacked
+from adaptctl.dynamics.segment import segments
+from adaptctl.identifiability.inertia_functionals import transfers
+from adaptctl.identifiability.inertial_transfers import FELT, InertialTransfers
+from adaptctl.identifiability.numerical_rank import FLOOR
+from adaptctl.identifiability.sampling import States
+from adaptctl.identifiability.scaling import SMALLEST_NORM, length_scales
+from adaptctl.mechanism import GROUND
+from adaptctl.mechanism.inertia import parameter_names
+from adaptctl.mechanism.pose import Array
+from adaptctl.scalars import Vec
+
+
+@dataclass(frozen=True, eq=False)
+class TransferEvidence:
+    """What energies say of all joints; the worst of them in `gap`, `smallest` and `residual`."""
+
+    surplus: int
+    """the joints' ranks by energies, less those by geometry, summed"""
+    gap: float
+    """sigma_k/sigma_k+1 at the rank k by geometry"""
+    smallest: float
+    """sigma_k/sigma_1"""
+    residual: float
+    """the largest change of energy by a body that its joint does not feel, over the largest by one of its size"""
+    weakest: Array
+    """(11,): singular values of the joint with the smallest gap"""
+
+
+def energy_changes(mechanism: Mechanism, found: InertialTransfers, states: States) -> Array:
+    """How energies change (N, samples, 11) as bodies are taken from each link and given to the one before.
+
+    The bodies are tens in the joint's frame at zero; the eleventh is its rotor, zero where it has none. A joint does
+    not feel a body exactly when nothing changes in any state.
+    """
+    energies = _energies(mechanism, found.frames.length, states) @ transfers(
+        np.asarray(np.linalg.inv(found.frames.far), dtype=np.float64)
+    )
+    before = np.zeros((len(energies) + 1, *energies.shape[1:]))
+    before[:-1] = energies
+    before[GROUND, :, 1:4] = -mechanism.description.gravity * found.frames.length
+    out = np.zeros((*energies.shape[:2], FELT))
+    out[..., :10] = energies - before[list(found.parents)] @ found.to_parent
+    rotors = np.array([owned.bodies[10].any() for owned in found.owned]) * found.frames.rotor_scales
+    out[..., 10] = 0.5 * rotors[:, None] * states.v.T**2
+    return out
+
+
+def transfer_evidence(found: InertialTransfers, changes: Array) -> TransferEvidence:
+    """Every joint's rank by energy changes (N, samples, 11), columns scaled as those of the whole mechanism are."""
+    norms = np.linalg.norm(changes, axis=1, keepdims=True)
+    scales = 1.0 / np.maximum(norms, SMALLEST_NORM * norms.max(axis=2, keepdims=True))
+    values = np.linalg.svd(changes * scales, compute_uv=False)
+    relative = np.maximum(values / values[:, :1], FLOOR)
+    ratios = relative[:, :-1] / relative[:, 1:]
+    ranks = np.array([len(felt) for felt in found.felt])
+    last = np.arange(len(ranks)), ranks - 1
+    return TransferEvidence(
+        surplus=int((ratios.argmax(axis=1) + 1 - ranks).sum()),
+        gap=float(ratios[last].min()),
+        smallest=float(relative[last].min()),
+        residual=max(map(_residual, changes, found.unfelt)),
+        weakest=values[ratios[last].argmin()],
+    )
+
+
+def _energies(mechanism: Mechanism, length: float, states: States) -> Array:
+    """(N, samples, 10): energies of the ten of every link, massless ones too, with lengths in units of `length`."""
+    description = mechanism.description
+    places, rates = column(states.p), column(states.v)
+    row = energy.energy_regressor(segments(description), places, rates, Vec(*description.gravity.tolist()))
+    energies = stacked(row.of, (len(states),)).reshape(len(states), -1, 10)
+    return energies.transpose(1, 0, 2) * length_scales(parameter_names(["link"]), length)
+
+
+def _residual(changes: Array, unfelt: Array) -> float:
+    """Of one joint."""
+    sizes = np.abs(changes).max() * np.abs(unfelt).max(axis=1)
+    return float((np.abs(changes @ unfelt.T).max(axis=0) / sizes).max())

@@ -1,0 +1,53 @@
+"""The null space of a tree as inertial transfers, and bases of it where they are asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from adaptctl.dynamics import Mechanism
+from adaptctl.identifiability.inertial_transfers import InertialTransfers, inertial_transfers
+from adaptctl.identifiability.regrouping import Regrouping
+from adaptctl.identifiability.sampled_regressors import energetic_names
+from adaptctl.identifiability.scaling import length_scales
+from adaptctl.identifiability.selection import require_tolerance
+from adaptctl.identifiability.tree_regrouping import tree_regrouping
+from adaptctl.mechanism.pose import Array
+
+TOLERANCE = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class TransferredNullSpace:
+    """The parameters of a tree that change no energy, found joint by joint."""
+
+    transfers: InertialTransfers
+    scales: Array
+    """(P,): 1, L, L^2 for kg, kg m and kg m^2"""
+    rank: int
+
+    @classmethod
+    def of(cls, mechanism: Mechanism) -> TransferredNullSpace:
+        """From a tree's geometry and the direction of gravity."""
+        found = inertial_transfers(mechanism)
+        scales = length_scales(energetic_names(mechanism), found.frames.length)
+        for owned, rotor in zip(found.owned, found.frames.rotor_scales, strict=True):
+            scales[owned.parameters[owned.bodies[10] != 0.0]] = rotor
+        return cls(found, scales, len(scales) - found.nullity)
+
+    @cached_property
+    def null_basis(self) -> Array:
+        """Orthonormal null vectors (P, P-k) among the scaled parameters D / scales."""
+        found = tree_regrouping(self.transfers, range(len(self.scales)), TOLERANCE)
+        vectors = np.zeros((len(self.scales), len(found.removed)))
+        vectors[list(found.removed), range(len(found.removed))] = 1.0
+        vectors[list(found.kept)] = -found.coefficients
+        return np.linalg.qr(vectors)[0]
+
+    def regrouping(self, order: Sequence[int], tolerance: float) -> Regrouping:
+        """Parameters removed in an order, regrouped from the leaves to the root."""
+        require_tolerance(tolerance, len(self.scales))
+        return tree_regrouping(self.transfers, order, tolerance)
