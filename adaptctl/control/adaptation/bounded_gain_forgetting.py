@@ -42,9 +42,9 @@ class BoundedGainForgetting(AdaptationLaw[Information]):
 
     Gives up: what `Composite` does. Without excitation P grows to its bound along what W does not see, where
     noise then moves the estimate fastest. And there is one lambda(t) for all directions: it settles at
-    forgetting/(1 + forgetting c/(k bound)), c the trace of the inverse of Gamma^1/2 W'R W Gamma^1/2 on average, which
-    is large where some direction is hardly excited, however fast the forgetting. Then nothing is forgotten, P shrinks along
-    all that W sees, and a parameter that changes in mid-motion, a payload, is not learned any more (`CushionedFloor`
+    forgetting/(1 + forgetting c/(k bound)), c the trace of the inverse of Gamma^1/2 W'R W Gamma^1/2 on average,
+    which is large where some direction is hardly excited. Then nothing is forgotten, however fast the forgetting, P
+    shrinks along all that W sees, and a parameter that changes, a payload, is not learned any more (`CushionedFloor`
     is). It is for parameters that are constant. Costs k^2 operations a joint and a memory of k (k + 1)/2.
     """
 
