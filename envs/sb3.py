@@ -1,0 +1,74 @@
+"""Many arms as a `VecEnv` of stable-baselines3; needs the extra `rl`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adaptctl.envs.learner_view import LearnerView
+from adaptctl.envs.vector_tracking import VectorTrackingEnv
+from adaptctl.errors import InputError, MissingExtraError
+from adaptctl.mechanism.pose import Array
+
+try:
+    from stable_baselines3.common.vec_env import VecEnv
+except ImportError as error:
+    raise MissingExtraError(
+        "adaptctl.envs.sb3 adapts environments to stable-baselines3, which is not installed: pip install 'adaptctl[rl]'"
+    ) from error
+
+
+class TrackingVecEnv(VecEnv):  # type: ignore[misc]  # stable-baselines3 need not be installed
+    """A `VectorTrackingEnv` made with `autoreset_mode="SameStep"`, for stable-baselines3.
+
+    Actions are in [-1, 1], shares of the torque limits. See `LearnerView` for the rest.
+    """
+
+    def __init__(self, env: VectorTrackingEnv) -> None:
+        self.view, self.actions = LearnerView(env), np.zeros(0)
+        super().__init__(env.num_envs, self.view.observation_space, self.view.action_space)
+
+    def reset(self) -> Array:
+        """Begin an episode of every arm, with the seeds and options that were set."""
+        observations = self.view.reset(self._seeds, self._options)
+        self._reset_seeds()
+        self._reset_options()
+        return observations
+
+    def step_async(self, actions: Array) -> None:
+        """Take actions (N, r) in the next `step_wait`."""
+        self.actions = actions
+
+    def step_wait(self) -> tuple[Array, Array, NDArray[np.bool_], list[dict[str, Any]]]:
+        """One control period."""
+        return self.view.step(self.actions)
+
+    def close(self) -> None:
+        """Let go of what was opened."""
+        self.view.env.close()
+
+    def get_images(self) -> Sequence[NDArray[np.uint8]]:
+        """An image of every arm."""
+        return self.view.env.render() or ()
+
+    def get_attr(self, attr_name: str, indices: int | Iterable[int] | None = None) -> list[Any]:
+        """An attribute of the vector environment, or of the single one that all arms are like, once for each arm."""
+        owner = self.view.env if hasattr(self.view.env, attr_name) else self.view.env.single
+        return [getattr(owner, attr_name) for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: int | Iterable[int] | None = None) -> None:
+        """Arms have no attributes of their own: raises `InputError`."""
+        raise InputError(f"{attr_name}: arms share what they are made with: use `set_options`, or make others")
+
+    def env_method(
+        self, method_name: str, *method_args: Any, indices: int | Iterable[int] | None = None, **method_kwargs: Any
+    ) -> list[Any]:
+        """Arms have no methods of their own: raises `InputError`."""
+        raise InputError(f"{method_name}: arms are stepped together and have no methods of their own")
+
+    def env_is_wrapped(self, wrapper_class: type, indices: int | Iterable[int] | None = None) -> list[bool]:
+        """Arms are in no wrappers."""
+        return [False for _ in self._get_indices(indices)]
