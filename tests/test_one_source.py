@@ -176,6 +176,7 @@ def test_the_price_of_36_columns() -> None:
     assert len(model.columns) == 36
     assert costs.regressor <= 920
     assert costs.tick <= 960
+    assert costs.forward_dynamics is not None
     assert costs.forward_dynamics <= 1040
     law = SlotineLi(model, 8.0, 0.05, adaptation_gain(model, PriorRanges()))
     assert law.kernel is not None
@@ -190,6 +191,13 @@ def test_fewer_columns_cost_less(name: str) -> None:
     choices = [model.columns[-10:], model.columns[-20:], model.columns, everything]
     for costs in zip(*(equation_costs(model.mechanism, columns) for columns in choices), strict=True):
         assert list(costs) == sorted(set(costs))
+
+
+def test_a_joint_without_inertia_has_no_forward_dynamics() -> None:
+    mechanism = reduced("puma560_measured").mechanism
+    costs = equation_costs(mechanism, [mechanism.parameter_names.index("link2.I_zz")])
+    assert costs.forward_dynamics is None
+    assert costs.regressor > 0
 
 
 def test_what_is_not_learned_costs_less() -> None:

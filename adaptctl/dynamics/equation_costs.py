@@ -18,8 +18,8 @@ class EquationCosts(NamedTuple):
     """Slotine and Li's regressor Y (r, k)"""
     tick: int
     """Y beta and Y's of one motion, without forming Y: what an adaptive law needs of the equations in a period"""
-    forward_dynamics: int
-    """accelerations under torques"""
+    forward_dynamics: int | None
+    """accelerations under torques; None where the parameters that are kept leave a joint without inertia"""
 
 
 def equation_costs(mechanism: Mechanism, columns: Sequence[int] | None = None) -> EquationCosts:
@@ -45,4 +45,8 @@ def equation_costs(mechanism: Mechanism, columns: Sequence[int] | None = None) -
         return trace(function, {name: sizes.get(name, r) for name in ("q", "v", *more)}).operations.flops
 
     given = "v_r", "a_r"
-    return EquationCosts(flops(regressor, *given), flops(tick, *given, "s", "beta"), flops(forward, "torque", "beta"))
+    try:
+        accelerations = flops(forward, "torque", "beta")
+    except ZeroDivisionError:
+        accelerations = None
+    return EquationCosts(flops(regressor, *given), flops(tick, *given, "s", "beta"), accelerations)
