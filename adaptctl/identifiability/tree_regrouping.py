@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
 
 from adaptctl.identifiability.inertial_transfers import NEGLIGIBLE, InertialTransfers, Owned
@@ -84,9 +83,7 @@ def _collected(said: Array, kept: Sequence[int]) -> Regrouping:
     late = np.flatnonzero(among.any(axis=0))
     coefficients = said[np.ix_(order, removed)]
     if late.size:
-        rest = scipy.linalg.solve_triangular(
-            among[np.ix_(late, late)] + np.eye(late.size), coefficients[late], unit_diagonal=True
-        )
+        rest = np.linalg.solve(among[np.ix_(late, late)] + np.eye(late.size), coefficients[late])
         coefficients = coefficients - among[:, late] @ rest
     rising = np.argsort(order)
     return Regrouping(tuple(order[rising].tolist()), tuple(removed.tolist()), coefficients[rising], len(kept))

@@ -1,0 +1,41 @@
+"""From a fresh process to the first adaptive tick: nothing is imported or compiled that it does not need."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+BENCHMARKS = Path(__file__).parent.parent / "benchmarks"
+
+PROGRAM = """
+import json, sys
+from start_up import stages
+named = list(stages())
+print(json.dumps([named, sorted({name.partition(".")[0] for name in sys.modules})]))
+"""
+HEAVY = {"scipy", "control", "pinocchio", "matplotlib", "rerun", "pyarrow", "gymnasium", "cvxpy", "mujoco"}
+
+
+def first_tick(cache: Path) -> tuple[list[str], set[str]]:
+    """The stages of a fresh process, and what it imports."""
+    environment = os.environ | {"ADAPTCTL_CACHE": str(cache)}
+    command = [sys.executable, "-W", "ignore", "-c", PROGRAM]
+    process = subprocess.run(command, cwd=BENCHMARKS, env=environment, capture_output=True, text=True, timeout=60)
+    assert process.returncode == 0, process.stderr
+    stages, modules = json.loads(process.stdout)
+    return stages, set(modules)
+
+
+def test_the_first_tick_needs_one_kernel_and_no_heavy_package(tmp_path: Path) -> None:
+    stages, modules = first_tick(tmp_path / "cache")
+    assert stages[-1] == "first tick"
+    assert not HEAVY & modules
+    (kept,) = (tmp_path / "cache").iterdir()
+    before = kept.stat()
+    first_tick(tmp_path / "cache")
+    assert list((tmp_path / "cache").iterdir()) == [kept]
+    assert kept.stat().st_ino == before.st_ino  # not written anew
+    assert kept.stat().st_mtime_ns > before.st_mtime_ns  # but read
