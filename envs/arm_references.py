@@ -24,6 +24,7 @@ class ArmReferences:
 
     def __init__(self, arms: int, dof: int, control_period: float, look_ahead: Array) -> None:
         self.of: list[Reference | None] = [None] * arms
+        self._terms = np.zeros(arms, dtype=np.int64)
         self._dof, self._period, self._look_ahead = dof, control_period, look_ahead
         self._groups: list[tuple[Steps, _Samples]] = []
 
@@ -33,16 +34,14 @@ class ArmReferences:
             if isinstance(reference, Sinusoids) and len(reference.center) != self._dof:
                 raise InputError(f"reference: expected {self._dof} joints, got {len(reference.center)} for arm {arm}")
             self.of[arm] = reference
+            self._terms[arm] = len(reference.amplitude) if isinstance(reference, Sinusoids) else 0
         if not self.terms:
             self._group()
 
     @property
     def terms(self) -> int:
         """The most sinusoids that any joint of an arm sums; 0 where a reference is none of sinusoids."""
-        known = {id(reference): reference for reference in self.of}.values()
-        if not all(isinstance(reference, Sinusoids) for reference in known):
-            return 0
-        return max(len(reference.amplitude) for reference in known if isinstance(reference, Sinusoids))
+        return int(self._terms.max()) if self._terms.all() else 0
 
     def numbers(self, arms: Steps, terms: int) -> SinusoidNumbers:
         """Those of some arms' sinusoids (k, ...), filled up with sinusoids of no amplitude."""

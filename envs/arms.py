@@ -61,22 +61,23 @@ class Arms:
 
     def __init__(self, single: TrackingEnv, count: int, threads: int) -> None:
         self.single, self.count, self.threads = single, count, threads
-        r, senses = single.plant.dof, bool(single.real_plant.effects.sensors)
+        r = self._dof = single.plant.dof
+        self._senses, self._loops = bool(single.real_plant.effects.sensors), single.mechanism.continuation is not None
         self.everyone = np.arange(count)
         self.steps, self.clipped = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
         self.references = ArmReferences(count, r, single.control_period, single.look_ahead)
-        self.streams = ArmStreams(count, 2 * r if senses else 0)
+        self.streams = ArmStreams(count, 2 * r if self._senses else 0)
         self._own = np.tile(single.mechanism.inertial_parameters, (count, 1))
         self.parameters = frozen(self._own.copy())
         """(N, P) true inertial parameters now, payloads included; read-only"""
-        self.payload, self._until = np.zeros(count), np.zeros(count)
+        self.payload, self._until = np.zeros(count), np.full(count, np.inf)
         self._terms: int | None = None
         self._ensembles: dict[int, Ensemble] = {}
         self._kernels: dict[int, Kernel] = {}
 
     def begin(self, arms: Numbers, options: Mapping[str, Any]) -> Told:
         """Begin an episode of some arms. Raises as `TrackingEnv.reset` does."""
-        single, chosen, r = self.single, ArmOptions(self.count, arms), self.single.plant.dof
+        single, chosen, r = self.single, ArmOptions(self.count, arms), self._dof
         error = chosen.numbers(options.get("initial_error", single.initial_error), r, "initial_error")
         own, last = single.mechanism.inertial_parameters, len(single.mechanism.links) - 1
         self._own[arms] = chosen.parameters(options, own, last)
@@ -95,10 +96,10 @@ class Arms:
 
     def advance(self, torque: Array, moving: Numbers) -> Told:
         """One control period under torques (N, r); what is told of arms that are not moving means nothing."""
-        lanes, single, r = self._lanes, self.single, self.single.plant.dof
+        lanes, single, r = self._lanes, self.single, self._dof
         time = np.asarray(single.control_period * (self.steps + 1), dtype=np.float64)
         lanes.held["action"] = torque
-        if single.real_plant.effects.sensors:
+        if self._senses:
             noise = np.zeros((self.count, 2 * r))
             noise[moving] = self.streams.normal(moving)
             lanes.held["noise"] = noise
@@ -188,11 +189,11 @@ class Arms:
     def _load(self, arms: Numbers) -> Array:
         """The true parameters (k, P) of some arms now, with what they hold; others' stay."""
         plant, rows = self.single.real_plant, self._own[arms]
-        times = (self.single.control_period * self.steps[arms]).tolist()
-        if plant.effects.loads:
-            rows = np.array([plant.parameters(row, t) for row, t in zip(rows, times, strict=True)])
-            self.payload[arms] = [plant.payload(t) for t in times]
-        self._until[arms] = [plant.until(t) for t in times]
+        times = self.single.control_period * self.steps[arms]
+        for time in np.unique(times).tolist() if plant.effects.loads else ():
+            now = times == time
+            rows[now] = plant.parameters(rows[now], time)
+            self.payload[arms[now]], self._until[arms[now]] = plant.payload(time), plant.until(time)
         parameters = self.parameters.copy()
         parameters[arms] = rows
         self.parameters = frozen(parameters)
@@ -208,14 +209,14 @@ class Arms:
     def _terminated(self, facts: Facts, p: Array, v: Array) -> Flags:
         """Which arms are lost, and which loops are where they may not work: those in doubt are looked at."""
         terminated: Flags = facts.lost > 0.0
-        doubtful = np.flatnonzero(facts.sure < 1.0)
+        doubtful = np.flatnonzero(facts.sure < 1.0) if self._loops else self.everyone[:0]
         if doubtful.size:
             state = PlantState(0.0, p[doubtful], v[doubtful], self._lanes.state["q"][doubtful])
             terminated[doubtful] |= ~self.single.plant.may_work(state)
         return terminated
 
     def _require_finite(self, finite: Array, moving: Numbers) -> None:
-        lost = moving[finite[moving] < 1.0]
+        lost = moving[finite[moving] < 1.0] if not finite.all() else moving[:0]
         if lost.size:
             time = self.single.control_period * self.steps[lost[0]]
             raise NonFiniteError(

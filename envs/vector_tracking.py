@@ -166,7 +166,8 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         """
         again = self._over if self.autoreset_mode is AutoresetMode.NEXT_STEP else self._nobody
         self._require_running(self._over & ~again)
-        told = self._arms.advance(self._torques(actions, again), np.flatnonzero(~again))
+        moving = np.flatnonzero(~again) if again.any() else self._arms.everyone
+        told = self._arms.advance(self._torques(actions, again), moving)
         self._begin(told, again)
         reward, terminated, truncated = told.reward, told.terminated, told.truncated
         self._over = terminated | truncated
@@ -301,8 +302,9 @@ class SemiDirectDriveVectorTrackingEnv(VectorTrackingEnv):
 def _masked(values: Mapping[str, Any], mask: Flags) -> dict[str, Any]:
     """Values of the arms in the mask, and the mask of each, as Gymnasium has them."""
     info: dict[str, Any] = {}
+    partial = not mask.all()
     for name, value in values.items():
-        if not isinstance(value, dict) and value.dtype != object and not mask.all():
+        if partial and not isinstance(value, dict) and value.dtype != object:
             value = np.where(mask.reshape(-1, *[1] * (value.ndim - 1)), value, np.zeros((), value.dtype))
         info |= {name: value, f"_{name}": mask}
     return info

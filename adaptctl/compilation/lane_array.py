@@ -49,7 +49,7 @@ class LaneArray:
     def put(self, name: str, members: ArrayLike, values: ArrayLike) -> None:
         """Assign to some members, by number (k,), what broadcasts to (k, n)."""
         chosen = np.asarray(members)
-        if chosen.dtype.kind not in "iu" or chosen.ndim != 1 or not np.isin(chosen, np.arange(self.members)).all():
+        if chosen.dtype.kind not in "iu" or chosen.ndim != 1 or np.any((chosen < 0) | (chosen >= self.members)):
             raise InputError(f"members: expected numbers from 0 to {self.members - 1}, got {chosen.tolist()}")
         place = self._place(name)
         rows = self._rows(name, values, (len(chosen), self.columns[name]))
@@ -65,7 +65,7 @@ class LaneArray:
     def _rows(self, name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
         try:
             numbers = np.asarray(values).astype(np.float64, casting="same_kind", copy=False)
-            return np.broadcast_to(numbers, shape)
+            return numbers if numbers.shape == shape else np.broadcast_to(numbers, shape)
         except (TypeError, ValueError) as error:
             raise InputError(f"{name!r}: expected real numbers that broadcast to shape {shape} ({error})") from error
 

@@ -8,6 +8,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -130,12 +131,12 @@ class Description:
         if self.loops is not None:
             self.loops.require_known([link.name for link in self.links], self.joint_names)
 
-    @property
+    @cached_property
     def joint_names(self) -> tuple[str, ...]:
         """Names of the tree's joints, one a link."""
         return tuple(link.joint.name for link in self.links)
 
-    @property
+    @cached_property
     def primary(self) -> tuple[int, ...]:
         """The primary joints among the tree's, in the order of the primary coordinates p."""
         names = self.joint_names if self.loops is None else self.loops.primary
