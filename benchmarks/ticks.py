@@ -63,12 +63,12 @@ def adaptations(model: ReducedModel) -> Iterator[tuple[str, Any, ReducedModel]]:
     """Every adaptation law, and the parameters it adapts: 36, or all 60 for the natural one."""
     gain, k = control.adaptation_gain(model), len(model.columns)
     yield "none", None, model
-    for kind in (control.Gradient, control.SigmaModification, control.EModification, control.DeadZone):
-        yield kind.__name__, kind(gain), model
+    for simple in (control.Gradient, control.SigmaModification, control.EModification, control.DeadZone):
+        yield simple.__name__, simple(gain), model
     yield "Projection", control.Projection(control.Gradient(gain), np.full(k, -1e3), np.full(k, 1e3)), model
     yield "Subspace of 10", control.Subspace(np.ones(10), np.random.default_rng(0).normal(size=(k, 10))), model
-    for kind in (control.Composite, control.BoundedGainForgetting, control.CushionedFloor):
-        yield kind.__name__, kind(gain), model
+    for filtering in (control.Composite, control.BoundedGainForgetting, control.CushionedFloor):
+        yield filtering.__name__, filtering(gain), model
     yield "Natural, 60", control.Natural(0.01), ReducedModel.full(model.mechanism)
 
 
@@ -81,7 +81,7 @@ def ticks(controller: Controller[Any], seed: int = 0) -> tuple[int, tuple[Ticks,
     ensembles = [_ensemble(controller, first, given, lanes) for lanes in (1, None)]
 
     def equation(columns: list[Column]) -> int:
-        controller.law(*columns[:2], ReferencePoint(*columns[2:5]), like(first, columns[5:]))
+        controller.law(columns[0], columns[1], ReferencePoint(*columns[2:5]), like(first, columns[5:]))
         return 1
 
     def called() -> int:

@@ -99,7 +99,7 @@ class Controller(ABC, Generic[Memory]):
         if np.ndim(p) > 1:
             return self._step_many(state, p, v, reference)
         torque, *memory = self._tick(p, v, *reference, *leaves(state))
-        if not np.isfinite(torque).all():
+        if not math.isfinite(sum(torque.tolist())):  # what is not finite stays so
             self._blame(torque, p, v, reference)
         return torque, like(state, memory)
 
@@ -168,7 +168,7 @@ class Controller(ABC, Generic[Memory]):
         self._measured(p, "p"), self._measured(v, "v")
         for what, values in zip(reference._fields, reference, strict=True):
             self._measured(values, f"reference.{what}", self.reference_size)
-        arm = np.argwhere(~np.isfinite(torque))[0, :-1].tolist()
+        arm = np.argwhere(~np.isfinite(torque))[:1, :-1].ravel().tolist()
         whose = f" of arm {', '.join(map(str, arm))}" if arm else ""
         raise NonFiniteError(f"{type(self).__name__}: the torque{whose} is not finite, though all it was given is")
 
@@ -198,7 +198,10 @@ def leaves(memory: tuple[Any, ...]) -> list[Any]:
     """The columns of a memory, those of the memories within it in their place."""
     flat: list[Any] = []
     for part in memory:
-        flat += leaves(part) if isinstance(part, tuple) else (part,)
+        if isinstance(part, tuple):
+            flat.extend(leaves(part))
+        else:
+            flat.append(part)
     return flat
 
 
@@ -208,4 +211,7 @@ def like(pattern: Memory, parts: Iterable[Any]) -> Memory:
 
 
 def _filled(pattern: Any, parts: Iterator[Any]) -> Any:
-    return type(pattern)(*(_filled(part, parts) if isinstance(part, tuple) else next(parts) for part in pattern))
+    filled: list[Any] = []
+    for part in pattern:
+        filled.append(_filled(part, parts) if isinstance(part, tuple) else next(parts))
+    return pattern._make(filled)
