@@ -125,11 +125,18 @@ class ClosedLoop:
         return (*self.plant.marks, *getattr(guards(self._blank), "_fields", ()))
 
     def __eq__(self, other: object) -> bool:
-        """Of the same plant and controller."""
-        return isinstance(other, ClosedLoop) and self.plant is other.plant and self.controller is other.controller
+        """Of the same plant, effects and controller."""
+        return isinstance(other, ClosedLoop) and self._parts == other._parts
 
     def __hash__(self) -> int:
-        return hash((id(self.plant), id(self.controller)))
+        return hash(self._parts)
+
+    @property
+    def _parts(self) -> tuple[int, ...]:
+        """What it is made of, by identity."""
+        effects = self.plant.effects
+        chains = effects.actuators, effects.sensors, effects.joints, effects.loads
+        return id(self.plant.plant), id(self.controller), *(id(effect) for chain in chains for effect in chain)
 
     @lru_cache(maxsize=8)  # noqa: B019  # some code is worth keeping, and its loop with it
     def compiled(self) -> Compiled:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
 
 from adaptctl.control.controller import Reference, ReferencePoint
 from adaptctl.control.references import SinusoidNumbers, Sinusoids, sinusoids_at
+from adaptctl.dynamics.arrays import column, stacked
 from adaptctl.errors import InputError
 from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column
@@ -104,22 +106,36 @@ class ReferencesOfMany:
     @property
     def held(self) -> Mapping[str, Array]:
         """What each arm keeps (M, n)."""
-        if not isinstance(self.form, Formula):
-            return {}
-        numbers = [one.numbers for one in self.references if isinstance(one, Sinusoids)]
-        return {name: np.array([getattr(one, name) for one in numbers]) for name in SinusoidNumbers._fields}
+        return {} if self._numbers is None else self._numbers._asdict()
+
+    def start(self) -> tuple[Array, Array]:
+        """Positions and velocities (M, n) at time zero, (n,) where one is for all."""
+        if self._numbers is not None:
+            point = sinusoids_at(0.0, SinusoidNumbers(*map(column, self._numbers)))
+            return stacked(point.p.of, self.arms), stacked(point.v.of, self.arms)
+        points = self._points(np.zeros(1))
+        return points.p[0], points.v[0]
 
     def signals(self, time: Array) -> Mapping[str, Array]:
         """What comes from outside at times (T,)."""
         if isinstance(self.form, Formula):
             return {"time": time[:, None]}
-        points = self.points(time)
-        return dict(zip(REFERENCE, points if self.arms else (part[:, 0] for part in points), strict=True))
+        return dict(zip(REFERENCE, self._points(time), strict=True))
 
-    def points(self, time: Array) -> ReferencePoint:
-        """The points (T, M, n) at times (T,), M = 1 where one is for all."""
+    def _points(self, time: Array) -> ReferencePoint:
+        """The points (T, M, n) at times (T,), (T, n) where one is for all."""
         points = [sampled(one, time, self.size) for one in self.references]
+        if not self.arms:
+            return points[0]
         return ReferencePoint(*(np.stack(parts, axis=1) for parts in zip(*points, strict=True)))
+
+    @cached_property
+    def _numbers(self) -> SinusoidNumbers | None:
+        """What sinusoids are made of (M, n), where they are followed by formula."""
+        if not isinstance(self.form, Formula):
+            return None
+        numbers = [one.numbers for one in self.references if isinstance(one, Sinusoids)]
+        return SinusoidNumbers(*(np.array(parts) for parts in zip(*numbers, strict=True)))
 
 
 def _form(references: Sequence[Reference], size: int) -> ReferenceForm:

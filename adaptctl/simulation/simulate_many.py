@@ -24,7 +24,7 @@ from adaptctl.simulation.plant import Plant
 from adaptctl.simulation.real_plant import RealPlant
 from adaptctl.simulation.references_of_many import ReferenceForm, ReferencesOfMany
 
-MEMORY = 2**26
+MEMORY = 2**23
 """Bytes that a native call may read and write besides the arms' states."""
 RECORDED = ("p", "v", "reference_p", "reference_v", "torque", "applied", "estimate")
 
@@ -162,14 +162,13 @@ class _Runs:
         _require_compilable(loop)
         self.steps, self.every, self.count = round(duration / self.period), int(every), 0
         self.references = ReferencesOfMany.of(reference, loop.controller.reference_size)
-        self.records: list[tuple[Array, ...]] = []
+        self.samples = 0
 
     def begin(self, members: int | None, seed: int | None, **given: ArrayLike | None) -> None:
         """Put every arm where it starts: at `parameters`, `p` and `v`, those of the mechanism and on the reference
         unless given."""
-        loop, start = self.loop, self.references.points(np.zeros(1))
-        on_course = [part[0] if self.references.arms else part[0, 0] for part in (start.p, start.v)]
-        own = {"parameters": loop.plant.plant.mechanism.inertial_parameters, "p": on_course[0], "v": on_course[1]}
+        loop, start = self.loop, self.references.start()
+        own = {"parameters": loop.plant.plant.mechanism.inertial_parameters, "p": start[0], "v": start[1]}
         chosen = own | {name: x for name, x in given.items() if x is not None}
         rows = {name: checked(x, own[name].shape[-1], name) for name, x in chosen.items()}
         count = _members(members, {"reference": self.references.arms} | {k: x.shape[:-1] for k, x in rows.items()})
@@ -181,19 +180,27 @@ class _Runs:
         self.arms.held["parameters"] = self.parameters
         for name, values in self.references.held.items():
             self.arms.held[name] = values
-        numbers = sum(math.prod(shape) for shape in self.arms.stepper.outputs) + 5 * loop.controller.dof
-        self.longest = max(1, MEMORY // (8 * numbers * count))
+        shapes = self.arms.stepper.outputs
+        self.longest = max(1, MEMORY // (8 * count * (sum(map(math.prod, shapes)) + 5 * loop.controller.dof)))
+        samples = -(-self.steps // self.every)
+        self.records = tuple(np.empty((samples, count, *shape)) for shape in shapes)
 
     def advance(self) -> None:
         """Up to the next sample that is kept, or, where all are, as far as memory allows."""
         if self.every == 1:
-            self.records.append(self._stretch(self.steps - self.count, record=True))
+            self._keep(self._stretch(self.steps - self.count, record=True))
             return
         sample = self.count + -self.count % self.every
         while self.count < min(sample + 1, self.steps):
             outputs = self._stretch(min(sample + 1, self.steps) - self.count, record=False)
         if sample < self.steps:
-            self.records.append(tuple(part[None] for part in outputs))
+            self._keep(tuple(part[None] for part in outputs))
+
+    def _keep(self, outputs: tuple[Array, ...]) -> None:
+        more = self.samples + len(outputs[0])
+        for kept, part in zip(self.records, outputs, strict=True):
+            kept[self.samples : more] = part
+        self.samples = more
 
     def _stretch(self, most: int, *, record: bool) -> tuple[Array, ...]:
         """At most so many control periods, in which the true parameters stay as they are: one native call."""
@@ -212,15 +219,12 @@ class _Runs:
 
     def result(self, wall_time: float, complete: bool) -> Rollouts:
         """What happened so far."""
-        shapes = [(0, self.arms.members, *shape) for shape in self.arms.stepper.outputs]
-        nothing = tuple(np.empty(shape) for shape in shapes)
-        parts = (_frozen(np.concatenate(parts)) for parts in zip(nothing, *self.records, strict=True))
+        parts = (_frozen(kept[: self.samples]) for kept in self.records)
         columns = dict(zip(RECORDED, parts, strict=True))
-        count = len(columns["p"])
         mean = self.arms.state["squares"] / max(self.count, 1)
         return Rollouts(
             **columns,
-            time=_frozen(np.asarray(np.arange(0, count * self.every, self.every) * self.period)),
+            time=_frozen(np.asarray(np.arange(0, self.samples * self.every, self.every) * self.period)),
             parameters=_frozen(self.parameters.copy()),
             rms_error=_frozen(np.asarray(np.sqrt(mean))),
             largest_error=_frozen(self.arms.state["largest"]),
