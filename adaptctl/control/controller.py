@@ -214,4 +214,4 @@ def _filled(pattern: Any, parts: Iterator[Any]) -> Any:
     filled: list[Any] = []
     for part in pattern:
         filled.append(_filled(part, parts) if isinstance(part, tuple) else next(parts))
-    return pattern._make(filled)
+    return type(pattern)(*filled)
