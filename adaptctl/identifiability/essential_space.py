@@ -18,7 +18,7 @@ from adaptctl.identifiability.certificate import Certificate
 from adaptctl.identifiability.certified_null_space import CertifiedNullSpace, NullSpace, by_decomposition, by_transfers
 from adaptctl.identifiability.energy_factor import EnergyFactor
 from adaptctl.identifiability.null_space import unscaled_bases
-from adaptctl.identifiability.numerical_rank import singular_values
+from adaptctl.identifiability.numerical_rank import right_vectors, singular_values
 from adaptctl.identifiability.sampled_regressors import energetic_names, energy_blocks
 from adaptctl.identifiability.sampling import States
 from adaptctl.mechanism.pose import Array, frozen_array
@@ -97,7 +97,7 @@ class EssentialSpace:
     def basis(self) -> Array:
         """V1 (P, k)."""
         complement = self._bases[1]
-        return self._frozen(complement @ np.linalg.svd(self._triangle @ complement)[2].T, "basis")
+        return self._frozen(complement @ right_vectors(self._triangle @ complement), "basis")
 
     def project(self, parameters: ArrayLike) -> Array:
         """Essential parameters D_E = V1 V1' D (..., P) of inertial parameters D (..., P)."""

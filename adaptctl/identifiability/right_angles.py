@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from adaptctl.mechanism import Description
-from adaptctl.mechanism.pose import Array
 from adaptctl.mechanism.snapping import meeting_axes
 
 NEAR = 1e-3
@@ -41,12 +40,18 @@ class NearRightAngle:
 def near_right_angles(description: Description, exact: float = EXACT) -> tuple[NearRightAngle, ...]:
     """Successive joint axes, gravity before the first, within 1e-3 but not within `exact` (rad) of a multiple of 90
     degrees."""
-    found = [_miss(parent, link.joint.name, *axes) for link, parent, axes in meeting_axes(description)]
-    return tuple(pair for pair in found if exact < abs(pair.miss) < NEAR)
-
-
-def _miss(parent: str, child: str, first: Array, second: Array) -> NearRightAngle:
+    meeting = list(meeting_axes(description))
+    if not meeting:
+        return ()
+    axes = np.array([pair for _, _, pair in meeting])
+    first, second = axes[:, 0], axes[:, 1]
     # The arc tangent is exact at all angles; the arc cosine loses half the digits near 0.
-    angle = float(np.arctan2(np.linalg.norm(np.cross(first, second)), first @ second))
-    quarter = round(angle / (np.pi / 2))
-    return NearRightAngle(parent, child, 90 * quarter, angle - quarter * np.pi / 2)
+    angles = np.arctan2(np.linalg.norm(np.cross(first, second), axis=1), np.sum(first * second, axis=1))
+    quarters = np.round(angles / (np.pi / 2)).astype(int)
+    misses = angles - quarters * (np.pi / 2)
+    near = np.flatnonzero((exact < np.abs(misses)) & (np.abs(misses) < NEAR)).tolist()
+    pairs = ((meeting[i], i) for i in near)
+    return tuple(
+        NearRightAngle(parent, link.joint.name, 90 * int(quarters[i]), float(misses[i]))
+        for (link, parent, _), i in pairs
+    )

@@ -10,7 +10,7 @@ import numpy as np
 
 from adaptctl.dynamics import Mechanism
 from adaptctl.identifiability.energy_factor import EnergyFactor
-from adaptctl.identifiability.numerical_rank import NumericalRank, triangle
+from adaptctl.identifiability.numerical_rank import NumericalRank, right_vectors, triangle
 from adaptctl.identifiability.regrouping import Regrouping
 from adaptctl.identifiability.sampled_regressors import energetic_names
 from adaptctl.identifiability.sampling import characteristic_length
@@ -50,7 +50,7 @@ class ScaledRegressor:
     @cached_property
     def vectors(self) -> Array:
         """The right vectors (P, P), a vector a column."""
-        return np.linalg.svd(self.triangle)[2].T
+        return right_vectors(self.triangle)
 
     @cached_property
     def decision(self) -> NumericalRank:

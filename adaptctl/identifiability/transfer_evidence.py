@@ -8,7 +8,7 @@ import numpy as np
 
 from adaptctl.dynamics import Mechanism, energy
 from adaptctl.dynamics.arrays import column, stacked
-from adaptctl.dynamics.segment import segments
+from adaptctl.dynamics.equations import TreeEquations
 from adaptctl.identifiability.inertia_functionals import transfers
 from adaptctl.identifiability.inertial_transfers import FELT, InertialTransfers
 from adaptctl.identifiability.numerical_rank import FLOOR
@@ -17,7 +17,6 @@ from adaptctl.identifiability.scaling import SMALLEST_NORM, length_scales
 from adaptctl.mechanism import GROUND
 from adaptctl.mechanism.inertia import parameter_names
 from adaptctl.mechanism.pose import Array
-from adaptctl.scalars import Vec
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,21 +67,22 @@ def transfer_evidence(found: InertialTransfers, changes: Array) -> TransferEvide
         surplus=int((ratios.argmax(axis=1) + 1 - ranks).sum()),
         gap=float(ratios[last].min()),
         smallest=float(relative[last].min()),
-        residual=max(map(_residual, changes, found.unfelt)),
+        residual=_residual(found, changes),
         weakest=values[ratios[last].argmin()],
     )
 
 
 def _energies(mechanism: Mechanism, length: float, states: States) -> Array:
     """(N, samples, 10): energies of the ten of every link, massless ones too, with lengths in units of `length`."""
-    description = mechanism.description
-    places, rates = column(states.p), column(states.v)
-    row = energy.energy_regressor(segments(description), places, rates, Vec(*description.gravity.tolist()))
+    tree, places, rates = TreeEquations.of(mechanism.description), column(states.p), column(states.v)
+    row = energy.energy_regressor(tree.links, places, rates, tree.gravity)
     energies = stacked(row.of, (len(states),)).reshape(len(states), -1, 10)
     return energies.transpose(1, 0, 2) * length_scales(parameter_names(["link"]), length)
 
 
-def _residual(changes: Array, unfelt: Array) -> float:
-    """Of one joint."""
-    sizes = np.abs(changes).max() * np.abs(unfelt).max(axis=1)
-    return float((np.abs(changes @ unfelt.T).max(axis=0) / sizes).max())
+def _residual(found: InertialTransfers, changes: Array) -> float:
+    """Of the joint where it is worst."""
+    bodies = np.stack([np.vstack([0.0 * felt, unfelt]) for felt, unfelt in zip(found.felt, found.unfelt, strict=True)])
+    sizes = np.abs(changes).max(axis=(1, 2))[:, None] * np.abs(bodies).max(axis=2)
+    largest = np.abs(changes @ bodies.mT).max(axis=1)
+    return float(np.divide(largest, sizes, out=np.zeros_like(sizes), where=sizes > 0.0).max())
