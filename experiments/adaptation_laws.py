@@ -36,7 +36,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.experiments.contest import Contender, Outcome
 from adaptctl.experiments.experiment import setting
-from adaptctl.experiments.learning import ADAPTATION_OFF, Learning, numbers
+from adaptctl.experiments.learning import ADAPTATION_OFF, Found, Learning, numbers
 from adaptctl.experiments.parameter_errors import SAMPLES, ParameterErrors, parameter_errors
 from adaptctl.experiments.rough_model import deviations, scaled_links
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
@@ -129,11 +129,15 @@ class AdaptationLaws(Learning):
         """What is asked."""
         return (
             "An arm whose links are known within "
-            f"{100 * self.parameter_error:.0f} % follows sums of sinusoids that excite it. Slotine and Li's control "
-            "law is run with each adaptation law, from the same rough model and with the same gain, and each other "
-            "control law with gradient adaptation where it adapts. The parameter error is weighed by the torque "
-            "that each parameter makes along the motion, in shares of the torque of all."
+            f"{100 * self.parameter_error:.0f} % follows sums of sinusoids that excite it. {self.comparing}"
         )
+
+    comparing: ClassVar[str] = (
+        "Slotine and Li's control law is run with each adaptation law, from the same rough model and with the same "
+        "gain, and each other control law with gradient adaptation where it adapts. The parameter error is weighed by "
+        "the torque that each parameter makes along a motion that excites, in shares of the torque of all."
+    )
+    """How laws are compared, and in what."""
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
         """The tracking environment on sums of sinusoids."""
@@ -266,6 +270,13 @@ class AdaptationLaws(Learning):
         for run in outcome.runs:
             cost = float_tick(contenders[run.name].controller, run)
             yield Finding(f"tick_floats.{run.name}", 1e6 * cost, "us", f"{run.label}: a tick on Python floats")
+
+    def answer(self, outcome: Outcome, found: Found) -> str | None:
+        """The parameter errors."""
+        off = found.of.get(f"parameter_error.{ADAPTATION_OFF}", np.nan)
+        adapting = [run for run in outcome.runs if run.name != ADAPTATION_OFF]
+        errors = ", ".join(found.each("parameter_error", adapting, rising=True))
+        return f"From a parameter error of {off:.2g}, {self.duration:g} s end at {errors}." if errors else None
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
         """The parameter errors over time."""

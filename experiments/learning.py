@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -16,7 +16,7 @@ from adaptctl.experiments.experiment import ClosedLoop, Progress, setting, setti
 from adaptctl.experiments.rough_model import scaled_links
 from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
 from adaptctl.mechanism.pose import Array
-from adaptctl.recording import Comparison, Finding, Setting
+from adaptctl.recording import Comparison, Finding, Run, Setting, wording
 
 if TYPE_CHECKING:
     import gymnasium
@@ -91,6 +91,7 @@ class Learning(ClosedLoop):
         basis = fundamental_basis(space)
         progress(OFFLINE, 1.0)
         outcome = contest(env, mechanism, self.contenders(mechanism, basis), self.seed, progress)
+        findings = tuple(self.findings(outcome, basis))
         return Comparison(
             experiment=self.name,
             title=self.title.format(robot=mechanism.name),
@@ -103,15 +104,20 @@ class Learning(ClosedLoop):
             settings=tuple(self._settings(mechanism, env)),
             seed=self.seed,
             duration=self.duration,
-            findings=tuple(self.findings(outcome, basis)),
+            findings=findings,
             complete=outcome.complete,
             without_adaptation=ADAPTATION_OFF,
             more_drawings=tuple(self.drawings(outcome, basis)),
+            answer=self.answer(outcome, Found(findings)) if outcome.complete else None,
         )
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
         """What is measured besides the runs."""
         return one_controller(outcome)
+
+    def answer(self, outcome: Outcome, found: Found) -> str | None:
+        """What was found, in a sentence or two; None where it is how much adaptation is worth."""
+        return None
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
         """Figures besides those of every comparison."""
@@ -162,6 +168,24 @@ class Learning(ClosedLoop):
         for entry in settings(self):
             name = entry.name.replace("_", "-")
             yield Setting(f"--{name}", text(getattr(self, entry.name)), entry.metadata["meaning"])
+
+
+class Found:
+    """Findings by name, as a person reads them."""
+
+    def __init__(self, findings: Sequence[Finding]) -> None:
+        self.of = {finding.name: finding.value for finding in findings}
+
+    def told(self, name: str, scale: float = 1.0) -> str:
+        """A value with two digits."""
+        return wording.number(scale * self.of[name], 2)
+
+    def each(self, what: str, runs: Sequence[Run], unit: str = "", *, rising: bool = False) -> list[str]:
+        """The findings `what.run` of the runs that have one, such as "0.12 s (Gradient)"."""
+        owners = [run for run in runs if f"{what}.{run.name}" in self.of]
+        if rising:
+            owners.sort(key=lambda run: self.of[f"{what}.{run.name}"])
+        return [" ".join(filter(None, (self.told(f"{what}.{run.name}"), unit, f"({run.label})"))) for run in owners]
 
 
 def numbers(values: Array) -> str:

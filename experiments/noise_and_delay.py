@@ -12,6 +12,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.experiments.adaptation_laws import AdaptationLaws, smallest_eigenvalue
 from adaptctl.experiments.contest import Contender, Outcome
 from adaptctl.experiments.experiment import setting
+from adaptctl.experiments.learning import ADAPTATION_OFF, Found
 from adaptctl.experiments.parameter_errors import SAMPLES, ParameterErrors
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
 from adaptctl.recording import Finding, Run
@@ -64,10 +65,12 @@ class NoiseAndDelay(AdaptationLaws):
     def purpose(self) -> str:
         """What is asked."""
         return (
-            f"For {self.duration:g} s an arm is to hold still, seen through encoders of {self.resolution:g} rad with "
-            f"{self.noise:g} rad of noise, its torques {self.delay} periods late and lagging. Nothing excites it, so "
-            "errors say nothing of most parameters; but noise in the regressor times noise in the error has a mean, "
-            "and the gradient follows it. " + super().purpose
+            f"For {self.duration:g} s an arm, its links known within {100 * self.parameter_error:.0f} %, is to hold "
+            f"still, seen through encoders of {self.resolution:g} rad with {self.noise:g} rad of noise. Its torques "
+            f"lag and are late by {1e3 * self.delay * self.control_period:g} ms, its motors have "
+            f"{100 * self.strength:.0f} % of their strength, and saturate. Nothing excites it, so errors say nothing "
+            "of most parameters; but noise in the regressor times noise in the error has a mean, and the gradient "
+            f"follows it. {self.comparing}"
         )
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
@@ -122,6 +125,12 @@ class NoiseAndDelay(AdaptationLaws):
             if run.name == "natural":
                 yield smallest_eigenvalue(outcome.mechanism, run)
         yield from self._loop(outcome.mechanism)
+
+    def answer(self, outcome: Outcome, found: Found) -> str | None:
+        """Which estimates drift."""
+        adapting = [run for run in outcome.runs if run.name != ADAPTATION_OFF]
+        drifts = ", ".join(found.each("drift", adapting, rising=True))
+        return f"{super().answer(outcome, found)} What they moved a minute in the second half: {drifts}."
 
     def _loop(self, mechanism: Mechanism) -> Iterator[Finding]:
         """What the tracking loop tolerates of delay, and what there is of it."""

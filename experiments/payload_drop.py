@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -15,6 +15,7 @@ from adaptctl.errors import InputError
 from adaptctl.experiments.adaptation_laws import AdaptationLaws
 from adaptctl.experiments.contest import Outcome
 from adaptctl.experiments.experiment import setting
+from adaptctl.experiments.learning import ADAPTATION_OFF, Found
 from adaptctl.experiments.recovery import WINDOW, Recovery, recovery, recovery_times
 from adaptctl.experiments.rough_model import deviations
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
@@ -67,7 +68,7 @@ class PayloadDrop(AdaptationLaws):
             + " The measure is the time that a law takes, after either event, until "
             f"its error over {WINDOW:g} s is back below twice what it was in the {WINDOW:g} s before the pickup. Gains "
             "are told that a payload like this may come; natural adaptation, whose gain is its estimate, starts from "
-            "half of it."
+            "half of it. Parameter errors are against the arm alone: while the payload is held they show it."
         )
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
@@ -108,6 +109,18 @@ class PayloadDrop(AdaptationLaws):
                 meaning = f"{run.label}: RMS error in the {WINDOW:g} s before the pickup"
                 yield Finding(f"earlier_error.{run.name}", 1e3 * earlier, "mrad", meaning)
         yield from super().findings(outcome, basis)
+
+    def answer(self, outcome: Outcome, found: Found) -> str | None:
+        """The shortest and the longest time to return of the laws that adapt, and who does not return."""
+        adapting = [run for run in outcome.runs if run.rollout.estimate.shape[1] and run.name != ADAPTATION_OFF]
+        return " ".join(self._told(event, adapting, found) for event in ("pickup", "drop")) if adapting else None
+
+    def _told(self, event: str, runs: Sequence[Run], found: Found) -> str:
+        back = found.each(f"return_after_{event}", runs, "s", rising=True)
+        lost = found.each(f"not_back_after_{event}", runs, "times the earlier")
+        said = [f"below twice the earlier in {' to '.join(dict.fromkeys((back[0], back[-1])))}"] if back else []
+        said += [f"not back at {', '.join(lost)}"] if lost else []
+        return f"Errors after the {event}: {'; '.join(said)}."
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
         """The times to return, before the parameter errors."""

@@ -14,7 +14,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.experiments.contest import Contender, Outcome
 from adaptctl.experiments.experiment import setting
-from adaptctl.experiments.learning import ADAPTATION_OFF
+from adaptctl.experiments.learning import ADAPTATION_OFF, Found
 from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
 from adaptctl.identifiability import (
     FundamentalBasis,
@@ -94,6 +94,18 @@ class ReducedModelTracking(Puma560Adaptive):
         for run in outcome.runs:
             if (error := run.final_rms_error) is not None:
                 yield Finding(f"final_rms_error.{run.name}", 1e3 * error, "mrad", f"{run.label}: RMS error, last 2 s")
+
+    def answer(self, outcome: Outcome, found: Found) -> str | None:
+        """The tracking errors by count."""
+        counts = ", ".join(map(str, self.components))
+        adapted, held = (
+            ", ".join(found.told(f"final_rms_error.{kind}-{s}") for s in self.components) for kind in (ADAPTIVE, FIXED)
+        )
+        return (
+            f"Carrying {counts} components, the controller ends at {adapted} mrad of tracking error where it adapts "
+            f"them from zero, at {held} mrad where it holds their true values, and at "
+            f"{found.told(f'final_rms_error.{ADAPTATION_OFF}')} mrad knowing nothing."
+        )
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
         """Tracking and energy errors over s."""

@@ -14,7 +14,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.experiments.contest import Contender, Outcome
 from adaptctl.experiments.experiment import setting
-from adaptctl.experiments.learning import ADAPTATION_OFF, ADAPTIVE
+from adaptctl.experiments.learning import ADAPTATION_OFF, ADAPTIVE, Found
 from adaptctl.experiments.marked_errors import Marked, marked_errors
 from adaptctl.experiments.on_real_plant import OnRealPlant
 from adaptctl.experiments.parameter_errors import SAMPLES, ParameterErrors
@@ -101,6 +101,17 @@ class Saturation(OnRealPlant):
             yield Finding(
                 f"largest_estimate.{run.name}", moved, "SI", f"{run.label}: largest estimate of any parameter"
             )
+
+    def answer(self, outcome: Outcome, found: Found) -> str | None:
+        """What the freeze is worth."""
+        runs = {run.name: run for run in outcome.runs}
+        frozen, never = (1e3 * (runs[name].rms_error() or np.nan) for name in (ADAPTIVE, WITHOUT_FREEZE))
+        return (
+            f"Frozen while saturated, the RMS error is {frozen:.3g} mrad, {found.told('freeze_over_none')} of the "
+            f"{never:.4g} mrad of adaptation never frozen. In the last 2 s, the payload long gone, it is "
+            f"{1e3 * (runs[ADAPTIVE].final_rms_error or np.nan):.2g} mrad, with adaptation off "
+            f"{1e3 * (runs[ADAPTATION_OFF].final_rms_error or np.nan):.2g}."
+        )
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
         """The estimates' errors, and when a torque was held back."""

@@ -26,7 +26,7 @@ from adaptctl.envs.torque_limits import finite_torque_limits
 from adaptctl.errors import InputError
 from adaptctl.experiments.contest import Contender, Outcome
 from adaptctl.experiments.experiment import setting
-from adaptctl.experiments.learning import ADAPTATION_OFF, Learning
+from adaptctl.experiments.learning import ADAPTATION_OFF, Found, Learning
 from adaptctl.experiments.serial_versus_graph import AHEAD, ARMS, KNOT, Arm
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
 from adaptctl.mechanism.pose import Array
@@ -182,6 +182,11 @@ class TaskSpaceTracking(Learning):
                 told = float(np.sqrt(np.mean(errors[inside] ** 2)))
                 meaning = f"{run.label}: the tool's RMS error, {what} {BEGINNING if what == 'first' else END:g} s"
                 yield Finding(f"{what}_tool_error.{run.name}", 1e3 * told, "mm", meaning)
+
+    def answer(self, outcome: Outcome, found: Found) -> str | None:
+        """The tool's errors."""
+        errors = ", ".join(found.each("final_tool_error", outcome.runs))
+        return f"The tool's RMS error in the last {END:g} s, mm: {errors}."
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
         """The tool's errors over time."""

@@ -62,7 +62,10 @@ def test_the_trapezium_lets_v_rise_less_than_euler(said: dict[str, Any]) -> None
 
 def test_parameter_errors_are_drawn(out: Path, said: dict[str, Any]) -> None:
     assert (out / "figures" / "parameter-error.png").stat().st_size > 10_000
-    assert "parameter error at the end" in (out / "report.html").read_text()
+    page = (out / "report.html").read_text()
+    assert "parameter error at the end" in page
+    assert "one line a law that adapts" in page
+    assert ", 3 s end at" in page
 
 
 def test_a_rough_model_is_rigid_bodies_within_its_deviations() -> None:

@@ -137,7 +137,9 @@ class Comparison:
     without_adaptation: str = "adaptation-off"
     """the name of the run with the subject's gains and adaptation off"""
     more_drawings: tuple[Drawing, ...] = ()
-    """figures besides those of every comparison, put after the tracking errors"""
+    """figures besides those of every comparison: what this one is about"""
+    answer: str | None = None
+    """the outcome in a sentence or two, where it is not how much adaptation is worth"""
 
     def __post_init__(self) -> None:
         if not self.runs or len(self.runs[0].rollout.time) == 0:

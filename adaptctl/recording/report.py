@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from adaptctl.files import write_text
 from adaptctl.mechanism.inertia import PARAMETERS
-from adaptctl.recording.comparison import Comparison, Run
+from adaptctl.recording.comparison import Comparison, Finding, Run
 from adaptctl.recording.figures import drawings
 from adaptctl.recording.page import embedded, rendered
 from adaptctl.recording.palette import run_color
@@ -23,6 +23,8 @@ def write_report(path: str | Path, comparison: Comparison, figures: Mapping[str,
 
 def report(comparison: Comparison, figures: Mapping[str, Path]) -> str:
     """The page's HTML."""
+    names = [run.name for run in comparison.runs]
+    others = [finding for finding in comparison.findings if _owner(finding) not in names]
     return rendered(
         "report.html",
         comparison=comparison,
@@ -31,7 +33,8 @@ def report(comparison: Comparison, figures: Mapping[str, Path]) -> str:
         convergence=CONVERGENCE,
         facts=list(facts(comparison)),
         runs=[_run_row(i, run, comparison) for i, run in enumerate(comparison.runs)],
-        findings=[(f.meaning, number(f.value), _typeset(f.unit)) for f in comparison.findings],
+        measured=measured(comparison),
+        findings=[(f.meaning, number(f.value), _typeset(f.unit)) for f in others],
         parameters=list(_parameter_rows(comparison)),
         kinds=PARAMETERS,
         grid=_grid(comparison),
@@ -40,6 +43,36 @@ def report(comparison: Comparison, figures: Mapping[str, Path]) -> str:
         inconsistent=comparison.mechanism.description.inconsistent_links,
         figures=embedded(drawings(comparison), figures),
     )
+
+
+class Measured(NamedTuple):
+    """A column of what was measured of the runs besides their errors."""
+
+    heading: str
+    meaning: str
+    values: list[str]
+    """one a run, a dash where it was not measured"""
+
+
+def measured(comparison: Comparison) -> list[Measured]:
+    """The findings whose names are `what.run`, a column for each `what`."""
+    names = [run.name for run in comparison.runs]
+    columns: dict[str, dict[str, Finding]] = {}
+    for finding in comparison.findings:
+        if (owner := _owner(finding)) in names:
+            columns.setdefault(finding.name.removesuffix(f".{owner}"), {})[owner] = finding
+    return [_column(what, found, names) for what, found in columns.items()]
+
+
+def _column(what: str, found: Mapping[str, Finding], names: list[str]) -> Measured:
+    first = next(iter(found.values()))
+    unit = "" if first.unit == "1" else f" [{_typeset(first.unit)}]"
+    values = [number(found[name].value) if name in found else "–" for name in names]
+    return Measured(what.replace("_", " ") + unit, first.meaning.partition(": ")[2], values)
+
+
+def _owner(finding: Finding) -> str:
+    return finding.name.partition(".")[2]
 
 
 def _run_row(index: int, run: Run, comparison: Comparison) -> dict[str, Any]:

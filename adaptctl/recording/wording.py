@@ -30,6 +30,8 @@ def error(value: float | None, unit: str) -> str:
 
 def verdict(comparison: Comparison) -> str:
     """The outcome in a sentence or two."""
+    if comparison.answer is not None:
+        return comparison.answer
     subject, baseline, unit = comparison.subject, comparison.baseline, comparison.error_unit
     first, final = subject.first_rms_error, subject.final_rms_error
     said = (
