@@ -56,15 +56,5 @@ class Lanes:
         template = Template(Path(__file__).with_name(f"{name}.ll").read_text(encoding="utf-8"))
         return template.substitute({of: getattr(self, of) for of in types}, **values)
 
-    def broadcast(self, name: str, x: str) -> list[str]:
-        """Instructions that put the number in register `x` into every lane of register `name`."""
-        if self.count == 1:
-            return [f"{name} = fadd double {x}, {self.constant(-0.0)}"]
-        first, anything = f"{self.value} {name}.first", f"{self.value} undef"
-        return [
-            f"{name}.first = insertelement {anything}, double {x}, i32 0",
-            f"{name} = shufflevector {first}, {anything}, <{self.count} x i32> zeroinitializer",
-        ]
-
     def _of(self, kind: str) -> str:
         return kind if self.count == 1 else f"<{self.count} x {kind}>"

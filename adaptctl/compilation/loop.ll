@@ -7,7 +7,6 @@ define void @run(i64 %first, i64 %end, i64 %count, i64 %shared.stride, i64 %driv
                  ptr %state, ptr %held, ptr %shared, ptr %driven, ptr %out) $attributes {
 start:
   %spare = alloca [$state x $value], align $alignment
-  %shared.at = alloca [$shared x $value], align $alignment
   br label %blocks
 
 blocks:
@@ -33,10 +32,9 @@ work:
   %shared.skip = mul i64 %step, %shared.stride
   %driven.skip = mul i64 %step, %driven.stride
   %out.skip = mul i64 %step, %out.stride
-  %row = getelementptr double, ptr %shared, i64 %shared.skip
+  %shared.at = getelementptr double, ptr %shared, i64 %shared.skip
   %driven.at = getelementptr double, ptr %driven.first, i64 %driven.skip
   %out.at = getelementptr double, ptr %out.first, i64 %out.skip
-  $broadcast
   $places
   call void @$routine($pointers)
   %step.next = add i64 %step, 1

@@ -17,7 +17,8 @@ NativeLoop = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 6, *[ctypes.c_void_p] * 
 driven and outputs, then the addresses of state, held, shared, driven and outputs.
 
 In an array one block follows the other, in a block the columns of its source, and every scalar has all its lanes
-side by side. A stride is the number of doubles from step to step, 0 for an array without steps.
+side by side; shared has one block for all. A stride is the number of doubles from step to step, 0 for an array without
+steps.
 """
 
 
@@ -45,7 +46,6 @@ def loop(routine: Routine, symbol: str, lanes: Lanes, columns: Mapping[Source, S
         **count,
         outputs=sum(results[states:]),
         bytes=lanes.alignment * count["state"],
-        broadcast=_broadcast(count["shared"], lanes),
         places=places,
         routine=symbol,
         pointers=pointers,
@@ -54,24 +54,9 @@ def loop(routine: Routine, symbol: str, lanes: Lanes, columns: Mapping[Source, S
 
 def _places(parts: Mapping[str, Sequence[int]], lanes: Lanes) -> tuple[str, str]:
     """Arguments that point to each column after the pointers given, and the instructions that make them."""
-    starts = {f"{base}.{k}": (base, start) for base, n in parts.items() for k, start in enumerate(_starts(n))}
-    lines = [f"  {name} = getelementptr {lanes.value}, ptr {base}, i64 {k}" for name, (base, k) in starts.items()]
-    return ", ".join(f"ptr {name}" for name in starts), "\n".join(lines)
-
-
-def _starts(lengths: Sequence[int]) -> list[int]:
-    return list(accumulate(lengths, initial=0))[:-1]
-
-
-def _broadcast(count: int, lanes: Lanes) -> str:
-    """Instructions that put each number of %row into all lanes."""
-    lines = []
-    for k in range(count):
-        lines += [
-            f"  %row.{k} = getelementptr double, ptr %row, i64 {k}",
-            f"  %number.{k} = load double, ptr %row.{k}",
-            *lanes.broadcast(f"%lanes.{k}", f"%number.{k}"),
-            f"  %lanes.{k}.at = getelementptr {lanes.value}, ptr %shared.at, i64 {k}",
-            f"  store {lanes.value} %lanes.{k}, ptr %lanes.{k}.at",
-        ]
-    return "\n".join(lines)
+    names, lines = [], []
+    for base, lengths in parts.items():
+        for k, (end, length) in enumerate(zip(accumulate(lengths), lengths, strict=True)):
+            names.append(f"ptr {base}.{k}")
+            lines.append(f"  {base}.{k} = getelementptr {lanes.value}, ptr {base}, i64 {end - length}")
+    return ", ".join(names), "\n".join(lines)

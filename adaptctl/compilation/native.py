@@ -25,7 +25,6 @@ grows with the square of the length: 1 s for a plant of 16 links, 7 s for one of
 for code that takes four times as long, and still a hundredth of Python's."""
 
 
-
 class NativeCode:
     """Machine code in memory, as long as this lives."""
 

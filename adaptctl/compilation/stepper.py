@@ -131,16 +131,18 @@ class Ensemble:
             thread.join()
 
     def _signals(self, steps: int, signals: Mapping[str, ArrayLike]) -> tuple[LaneArray, LaneArray]:
-        """The shared ones (steps, n) side by side, and the driven ones in lanes."""
-        columns = self.stepper.columns
+        """The shared ones (steps, n), in one block of equal lanes, and the driven ones."""
+        columns, lanes = self.stepper.columns, self.stepper.lanes
         expected = [*columns[Source.SHARED], *columns[Source.DRIVEN]]
         if set(signals) != set(expected):
             raise InputError(f"signals: expected {', '.join(expected) or 'none'}, got {', '.join(signals) or 'none'}")
         if not expected:
             return self._nothing, self._nothing
-        shared, driven = LaneArray(columns[Source.SHARED], steps), self._array(columns[Source.DRIVEN], steps)
+        rows, driven = LaneArray(columns[Source.SHARED], steps), self._array(columns[Source.DRIVEN], steps)
         for name, values in signals.items():
-            (shared if name in shared.columns else driven)[name] = values
+            (rows if name in rows.columns else driven)[name] = values
+        shared = LaneArray(columns[Source.SHARED], lanes, lanes, (steps,))
+        shared.blocks[:, 0] = rows.blocks
         return shared, driven
 
     def _array(self, columns: Columns, *steps: int) -> LaneArray:
