@@ -148,6 +148,21 @@ def test_threads_share_a_controller(controller: SlotineLi) -> None:
     np.testing.assert_array_equal(found, expected)
 
 
+@pytest.mark.parametrize("name", [PUMA, LOOP])
+def test_arms_can_start_anew(name: str) -> None:
+    law = slotine_li(name, Composite(gain(name), 0.1))
+    (p, v, goal), (p1, v1, _) = situations(name, 5, ticks=2)
+    again = np.array([False, True, False, True, False])
+    _, state = law.step(law.init(p, v), p, v, goal)
+    restarted = law.restart(state, again, p1, v1)
+    for leaf, old, new in zip(*map(leaves, (restarted, state, law.init(p1, v1))), strict=True):
+        np.testing.assert_array_equal(leaf[again], new[again])
+        np.testing.assert_array_equal(leaf[~again], old[~again])
+    assert law.restart(state, ~(again | True), p1, v1) is state
+    with pytest.raises(InputError, match=r"restart: expected a mask of bools for arms \(5,\), got int64 \(2,\)"):
+        law.restart(state, np.array([1, 3]), p1, v1)
+
+
 def test_one_bad_arm_is_named_and_the_state_given_is_kept(controller: SlotineLi) -> None:
     p, v, goal = situations(PUMA, 5)[0]
     state, spoilt = controller.init(p, v), p.copy()

@@ -289,6 +289,26 @@ def test_many_arms_learn_from_one_law() -> None:
     assert np.ptp(state.estimate, axis=0).max() > 0.1
 
 
+def test_loops_that_begin_again_elsewhere_are_followed() -> None:
+    """What a law remembers of an arm's loops is of no use after a jump: it starts anew."""
+    mechanism = arm("semi_direct_drive")
+    ours = vector(LOOP, 6, robot=mechanism, duration=0.05, autoreset_mode="SameStep")
+    starts = [Sinusoids(np.array([0.0, -1.57 + off, -3.14 - off]), np.zeros(3), np.zeros(3)) for off in (-0.2, 0.2)]
+    law = ComputedTorque(mechanism, 8.0)
+    told, _ = ours.reset(options={"trajectory": starts * 3})
+    state, beginnings = law.init(*point(told, ours)[:2]), 0
+    for _ in range(120):
+        torque, state = law.step(state, *point(told, ours))
+        told, _, terminated, _, info = ours.step(torque)
+        assert not terminated.any()
+        p, v, _ = point(told, ours)
+        again = info["time"] == 0.0
+        state = law.restart(state, again, p, v)
+        np.testing.assert_allclose(state.q[again], mechanism.configuration(p[again]), atol=1e-9)
+        beginnings += int(again.sum())
+    assert beginnings == 12
+
+
 def test_gymnasiums_wrappers_fit() -> None:
     ours = RecordEpisodeStatistics(RescaleAction(vector(PUMA, 3, duration=0.02), -1.0, 1.0))
     ours.reset(seed=0)

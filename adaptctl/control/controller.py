@@ -88,6 +88,24 @@ class Controller(ABC, Generic[Memory]):
         own = zip(leaves(started), sizes, strict=True)
         return like(started, (np.broadcast_to(x, (*positions.shape[:-1], size)).copy() for x, size in own))
 
+    def restart(self, state: Memory, arms: ArrayLike, p: ArrayLike, v: ArrayLike) -> Memory:
+        """The state of many arms with some of them, a mask (...), before their first tick again.
+
+        These are arms whose episode has begun anew, at p and v (..., r): nothing of the last one is to be remembered.
+        """
+        chosen, p, v = np.asarray(arms), np.asarray(p), np.asarray(v)
+        if chosen.dtype != np.bool_ or not chosen.shape == p.shape[:-1] == v.shape[:-1]:
+            raise InputError(
+                f"restart: expected a mask of bools for arms {p.shape[:-1]}, got {chosen.dtype} {chosen.shape}"
+            )
+        if not chosen.any():
+            return state
+        restarted = []
+        for old, new in zip(leaves(state), leaves(self.init(p[chosen], v[chosen])), strict=True):
+            restarted.append(np.broadcast_to(old, (*chosen.shape, new.shape[-1])).copy())
+            restarted[-1][chosen] = new
+        return like(state, restarted)
+
     def step(self, state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint) -> tuple[Array, Memory]:
         """One tick on arrays: the torque (..., r) and the next state.
 
