@@ -304,7 +304,8 @@ def test_loops_that_begin_again_elsewhere_are_followed() -> None:
         p, v, _ = point(told, ours)
         again = info["time"] == 0.0
         state = law.restart(state, again, p, v)
-        np.testing.assert_allclose(state.q[again], mechanism.configuration(p[again]), atol=1e-9)
+        if again.any():
+            np.testing.assert_allclose(state.q[again], mechanism.configuration(p[again]), atol=1e-9)
         beginnings += int(again.sum())
     assert beginnings == 12
 
