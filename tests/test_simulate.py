@@ -254,7 +254,7 @@ def test_a_motion_that_runs_away_raises_what_the_loop_raises() -> None:
 
 
 def test_an_interrupted_run_keeps_what_was_computed() -> None:
-    env, controller = environment(SMALL, duration=2.5), ComputedTorque(arm(SMALL), 8.0)
+    env, controller = environment(SMALL, duration=5.0), ComputedTorque(arm(SMALL), 8.0)
     whole, told = simulate(env, controller), list[float]()
 
     def interrupt(share: float) -> None:
@@ -264,9 +264,9 @@ def test_an_interrupted_run_keeps_what_was_computed() -> None:
 
     part = simulate(env, controller, progress=interrupt)
     assert told == [0.4, 0.8]
-    assert (part.complete, len(part.time), part.info["time"]) == (False, 2000, 2.0)
-    np.testing.assert_array_equal(part.p, whole.p[:2000])
-    np.testing.assert_array_equal(part.estimate, whole.estimate[:2000])
+    assert (part.complete, len(part.time), part.info["time"]) == (False, 4000, 4.0)
+    np.testing.assert_array_equal(part.p, whole.p[:4000])
+    np.testing.assert_array_equal(part.estimate, whole.estimate[:4000])
 
     def at_once(t: Any) -> ReferencePoint:
         if np.size(t) == 1001:

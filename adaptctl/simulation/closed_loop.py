@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from adaptctl.compilation import Ensemble, Kernel, Stepper, compile_function, compile_step
+from adaptctl.compilation import Ensemble, Stepper, compile_step
 from adaptctl.control.controller import Controller, Reference, ReferencePoint, leaves, like
 from adaptctl.dynamics.arrays import checked
 from adaptctl.errors import InputError
@@ -31,6 +31,8 @@ class Sample(NamedTuple):
     measured_p: Any
     """(r,), or nothing without sensors"""
     measured_v: Any
+    energy: Any
+    """(1,) J, kinetic plus potential"""
     torque: Any
     """(r,) N m, commanded"""
     applied: Any
@@ -41,15 +43,6 @@ class Sample(NamedTuple):
     """(k,) after the tick, k = 0 where there is none"""
     marks: Any
     """(m,) 1 or 0: the plant's, then those of the controller's guards"""
-
-
-class Compiled(NamedTuple):
-    """Native code of a closed loop."""
-
-    step: Stepper
-    """a control period of one arm after a reference given in samples"""
-    energy: Kernel
-    """kinetic plus potential, of q, v and parameters"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,8 +109,9 @@ class ClosedLoop:
         passed_on = [period.q, period.v, period.drives, period.sensors, *measured, *leaves(after)]
         marks = Column((*period.marks, *(mark[0] for mark in guards(after))))
         estimate = Column(getattr(after, "estimate", ()))
+        energy = Column((self.plant.plant.energy_equation(q, v, parameters),))
         done = torque, period.applied, period.clipped, estimate, marks
-        return passed_on, Sample(q, v, measured_p, measured_v, *done)
+        return passed_on, Sample(q, v, measured_p, measured_v, energy, *done)
 
     @cached_property
     def marks(self) -> tuple[str, ...]:
@@ -139,14 +133,11 @@ class ClosedLoop:
         return id(self.plant.plant), id(self.controller), *(id(effect) for chain in chains for effect in chain)
 
     @lru_cache(maxsize=8)  # noqa: B019  # some code is worth keeping, and its loop with it
-    def compiled(self) -> Compiled:
-        """Native code; that of the latest loops is kept."""
-        name = type(self.controller).__name__
-        step = compile_step(
-            self._step, state=self.state, held=self.held, shared=self.reference | self.noise, lanes=1, name=name
-        )
-        sizes = {name: self.state[name] for name in ("q", "v")} | self.held
-        return Compiled(step, compile_function(self.plant.plant.energy_equation, sizes, name="energy"))
+    def compiled(self) -> Stepper:
+        """Native code of a control period of one arm, whose reference and noise come from outside; that of the latest
+        loops is kept."""
+        shared, name = self.reference | self.noise, type(self.controller).__name__
+        return compile_step(self._step, state=self.state, held=self.held, shared=shared, lanes=1, name=name)
 
     def _step(self, **columns: Column) -> tuple[Any, ...]:
         passed_on, sample = self.equation(**columns)
@@ -170,10 +161,6 @@ class ClosedLoop:
     def positions(self, q: Array) -> Array:
         """The primary joints' positions (..., r) among the tree's (..., n)."""
         return np.stack(self.plant.plant.primary(Column(np.moveaxis(q, -1, 0))).of, axis=-1)
-
-    def energy(self, q: Array, v: Array, parameters: Array) -> Array:
-        """Kinetic plus potential energy (T,) in J at states (T, n)."""
-        return np.asarray(self.compiled().energy.map(q, v, np.broadcast_to(parameters, (len(q), len(parameters)))))
 
     @cached_property
     def _blank(self) -> Any:

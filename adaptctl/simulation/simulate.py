@@ -1,4 +1,4 @@
-"""What `rollout` does, in native code: controller and plant together, a thousand control periods a call."""
+"""What `rollout` does, in native code: controller and plant together, thousands of control periods a call."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from adaptctl.simulation.rollout import Rollout, interface, known_steps, rollout
 if TYPE_CHECKING:
     import gymnasium
 
-CHUNK, LONGEST = 1000, 10_000
+CHUNK, LONGEST = 2000, 10_000
 """Control periods in one native call: at least, if the run is as long, and at most."""
 
 
@@ -36,7 +36,7 @@ def simulate(
 ) -> Rollout:
     """What `rollout` returns for the same arguments, to round-off, computed in native code as a whole.
 
-    Controller, effects and plant are compiled into one step, which is taken a thousand times and more in each call;
+    Controller, effects and plant are compiled into one step, which is taken thousands of times in each call;
     in between `progress` is called, with the share done, and Ctrl-C is heard, which keeps what was computed. The
     environment is left where `rollout` leaves it.
 
@@ -88,7 +88,6 @@ class _Part(NamedTuple):
     time: Array
     sample: Sample
     reference: ReferencePoint
-    energy: Array
     reward: Array
     payload: Array
     end: RealPlantState
@@ -101,7 +100,7 @@ class _Run:
     def __init__(self, episode: Episode, controller: Controller[Any], steps: int, period: float) -> None:
         self.loop, self.episode = ClosedLoop(episode.plant, controller), episode
         self.steps, self.period = steps, period
-        self.arms = self.loop.compiled().step.ensemble(1)
+        self.arms = self.loop.compiled().ensemble(1)
         self.loop.begin(self.arms, episode.state, controller.init(episode.state.p, episode.state.v))
         self.parts = [self._nothing()]
 
@@ -138,14 +137,13 @@ class _Run:
     def _part(self, time: Array, sample: Sample, reference: ReferencePoint, reward: Array, over: bool) -> _Part:
         """What is kept of samples at all times but the last."""
         count, plant = len(time) - 1, self.episode.plant
-        energy = self.loop.energy(sample.q, sample.v, self._parameters(time))
         payload = np.full(count, plant.payload(time[0]))
         payload[-1] = plant.payload(time[-1])
         end, _ = self.loop.now(self.arms, time[-1])
         marks = sample.marks[-1, : len(plant.marks)]
         end = end._replace(applied=sample.applied[-1], clipped=bool(sample.clipped[-1, 0]), marks=marks)
         point = ReferencePoint(*(part[:count] for part in reference))
-        return _Part(time[:count], sample, point, energy, reward, payload, end, over)
+        return _Part(time[:count], sample, point, reward, payload, end, over)
 
     def _times(self) -> Array:
         """The times of the next stretch and its end: as long as nothing changes, in one call's length."""
@@ -184,11 +182,11 @@ class _Run:
         shapes = self.arms.stepper.outputs
         sample, blank = Sample(*(np.empty((0, *shape)) for shape in shapes)), np.empty(0)
         point = ReferencePoint(*(np.empty((0, self.loop.controller.reference_size)) for _ in REFERENCE))
-        return _Part(blank, sample, point, blank, blank, blank, self.episode.state, over=False)
+        return _Part(blank, sample, point, blank, blank, self.episode.state, over=False)
 
     def result(self, env: Any, wall_time: float, complete: bool) -> Rollout:
         """What happened so far; the environment is taken there."""
-        time, samples, references, energy, reward, payload, _, _ = zip(*self.parts, strict=True)
+        time, samples, references, reward, payload, _, _ = zip(*self.parts, strict=True)
         sample = Sample(*(_joined(parts) for parts in zip(*samples, strict=True)))
         reference = ReferencePoint(*(_joined(parts) for parts in zip(*references, strict=True)))
         clipped, terminated = sample.clipped[:, 0], self.parts[-1].over
@@ -204,7 +202,7 @@ class _Run:
             torque=sample.torque,
             applied=sample.applied,
             clipped=_frozen(clipped),
-            energy=_joined(energy),
+            energy=_frozen(sample.energy[:, 0]),
             reward=_joined(reward),
             estimate=sample.estimate,
             control_period=self.period,
