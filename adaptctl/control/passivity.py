@@ -62,18 +62,19 @@ class PassivityBased(Adaptive):
         equations = self.model.mechanism.equations
         q = equations.closed(p, memory.q)
         v_r, a_r, more = self.wanted(q, p, v, reference, memory)
-        s, motion, before = v - v_r, equations.motion(q, v, v_r, a_r), equations.remembered(memory.motion)
+        s, motion = v - v_r, equations.motion(q, v, v_r, a_r)
 
         def gradient(sliding: Column) -> Column:
-            return before.powers(sliding, self.model.columns)
+            return equations.remembered(memory.motion).powers(sliding, self.model.columns)
 
         estimate, learning = self._learned(memory, s, q, v, gradient)
         torque = motion.torque(self._parameters(estimate)) - self._damping * s
-        return torque, AdaptiveState(estimate, q, motion.numbers, s, torque, Column((self.period,)), learning, more)
+        kept = motion.numbers if self._motion_size else Column(())
+        return torque, AdaptiveState(estimate, q, kept, s, torque, Column((self.period,)), learning, more)
 
     @property
     def _motion_size(self) -> int:
-        return self.model.mechanism.equations.motion_size
+        return 0 if self.adaptation_law is None else self.model.mechanism.equations.motion_size
 
     @property
     def _followed(self) -> int:
