@@ -8,7 +8,7 @@ DOCS := docs/_build/html
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint types docs format lock clean
+.PHONY: help demo test bench lint types docs format lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-7s %s\n", $$1, $$2}' Makefile
@@ -19,6 +19,9 @@ demo: $(STAMP) ## an adaptive PUMA 560, from energies to a recording, in results
 
 test: $(STAMP) ## the tests, and every example of README.md and docs/
 	$(BIN)/python -m pytest -n 2
+
+bench: $(STAMP) ## speed against its peers, in three minutes; README.md and docs/speed.md then show it
+	$(BIN)/python -m benchmarks
 
 lint: $(STAMP) ## style of the code
 	$(BIN)/ruff check .

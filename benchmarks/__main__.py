@@ -1,0 +1,57 @@
+"""`python -m benchmarks [NAME ...] [--quick]`: measure, and write table and plot where the README shows them."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from importlib import import_module
+
+from benchmarks.findings import DisagreementError, Finding
+from benchmarks.interleaved import Effort
+from benchmarks.machine import BUSY, load
+from benchmarks.published import line, publish
+
+SUBJECTS = ("regressor", "tick", "closed_loop", "many_arms", "offline", "first_tick")
+"""The modules that measure, in the table's order."""
+
+QUICK = Effort(rounds=3, seconds=0.002)
+
+
+def findings(subjects: Iterable[str], effort: Effort) -> Iterator[Finding]:
+    """One after the other, told as they come."""
+    for subject in subjects:
+        measure: Callable[[Effort], Iterator[Finding]] = import_module(f"benchmarks.{subject}").measure
+        for finding in measure(effort):
+            print(line(finding), flush=True)
+            yield finding
+
+
+def main() -> int:
+    """2 when two do not agree, 130 when interrupted; a figure worse than asked is told, and no failure."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    parser.add_argument("subject", nargs="*", help=f"of {', '.join(SUBJECTS)}; all, unless given")
+    parser.add_argument("--quick", action="store_true", help="only see that all works: a few rounds")
+    given = parser.parse_args()
+    unknown = sorted(set(given.subject) - set(SUBJECTS))
+    if unknown:
+        parser.error(f"there is no subject {unknown[0]!r}; there are {', '.join(SUBJECTS)}")
+    if load() > BUSY:
+        print("others are using this machine: figures will be worse and vary more", file=sys.stderr)
+    try:
+        found = list(findings(given.subject or SUBJECTS, QUICK if given.quick else Effort()))
+    except KeyboardInterrupt:
+        print("interrupted: nothing was written", file=sys.stderr)
+        return 130
+    except DisagreementError as error:
+        print(f"they do not agree: {error}", file=sys.stderr)
+        return 2
+    if given.quick or given.subject:
+        print("not published: that takes a whole run")
+        return 0
+    publish(found)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,28 @@
+"""From a fresh process to the first compiled tick: with nothing cached, and with what the last process left."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.findings import Finding, Measurement
+from benchmarks.interleaved import Effort, Spread
+from benchmarks.start_up import fresh
+
+PROCESSES = 11
+
+
+def measure(effort: Effort) -> Iterator[Finding]:
+    """The whole, in the processor's time; `python benchmarks/start_up.py` tells the stages."""
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder)
+        fresh(place / "first", place / "bytecode")
+        caches = [place / str(k) for k in range(min(effort.rounds, PROCESSES))]
+        taken = [[fresh(cache, place / "bytecode")["together"][1] for _ in range(2)] for cache in caches]
+    cold, cached = np.array(taken).T
+    what = "fresh process to the first compiled tick of the PUMA"
+    yield Measurement(f"{what}, nothing cached", Spread.of(cold), "s", 0.5)
+    yield Measurement(f"{what}, cached", Spread.of(cached), "s", 0.15)

@@ -1,0 +1,225 @@
+"""The same regressor, operation for operation, compiled by others: CasADi, numba, JAX.
+
+It needs them, `pip install casadi numba jax`, best into an environment of its own beside adaptctl; nothing else here
+does, and `make bench` does not run it. Then: `python -m benchmarks.other_compilers`.
+"""
+
+from __future__ import annotations
+
+import operator
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from importlib.metadata import version
+from typing import Any, NamedTuple
+
+os.environ["ADAPTCTL_CACHE"] = "off"  # nobody else's is used either
+os.environ["XLA_FLAGS"] = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
+
+import numpy as np
+
+from adaptctl.compilation import Op, Routine, compile_function, trace
+from adaptctl.compilation.graph import Expression
+from adaptctl.files import write_text
+from adaptctl.mechanism.pose import Array
+from benchmarks.interleaved import Contender, Effort, race
+from benchmarks.machine import Machine
+from benchmarks.published import ROOT, inserted, seconds, table
+from benchmarks.regressor import ARGUMENTS, regressor
+
+SAMPLES = 1024
+SHAPE = (6, 36)
+
+Call = Callable[[], Any]
+
+
+class Compiled(NamedTuple):
+    """What a compiler makes: a call for one sample, and one for all; each was called once, which took `first` s."""
+
+    one: Call
+    all: Call
+    first: float
+
+
+def ours(_: Routine, samples: Array) -> Compiled:
+    """adaptctl."""
+    begin = time.perf_counter()
+    kernel = compile_function(regressor, ARGUMENTS)
+    kernel(*samples[:, 0])
+    first = time.perf_counter() - begin
+    p, v, v_r, a_r = samples[:, 0].copy()
+    return Compiled(lambda: kernel(p, v, v_r, a_r), lambda: kernel.map(*samples), first)
+
+
+def casadi(routine: Routine, samples: Array) -> Compiled:
+    """CasADi's virtual machine, told where the numbers are, which is its fastest way to be called."""
+    import casadi as ca
+
+    def buffered(function: Any, given: Iterable[Array], shape: tuple[int, ...]) -> Call:
+        result, (buffer, evaluate) = np.empty(shape), function.buffer()
+        for k, x in enumerate(given):
+            buffer.set_arg(k, x.data)
+        buffer.set_res(0, result.data)
+
+        def call(_kept: object = (function, buffer, given)) -> Array:  # CasADi keeps none of them alive
+            evaluate()
+            return result
+
+        return call
+
+    begin = time.perf_counter()
+    symbols = [ca.SX.sym(name, n) for name, n in ARGUMENTS.items()]
+    outputs = replayed(routine, symbols, ca.sin, ca.cos)
+    # Its matrices run down the columns.
+    one = buffered(ca.Function("regressor", symbols, [ca.vertcat(*outputs)]), samples[:, 0].copy(), SHAPE)
+    one()
+    first = time.perf_counter() - begin
+    mapped = ca.Function("regressor", symbols, [ca.vertcat(*outputs)]).map(SAMPLES)
+    return Compiled(one, buffered(mapped, samples, (SAMPLES, *SHAPE)), first)
+
+
+def numba(routine: Routine, samples: Array) -> Compiled:
+    """numba, on the operations as a Python function of as many lines, which it may fuse as we do."""
+    import numba as nb
+
+    begin = time.perf_counter()
+    names: dict[str, Any] = {"sin": np.sin, "cos": np.cos}
+    exec(source(routine), names)
+    compiled = nb.njit(names["regressor"], fastmath={"contract"})
+    p, v, v_r, a_r = samples[:, 0].copy()
+    result = np.empty(SHAPE)
+
+    def one() -> Array:
+        compiled(p, v, v_r, a_r, result)
+        return result
+
+    one()
+    first = time.perf_counter() - begin
+
+    def one_by_one(p: Array, v: Array, v_r: Array, a_r: Array, results: Array) -> None:
+        for k in range(len(p)):
+            compiled(p[k], v[k], v_r[k], a_r[k], results[k])
+
+    loop = nb.njit(one_by_one)
+    results = np.empty((SAMPLES, *SHAPE))
+
+    def all_of_them() -> Array:
+        loop(*samples, results)
+        return results
+
+    return Compiled(one, all_of_them, first)
+
+
+def jax(routine: Routine, samples: Array) -> Compiled:
+    """JAX on the processor, in double precision, on one thread."""
+    import jax as jx
+    import jax.numpy as jnp
+
+    jx.config.update("jax_enable_x64", True)
+    begin = time.perf_counter()
+
+    def function(*arguments: Any) -> Any:
+        return jnp.stack(replayed(routine, arguments, jnp.sin, jnp.cos)).reshape(SHAPE)
+
+    compiled, given = jx.jit(function), samples[:, 0].copy()
+    compiled(*given).block_until_ready()
+    first = time.perf_counter() - begin
+    mapped = jx.jit(jx.vmap(function))
+    return Compiled(lambda: compiled(*given).block_until_ready(), lambda: mapped(*samples).block_until_ready(), first)
+
+
+COMPILERS: Mapping[str, Callable[[Routine, Array], Compiled]] = {
+    "adaptctl": ours,
+    "casadi": casadi,
+    "numba": numba,
+    "jax": jax,
+}
+
+_ARITHMETIC: dict[Op, Callable[..., Any]] = {
+    Op.ADD: operator.add,
+    Op.SUBTRACT: operator.sub,
+    Op.MULTIPLY: operator.mul,
+    Op.DIVIDE: operator.truediv,
+    Op.NEGATE: operator.neg,
+}
+
+
+def replayed(routine: Routine, arguments: Sequence[Any], sin: Callable[..., Any], cos: Callable[..., Any]) -> list[Any]:
+    """The routine's outputs, its operations done one by one on another's numbers."""
+    operations = _ARITHMETIC | {Op.SIN: sin, Op.COS: cos}
+    known: dict[int, Any] = {}
+
+    def value(x: Any) -> Any:
+        return known[x.index] if isinstance(x, Expression) else x
+
+    for x in routine.body:
+        part, k = x.detail or (0, 0)
+        known[x.index] = arguments[part][k] if x.op is Op.INPUT else operations[x.op](*map(value, x.operands))
+    return [value(output) for output in routine.outputs]
+
+
+def source(routine: Routine) -> str:
+    """The routine's operations in Python, one a line; results go into the last argument."""
+
+    def name(x: Any) -> str:
+        return f"x{x.index}" if isinstance(x, Expression) else repr(x)
+
+    lines = [f"def regressor({', '.join(ARGUMENTS)}, result):"]
+    for x in routine.body:
+        operands = [name(y) for y in x.operands]
+        if x.op is Op.INPUT:
+            text = f"{list(ARGUMENTS)[x.detail[0]]}[{x.detail[1]}]"
+        elif x.op is Op.NEGATE:
+            text = f"-{operands[0]}"
+        else:
+            text = f"{x.op}({operands[0]})" if x.op in (Op.SIN, Op.COS) else str(x.op).join(operands)
+        lines.append(f"    {name(x)} = {text}")
+    lines += [f"    result[{k // SHAPE[1]}, {k % SHAPE[1]}] = {name(x)}" for k, x in enumerate(routine.outputs)]
+    return "\n".join(lines)
+
+
+def import_time(package: str) -> float:
+    """Seconds that a fresh process needs to import it, less what it needs for NumPy."""
+
+    def taken(what: str) -> float:
+        begin = time.perf_counter()
+        subprocess.run([sys.executable, "-c", f"import {what}"], check=True)
+        return time.perf_counter() - begin
+
+    taken(package)
+    return float(np.median([taken(package) - taken("numpy") for _ in range(5)]))
+
+
+def main() -> None:
+    """The table, on the screen and in docs/speed.md."""
+    routine = trace(regressor, ARGUMENTS)
+    samples = np.random.default_rng(0).normal(size=(len(ARGUMENTS), SAMPLES, 6))
+    made = {name: compiler(routine, samples) for name, compiler in COMPILERS.items()}
+    expected = np.array(made["adaptctl"].all())
+    bound = 1e-12 * np.abs(expected).max()
+    for name, compiled in made.items():
+        np.testing.assert_allclose(compiled.one(), expected[0], rtol=0, atol=bound, err_msg=name)
+        np.testing.assert_allclose(compiled.all(), expected, rtol=0, atol=bound, err_msg=name)
+    ones = race({name: Contender(compiled.one) for name, compiled in made.items()}, Effort())
+    alls = race({name: Contender(compiled.all, work=SAMPLES) for name, compiled in made.items()}, Effort())
+    head = ("compiler", "imported in", "traced and compiled in", "a call", f"one of {SAMPLES:,} at once")
+    rows = [
+        (
+            f"{name} {version(name)}",
+            f"{import_time(name if name != 'adaptctl' else 'adaptctl.compilation'):.2f} s",
+            f"{compiled.first:.2f} s",
+            seconds(ones.time(name)),
+            seconds(alls.time(name)),
+        )
+        for name, compiled in made.items()
+    ]
+    text = f"{routine.operations.flops} operations; {Machine.here()}.\n\n{table(head, rows)}"
+    print(text)
+    page = ROOT / "docs" / "speed.md"
+    write_text(page, inserted(page.read_text(encoding="utf-8"), text, "python -m benchmarks.other_compilers"))
+
+
+if __name__ == "__main__":
+    main()

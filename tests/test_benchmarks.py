@@ -1,0 +1,104 @@
+"""What the benchmarks say is what was measured; nothing here depends on how fast anything is."""
+
+from __future__ import annotations
+
+import json
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.__main__ import SUBJECTS
+from benchmarks.findings import Agreement, Comparison, DisagreementError, Measurement, plain
+from benchmarks.interleaved import Contender, Effort, Spread, race
+from benchmarks.published import agreements, comparisons, inserted, line, measurements
+
+ROOT = Path(__file__).parent.parent
+
+
+class Clock:
+    """A clock that only moves when something works, on a machine that gets slower and slower."""
+
+    def __init__(self) -> None:
+        self.now, self.slowness = 0.0, 1.0
+
+    def __call__(self) -> float:
+        return self.now
+
+    def work(self, seconds: float) -> None:
+        self.now += seconds * self.slowness
+        self.slowness *= 1.001
+
+
+def test_a_ratio_is_that_of_the_work_though_the_machine_slows_down() -> None:
+    clock = Clock()
+    names = {"clock": clock}
+    raced = race(
+        {"fast": Contender("clock.work(1e-3)", names), "slow": Contender(lambda: clock.work(8e-3), work=2)},
+        Effort(rounds=12, seconds=5e-3),
+        clock,
+    )
+    assert raced.ratio("slow", "fast").median == pytest.approx(4.0, rel=0.02)
+    times = raced.seconds["fast"]
+    assert times.shape == (12,)
+    assert np.all(np.diff(times) > 0.0)
+    assert raced.time("fast").lower < raced.time("fast").median < raced.time("fast").upper
+
+
+def test_every_turn_takes_the_time_that_is_asked() -> None:
+    clock, calls = Clock(), []
+
+    def work() -> None:
+        calls.append(clock.now)
+        clock.work(1e-5)
+
+    race({"only": Contender(work)}, Effort(rounds=1, seconds=0.01), clock)
+    assert len(calls) > 1000
+
+
+FASTER = Comparison(
+    "loop", "peer", Spread(2e-7, 1e-7, 3e-7), Spread(4e-6, 4e-6, 4e-6), Spread(20.0, 19.0, 1234.5), 25.0
+)
+
+
+def test_what_is_found_reads_as_it_is() -> None:
+    assert "| loop | peer | 200 ns | 4 µs | 20 (19 to 1,234) | 25, missed |\n" in comparisons([FASTER])
+    within = Measurement("start", Spread(0.1234, 0.1, 0.2), "s", 0.15)
+    assert "| start | 123 ms (100 ms to 200 ms) | 150 ms |\n" in measurements([FASTER, within])
+    assert "| growth | 1.2 (1.1 to 1.3) | 1.3 |\n" in measurements(
+        [Measurement("growth", Spread(1.2, 1.1, 1.3), "", 1.3)]
+    )
+    equal = Agreement("joints", "peer", 2.5e-13, 1e-9, "rad")
+    assert "| joints | peer | 2e-13 rad | 1e-09 |\n" in agreements([equal, FASTER])
+    for finding in (FASTER, within, equal):
+        assert finding.what in line(finding)
+        json.dumps(plain(finding), allow_nan=False)
+
+
+@pytest.mark.parametrize("difference", [1.1e-9, float("nan")])
+def test_a_disagreement_is_none_to_be_timed(difference: float) -> None:
+    with pytest.raises(DisagreementError, match="joints against peer"):
+        Agreement("joints", "peer", difference, 1e-9)
+
+
+def test_tables_take_the_place_of_the_last_ones() -> None:
+    page = "a\n<!-- begin: written by make bench -->\nold\n<!-- end: written by make bench -->\nb\n"
+    once = inserted(page, "new")
+    assert "old" not in once
+    assert once.startswith("a\n")
+    assert once.endswith("b\n")
+    assert inserted(once, "new") == once
+    with pytest.raises(ValueError, match="no place to write to"):
+        inserted("no marks", "new")
+
+
+def test_there_is_a_place_for_everything() -> None:
+    for page in ("README.md", "docs/speed.md"):
+        inserted((ROOT / page).read_text(encoding="utf-8"), "")
+    inserted((ROOT / "docs/speed.md").read_text(encoding="utf-8"), "", "python -m benchmarks.other_compilers")
+
+
+@pytest.mark.parametrize("subject", SUBJECTS)
+def test_subjects_measure(subject: str) -> None:
+    assert callable(import_module(f"benchmarks.{subject}").measure)
