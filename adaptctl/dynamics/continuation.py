@@ -45,13 +45,16 @@ class Continuation:
 
         Raises `SingularityError` where the way comes too near to a configuration in which the loops lock.
         """
-        q = np.broadcast_to(self.reference if start is None else start, (*p.shape[:-1], len(self.reference)))
-        begin = q[..., self.primary]
+        samples = p.shape[:-1]
+        q = np.broadcast_to(self.reference if start is None else start, (*samples, len(self.reference)))
+        q, p = q.reshape(-1, q.shape[-1]).copy(), p.reshape(-1, p.shape[-1])
+        begin = q[:, self.primary]
         steps = self._steps(p - begin)
-        for k in range(1, steps + 1):
-            q = self._closed(begin + (p - begin) * (k / steps), q)
-            self.require_regular(q)
-        return q
+        for k in range(1, int(steps.max(initial=0)) + 1):
+            on = np.flatnonzero(steps >= k)
+            q[on] = self._closed(begin[on] + (p - begin)[on] * (k / steps[on, None]), q[on])
+            self.require_regular(q[on])
+        return q.reshape(*samples, q.shape[-1])
 
     def reachable(self, p: Array) -> NDArray[np.bool_]:
         """Which of the primary positions (m, r) can be reached so (m,), without raising."""
@@ -60,13 +63,15 @@ class Continuation:
     def progress(self, p: Array, least: float = NEAREST) -> Array:
         """How much (m,) of the straight way from the reference to primary positions p (m, r) can be gone before
         the regularity falls below `least`: 1 for all of it."""
-        q = np.broadcast_to(self.reference, (len(p), len(self.reference)))
+        q = np.tile(self.reference, (len(p), 1))
         fine, gone = np.ones(len(p), dtype=bool), np.zeros(len(p))
-        steps = self._steps(p - self._start)
-        for k in range(1, steps + 1):
-            q = np.where(fine[:, None], self._closed(self._start + (p - self._start) * (k / steps), q), self.reference)
-            fine &= self.regularity(q) >= least
-            gone = np.where(fine, k / steps, gone)
+        way = p - self._start
+        steps = self._steps(way)
+        for k in range(1, int(steps.max(initial=0)) + 1):
+            on = np.flatnonzero(fine & (steps >= k))
+            q[on] = self._closed(self._start + way[on] * (k / steps[on, None]), q[on])
+            fine[on] = self.regularity(q[on]) >= least
+            gone[on] = np.where(fine[on], k / steps[on], gone[on])
         return gone
 
     def regularity(self, q: Array) -> Array:
@@ -110,10 +115,10 @@ class Continuation:
                 f"{regularity[worst]:.2g} of that at the reference, at least {NEAREST} is needed"
             )
 
-    def _steps(self, way: Array) -> int:
-        """How many steps a way (..., r) needs. A joint that moves no closure needs none, and couplings are linear."""
-        longest = np.abs(way[..., list(self.equations.closing.looped)]).max(initial=0.0)
-        return max(1, int(np.ceil(longest / LARGEST_STEP)))
+    def _steps(self, way: Array) -> NDArray[np.int64]:
+        """How many steps ways (m, r) need. A joint that moves no closure needs none, and couplings are linear."""
+        longest = np.abs(way[:, list(self.equations.closing.looped)]).max(axis=1, initial=0.0)
+        return np.maximum(np.ceil(longest / LARGEST_STEP).astype(np.int64), 1)
 
     def _closed(self, p: Array, q: Array) -> Array:
         """The closed configurations at p, from ones nearby."""
@@ -132,7 +137,7 @@ class Continuation:
         """A kernel over all samples of arrays (..., n)."""
         samples = np.broadcast_shapes(*(array.shape[:-1] for array in arrays))
         flat = [np.broadcast_to(array, (*samples, array.shape[-1])).reshape(-1, array.shape[-1]) for array in arrays]
-        return [out.reshape(*samples, -1) for out in kernel.map(*flat)]
+        return [out.reshape(*samples, out.shape[-1]) for out in kernel.map(*flat)]
 
     @cached_property
     def _native_closed(self) -> Kernel:
