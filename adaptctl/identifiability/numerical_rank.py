@@ -5,18 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import ArrayLike
 
 from adaptctl.errors import InputError
+from adaptctl.identifiability.one_thread import one_thread_if_small
 from adaptctl.mechanism.pose import Array
 
 FLOOR = 1e-15
 """Of the largest: singular values below are round-off and say nothing by their ratios."""
-
-
-ONE_THREAD = 8192
-"""Entries of a matrix up to which OpenBLAS stays in one thread, in all that QR does."""
 
 
 @dataclass(frozen=True)
@@ -43,23 +39,12 @@ def triangle(matrix: Array) -> Array:
     """R of the QR factors, which has the same singular values and right vectors; the matrix itself unless it is tall.
 
     Long mechanisms are factored ten times faster so: their regressors lack rank, and the singular value
-    decomposition of a tall matrix dwells on that. Of a tall but small matrix it is made a part at a time: OpenBLAS
-    calls all processors for more, which then takes 0.1 s instead of 0.1 ms whenever one of them is busy.
+    decomposition of a tall matrix dwells on that.
     """
-    rows, columns = matrix.shape
-    if rows <= columns:
+    if matrix.shape[0] <= matrix.shape[1]:
         return matrix
-    step = ONE_THREAD // max(columns, 1) - columns
-    if step < columns:
-        return _factored(matrix)
-    R = matrix[:columns]
-    for begin in range(columns, rows, step):
-        R = _factored(np.concatenate([R, matrix[begin : begin + step]]))
-    return R
-
-
-def _factored(matrix: Array) -> Array:
-    return np.asarray(np.linalg.qr(matrix, mode="r"), dtype=np.float64)
+    with one_thread_if_small(matrix):
+        return np.asarray(np.linalg.qr(matrix, mode="r"), dtype=np.float64)
 
 
 def singular_values(matrix: Array) -> Array:
@@ -69,12 +54,6 @@ def singular_values(matrix: Array) -> Array:
 
 
 def right_vectors(matrix: Array) -> Array:
-    """All right singular vectors (n, n) of a matrix (m, n), a vector a column, however few its rows.
-
-    Small ones by QR iterations, which OpenBLAS leaves in one thread; divide and conquer, faster for large ones, it
-    does not.
-    """
-    R = triangle(matrix)
-    if R.size > ONE_THREAD:
-        return np.asarray(np.linalg.svd(R)[2].T, dtype=np.float64)
-    return np.asarray(scipy.linalg.svd(R, lapack_driver="gesvd")[2].T, dtype=np.float64)
+    """All right singular vectors (n, n) of a matrix (m, n), a vector a column, however few its rows."""
+    with one_thread_if_small(matrix):
+        return np.asarray(np.linalg.svd(triangle(matrix))[2].T, dtype=np.float64)
