@@ -31,7 +31,7 @@ from adaptctl.control import (
     SlotineLi,
 )
 from adaptctl.control.adaptation.natural import pseudos
-from adaptctl.control.controller import leaves
+from adaptctl.control.controller import home, leaves
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.experiments.contest import Contender, Outcome
@@ -55,6 +55,8 @@ FREQUENCIES = (0.15, 0.3, 0.55, 0.85, 1.2)
 BOUNDS = 4.0
 """deviations of the rough model to which `Projection` keeps"""
 FLOAT_TICKS = 20
+REACHES = 400
+"""moments of a reference at which loops are asked whether they allow it"""
 LAWS = (
     "composite",
     "gradient",
@@ -149,7 +151,7 @@ class AdaptationLaws(Learning):
         return gymnasium.make(
             "adaptctl.envs:adaptctl/Tracking-v0",
             robot=mechanism,
-            reference=self.reference(mechanism),
+            reference=self.followed(mechanism),
             duration=self.duration,
             control_period=self.control_period,
             initial_error=self.initial_error,
@@ -157,13 +159,26 @@ class AdaptationLaws(Learning):
         )
 
     def reference(self, mechanism: Mechanism) -> Sinusoids:
-        """Five sinusoids a joint, phases and exact frequencies by seed."""
-        if mechanism.description.loops is not None or mechanism.dof > len(CENTER):
-            raise InputError(f"robot: {mechanism.name}: this experiment is for arms of up to 6 joints without loops")
+        """Five sinusoids a joint about a bent posture, phases and exact frequencies by seed."""
+        if mechanism.dof > len(CENTER):
+            raise InputError(f"robot: {mechanism.name} has {mechanism.dof} joints: this experiment is for up to 6")
+        center = np.array(CENTER[: mechanism.dof]) if mechanism.description.loops is None else home(mechanism)
         rng, shape = np.random.default_rng(self.seed), (len(FREQUENCIES), mechanism.dof)
         frequency = np.array(FREQUENCIES)[:, None] * rng.uniform(0.8, 1.25, shape)
         phase = rng.uniform(-np.pi, np.pi, shape)
-        return Sinusoids(np.array(CENTER[: mechanism.dof]), self.amplitude / np.sqrt(frequency / 0.2), frequency, phase)
+        return Sinusoids(center, self.amplitude / np.sqrt(frequency / 0.2), frequency, phase)
+
+    def followed(self, mechanism: Mechanism) -> Sinusoids:
+        """The reference, where the loops, if any, allow all of it."""
+        reference = self.reference(mechanism)
+        p = reference(np.linspace(0.0, self.duration, REACHES)).p
+        apart = mechanism.continuation is not None and not mechanism.continuation.reachable(p).all()
+        if apart or not mechanism.description.within_conditions(p).all():
+            raise InputError(
+                f"amplitude: {mechanism.name} is to move farther than its loops allow; make it smaller than "
+                f"{self.amplitude:g} rad"
+            )
+        return reference
 
     def gains(self, mechanism: Mechanism) -> Gains:
         """Lambda as set, K from typical inertia."""

@@ -33,8 +33,8 @@ LAWS = (
     "natural",
     "gradient",
 )
-EXCITING = 0.25
-"""rad at 0.2 Hz: of the motion along which parameters are weighed"""
+EXCITING, EXCITING_LOOPS = 0.25, 0.1
+"""rad at 0.2 Hz: of the motion along which parameters are weighed; loops leave less room"""
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class NoiseAndDelay(AdaptationLaws):
         return gymnasium.make(
             "adaptctl.envs:adaptctl/Tracking-v0",
             robot=mechanism,
-            reference=self.reference(mechanism),
+            reference=self.followed(mechanism),
             duration=self.duration,
             control_period=self.control_period,
             initial_error=self.initial_error,
@@ -149,7 +149,8 @@ class NoiseAndDelay(AdaptationLaws):
     def _errors(self, outcome: Outcome, basis: FundamentalBasis) -> ParameterErrors:
         """Weighed along a motion that excites: at rest most parameters make no torque."""
         mechanism = outcome.mechanism
-        points = replace(self, amplitude=EXCITING).reference(mechanism)(np.linspace(0.0, 20.0, SAMPLES))
+        amplitude = EXCITING if mechanism.description.loops is None else EXCITING_LOOPS
+        points = replace(self, amplitude=amplitude).reference(mechanism)(np.linspace(0.0, 20.0, SAMPLES))
         return ParameterErrors.along(ReducedModel(mechanism, basis), points.p, points.v, points.a)
 
 

@@ -78,7 +78,7 @@ class PayloadDrop(AdaptationLaws):
         return gymnasium.make(
             "adaptctl.envs:adaptctl/Tracking-v0",
             robot=mechanism,
-            reference=self.reference(mechanism),
+            reference=self.followed(mechanism),
             duration=self.duration,
             control_period=self.control_period,
             initial_error=self.initial_error,
@@ -120,7 +120,7 @@ class PayloadDrop(AdaptationLaws):
         lost = found.each(f"not_back_after_{event}", runs, "times the earlier")
         said = [f"below twice the earlier in {' to '.join(dict.fromkeys((back[0], back[-1])))}"] if back else []
         said += [f"not back at {', '.join(lost)}"] if lost else []
-        return f"Errors after the {event}: {'; '.join(said)}."
+        return f"Errors after the {event}: {'; '.join(said) or 'no law came so far'}."
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
         """The times to return, before the parameter errors."""

@@ -85,5 +85,14 @@ def test_laws_that_do_not_exist_or_come_twice_are_refused() -> None:
         AdaptationLaws(laws=("gradients",))
     with pytest.raises(InputError, match="each at most once"):
         AdaptationLaws(laws=(LAWS[0], LAWS[0]))
-    with pytest.raises(InputError, match="without loops"):
-        AdaptationLaws().reference(load("semi_direct_drive"))
+    with pytest.raises(InputError, match=r"farther than its loops allow; make it smaller than 0.25 rad"):
+        AdaptationLaws().followed(load("semi_direct_drive"))
+
+
+def test_every_law_runs_through_a_loop() -> None:
+    """All laws, on reduced and on full parameters of a closed chain."""
+    said = AdaptationLaws(robot="semi_direct_drive", amplitude=0.12, duration=2.0).compare(lambda what, share: None)
+    assert [run.name for run in said.runs] == [*LAWS, "adaptation-off"]
+    assert not any(run.rollout.terminated for run in said.runs)
+    off = said.runs[-1].rms_error()
+    assert all(run.rms_error() < 0.3 * off for run in said.runs if run.name in LAWS[:-2])
