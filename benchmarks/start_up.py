@@ -10,10 +10,7 @@ from __future__ import annotations
 
 import json
 import os
-import statistics
-import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -59,6 +56,8 @@ def split() -> Split:
 
 def fresh(cache: Path, bytecode: Path) -> Split:
     """The stages of another process, which finds the library's bytecode, as an installed one does."""
+    import subprocess  # here, since what is measured should not pay for it
+
     environment = os.environ | {"ADAPTCTL_CACHE": str(cache), "PYTHONPYCACHEPREFIX": str(bytecode)}
     environment.pop("PYTHONDONTWRITEBYTECODE", None)
     command = [sys.executable, "-W", "ignore", __file__, "--split"]
@@ -71,6 +70,8 @@ def fresh(cache: Path, bytecode: Path) -> Split:
 
 
 def median(splits: list[Split]) -> Split:
+    import statistics
+
     return {
         stage: tuple(statistics.median(each) for each in zip(*(split[stage] for split in splits), strict=True))
         for stage in splits[0]
@@ -79,6 +80,8 @@ def median(splits: list[Split]) -> Split:
 
 def measured(repetitions: int) -> tuple[Split, Split]:
     """Cold and cached."""
+    import tempfile
+
     cold, cached = [], []
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
