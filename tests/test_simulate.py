@@ -42,7 +42,7 @@ from adaptctl.errors import InputError, NonFiniteError, NotCompiledWarning, Trac
 from adaptctl.mechanism.drive import Drive
 from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column, maximum
-from adaptctl.simulation import Rollout, SemiImplicitEuler, rollout, simulate
+from adaptctl.simulation import Integrator, Rollout, RungeKutta4, SemiImplicitEuler, rollout, simulate
 from adaptctl.simulation.effects import (
     ActuatorLag,
     ControlDelay,
@@ -159,6 +159,18 @@ def test_every_effect_acts_as_in_the_gymnasium_loop(effects: str) -> None:
 @pytest.mark.parametrize("law", ["gradient", "computed torque", "task space"])
 def test_loops_run_as_in_the_gymnasium_loop(law: str) -> None:
     both(environment(LOOP), CONTROLLERS[law](LOOP))
+
+
+@pytest.mark.parametrize(("integrator", "open_by"), [(RungeKutta4(), 1e-12), (SemiImplicitEuler(), 1e-7)])
+def test_loops_stay_closed(integrator: Integrator, open_by: float) -> None:
+    mechanism = arm(LOOP)
+    env = TrackingEnv(mechanism, swinging(mechanism), duration=3.0, integrator=integrator)
+    run = simulate(env, CONTROLLERS["gradient"](LOOP))
+    q = env.hand_over().state.arm.q
+    assert len(run.time) == 3000
+    assert np.abs(run.v).max() > 1.0
+    residual = mechanism.equations.residual(Column(q.tolist()))
+    assert 0.0 < np.abs(residual.of).max() < open_by
 
 
 def test_estimates_of_rigid_bodies_run_as_in_the_gymnasium_loop() -> None:

@@ -10,13 +10,16 @@ import pytest
 from random_trees import random_chain
 from sampled_loops import arm, gains, posture, reduced, swinging
 
+from adaptctl.compilation import compile_step
 from adaptctl.control import ComputedTorque, MinimumJerk, Sinusoids, SlotineLi
 from adaptctl.control.controller import LARGEST_COMPILED, Controller, ReferencePoint
 from adaptctl.dynamics import Mechanism
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import InputError
 from adaptctl.mechanism.pose import Array
+from adaptctl.scalars import Column
 from adaptctl.simulation import Plant, RealPlant, rollout, simulate_many
+from adaptctl.simulation.closed_loop import ClosedLoop
 from adaptctl.simulation.effects import (
     ControlDelay,
     Effect,
@@ -99,6 +102,33 @@ def test_each_arm_runs_as_it_does_alone(name: str, effects: list[Effect], kind: 
     np.testing.assert_array_equal(together.time, alone[0].time)
 
 
+@pytest.mark.parametrize("name", [SMALL, LOOP])
+@pytest.mark.parametrize("effects", [[], REAL], ids=["ideal", "real"])
+def test_a_period_in_lanes_is_one_on_floats(name: str, effects: list[Effect]) -> None:
+    mechanism, members, rng = arm(name), 5, np.random.default_rng(3)
+    loop, true = ClosedLoop(real(mechanism, effects), learning(name)), mechanism.inertial_parameters
+    columns = {part: rng.normal(size=(members, size)) for part, size in (loop.reference | loop.noise).items()}
+    p = posture(mechanism) + 0.1 * rng.normal(size=(members, mechanism.dof))
+    start = loop.plant.init(p, rng.normal(size=p.shape), columns["noise"], true)
+    told = {"parameters": true} | columns
+    found = []
+    for lanes in (1, 2, 4, 8):
+        given = {"state": loop.state, "held": loop.held, "driven": loop.reference | loop.noise}
+        arms = compile_step(loop.step, **given, lanes=lanes).ensemble(members)
+        loop.begin(arms, start, loop.controller.init(start.p, start.v))
+        arms.held["parameters"] = true
+        states = {part: arms.state[part] for part in loop.state}
+        outputs = arms.run(1, {part: values[None] for part, values in columns.items()})
+        found.append([*(arms.state[part] for part in loop.state), *outputs])
+    for k in range(members):
+        rows = {part: np.broadcast_to(x, (members, x.shape[-1]))[k] for part, x in (states | told).items()}
+        plain = loop.step(**{part: Column(row.tolist()) for part, row in rows.items()})
+        for native in found:
+            for got, wanted in zip(native, plain, strict=True):
+                largest = np.abs(wanted.of).max(initial=1.0)
+                np.testing.assert_allclose(got[k], wanted.of, rtol=0.0, atol=1e-12 * largest)
+
+
 def test_a_sample_now_and_then_is_one_of_all_samples() -> None:
     mechanism, law = arm(SMALL), learning(SMALL)
     plant = real(mechanism, [Encoder(noise=1e-4), PayloadHeld(1.0, 0.1, 0.2)])
@@ -131,6 +161,18 @@ def test_an_arm_that_is_lost_takes_no_other_with_it() -> None:
         np.testing.assert_array_equal(
             getattr(runs, column)[:, ~lost], np.repeat(getattr(alone, column), 8, axis=1), err_msg=column
         )
+
+
+def test_arms_may_begin_with_estimates_of_their_own() -> None:
+    mechanism, law, members = arm(SMALL), learning(SMALL), 3
+    at = posture(mechanism)
+    memory = law.init(np.tile(at, (members, 1)), np.zeros((members, 3)))
+    memory.estimate[:] *= np.array([[1.0], [0.5], [1.0]])
+    still = Sinusoids(at, np.zeros(3), np.zeros(3))
+    runs = simulate_many(Plant(mechanism, PERIOD), law, still, duration=0.05, memory=memory)
+    np.testing.assert_array_equal(runs.estimate[0], memory.estimate)
+    np.testing.assert_array_equal(runs.torque[:, 0], runs.torque[:, 2])
+    assert np.all(runs.rms_error[1] > 2.0 * runs.rms_error[0])
 
 
 def test_interrupted_runs_keep_what_was_computed() -> None:

@@ -137,9 +137,10 @@ class ClosedLoop:
         """Native code of a control period of one arm, whose reference and noise come from outside; that of the latest
         loops is kept."""
         shared, name = self.reference | self.noise, type(self.controller).__name__
-        return compile_step(self._step, state=self.state, held=self.held, shared=shared, lanes=1, name=name)
+        return compile_step(self.step, state=self.state, held=self.held, shared=shared, lanes=1, name=name)
 
-    def _step(self, **columns: Column) -> tuple[Any, ...]:
+    def step(self, **columns: Column) -> tuple[Any, ...]:
+        """One control period in a row: what is passed on, then what is recorded."""
         passed_on, sample = self.equation(**columns)
         return (*passed_on, *sample)
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.compilation import Stepper, compile_step
-from adaptctl.control.controller import LARGEST_COMPILED, Controller, Reference
+from adaptctl.control.controller import LARGEST_COMPILED, Controller, Reference, leaves
 from adaptctl.dynamics.arrays import checked
 from adaptctl.errors import InputError
 from adaptctl.mechanism.pose import Array
@@ -87,6 +87,7 @@ def simulate_many(
     parameters: ArrayLike | None = None,
     p: ArrayLike | None = None,
     v: ArrayLike | None = None,
+    memory: Any = None,
     seed: int | None = None,
     every: int = 1,
     threads: int = 1,
@@ -96,8 +97,9 @@ def simulate_many(
 
     `reference` is one for all or a sequence of M; those that are `Sinusoids` alike in their number of terms cost no
     memory. `parameters` (P,) or (M, P) are the true ones, the mechanism's own when not given; `p` and `v`, (r,) or
-    (M, r), are where the arms start, on their references when not given; `members` is M where nothing else tells.
-    `seed` is that of the sensors' noise.
+    (M, r), are where the arms start, on their references when not given; `memory` is what the controllers remember,
+    changed from what `controller.init` gives for one arm or for M, such as estimates; `members` is M where nothing else
+    tells. `seed` is that of the sensors' noise.
 
     Every `every`-th control period is recorded, the first one included: memory goes with T M over it. `threads` share
     the arms. `progress` is called in between with the share done, and Ctrl-C keeps what was computed. Nothing ends a
@@ -105,7 +107,7 @@ def simulate_many(
     """
     real = plant if isinstance(plant, RealPlant) else RealPlant(plant, PlantEffects())
     run = _Runs(ClosedLoop(real, controller), reference, duration, every, threads)
-    run.begin(members, seed, parameters=parameters, p=p, v=v)
+    run.begin(members, seed, memory, parameters=parameters, p=p, v=v)
     complete, started = False, perf_counter()
     try:
         while run.count < run.steps:
@@ -164,19 +166,21 @@ class _Runs:
         self.references = ReferencesOfMany.of(reference, loop.controller.reference_size)
         self.samples = 0
 
-    def begin(self, members: int | None, seed: int | None, **given: ArrayLike | None) -> None:
+    def begin(self, members: int | None, seed: int | None, memory: Any, **given: ArrayLike | None) -> None:
         """Put every arm where it starts: at `parameters`, `p` and `v`, those of the mechanism and on the reference
         unless given."""
         loop, start = self.loop, self.references.start()
         own = {"parameters": loop.plant.plant.mechanism.inertial_parameters, "p": start[0], "v": start[1]}
         chosen = own | {name: x for name, x in given.items() if x is not None}
         rows = {name: checked(x, own[name].shape[-1], name) for name, x in chosen.items()}
-        count = _members(members, {"reference": self.references.arms} | {k: x.shape[:-1] for k, x in rows.items()})
+        remembered = [] if memory is None else leaves(memory)
+        told = rows | {f"memory {k}": np.asarray(part) for k, part in enumerate(remembered)}
+        count = _members(members, {"reference": self.references.arms} | {k: x.shape[:-1] for k, x in told.items()})
         self.parameters, p, v = (np.broadcast_to(x, (count, x.shape[-1])) for x in rows.values())
         self.rng = np.random.default_rng(seed)
         state = loop.plant.init(p, v, self._noise(1, count)[0], loop.plant.parameters(self.parameters, 0.0))
         self.arms = _compiled(loop, self.references.form).ensemble(count)
-        loop.begin(self.arms, state, loop.controller.init(state.p, state.v))
+        loop.begin(self.arms, state, loop.controller.init(state.p, state.v) if memory is None else memory)
         self.arms.held["parameters"] = self.parameters
         for name, values in self.references.held.items():
             self.arms.held[name] = values
