@@ -3,7 +3,8 @@
     python benchmarks/start_up.py [REPETITIONS]
 
 The tick is compiled then and there (cold), or an earlier process has left it in the cache. Each time is the median over
-processes that take turns; the processor's time is what a machine with nothing else to do would take.
+processes that take turns; the processor's time is what a machine with nothing else to do would take. OpenBLAS, which
+NumPy brings, has one thread: the others would only wait here, but in a loop, which counts as the processor's time.
 """
 
 from __future__ import annotations
@@ -58,7 +59,8 @@ def fresh(cache: Path, bytecode: Path) -> Split:
     """The stages of another process, which finds the library's bytecode, as an installed one does."""
     import subprocess  # here, since what is measured should not pay for it
 
-    environment = os.environ | {"ADAPTCTL_CACHE": str(cache), "PYTHONPYCACHEPREFIX": str(bytecode)}
+    folders = {"ADAPTCTL_CACHE": str(cache), "PYTHONPYCACHEPREFIX": str(bytecode)}
+    environment = os.environ | folders | {"OPENBLAS_NUM_THREADS": "1"}
     environment.pop("PYTHONDONTWRITEBYTECODE", None)
     command = [sys.executable, "-W", "ignore", __file__, "--split"]
     start = time.perf_counter()
