@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any
@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adaptctl.compilation import Ensemble, Kernel, compile_function
-from adaptctl.control.controller import Reference
 from adaptctl.envs.arm_options import ArmOptions
 from adaptctl.envs.arm_references import ArmReferences
 from adaptctl.envs.arm_streams import ArmStreams
-from adaptctl.envs.random_reference import Trajectory, drawn
+from adaptctl.envs.random_reference import Trajectory, all_drawn
 from adaptctl.envs.tracking import TrackingEnv
 from adaptctl.envs.vector_step import Facts, VectorStep
 from adaptctl.errors import NonFiniteError
@@ -132,7 +131,8 @@ class Arms:
 
     def _follow(self, arms: Numbers, trajectories: Sequence[Trajectory]) -> None:
         """Give some arms references, and native code their numbers."""
-        self.references.put(arms, list(self._drawn(arms, trajectories)))
+        references = all_drawn(trajectories, self.single.mechanism, lambda k: self.streams.generator(int(arms[k])))
+        self.references.put(arms, references)
         needed = self.references.terms
         terms = max(needed, self._terms or 0) if needed else 0
         if terms != self._terms:
@@ -141,20 +141,6 @@ class Arms:
         if terms:
             for name, values in self.references.numbers(arms, terms)._asdict().items():
                 self._lanes.held.put(name, arms, values)
-
-    def _drawn(self, arms: Numbers, trajectories: Sequence[Trajectory]) -> Iterator[Reference]:
-        """The references that are meant; one for all arms that are given the same seed."""
-        known: dict[int, Reference] = {}
-        for arm, given in zip(arms.tolist(), trajectories, strict=True):
-            if callable(given):
-                yield given
-            elif isinstance(given, int) and given in known:
-                yield known[given]
-            else:
-                reference = drawn(given, self.single.mechanism, self.streams.generator(arm))
-                if isinstance(given, int):
-                    known[given] = reference
-                yield reference
 
     def _change_code(self, terms: int) -> None:
         """Go on with a step that evaluates so many sinusoids a joint, or none."""

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from adaptctl.control.controller import Reference
+from adaptctl.control.controller import home as home_of
 from adaptctl.control.references import Sinusoids
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
@@ -33,13 +36,28 @@ FADE_SLOPE = 1.875
 
 def drawn(trajectory: Trajectory, mechanism: Mechanism, rng: np.random.Generator) -> Reference:
     """The reference meant; a new random one is drawn from `rng`. Raises `InputError` when none is meant."""
-    if trajectory is None or (isinstance(trajectory, str) and trajectory == "random"):
-        return random_sinusoids(mechanism, rng)
-    if isinstance(trajectory, int | np.integer) and trajectory >= 0:
-        return random_sinusoids(mechanism, np.random.default_rng(int(trajectory)))
-    if callable(trajectory):
-        return trajectory
-    raise InputError(f"trajectory: expected a Reference, a seed of at least 0, or 'random', got {trajectory!r}")
+    return all_drawn([trajectory], mechanism, lambda _: rng)[0]
+
+
+def all_drawn(
+    trajectories: Sequence[Trajectory], mechanism: Mechanism, generator: Callable[[int], np.random.Generator]
+) -> list[Reference]:
+    """The references meant; a new random one, the k-th, is drawn from `generator(k)`, and equal seeds share one."""
+    sources: dict[Hashable, np.random.Generator] = {}
+    keys: list[Hashable] = []
+    for k, given in enumerate(trajectories):
+        if given is None or (isinstance(given, str) and given == "random"):
+            keys.append(("new", k))
+            sources["new", k] = generator(k)
+        elif isinstance(given, int | np.integer) and given >= 0:
+            keys.append(int(given))
+            sources[int(given)] = np.random.default_rng(int(given))
+        elif callable(given):
+            keys.append(None)
+        else:
+            raise InputError(f"trajectory: expected a Reference, a seed of at least 0, or 'random', got {given!r}")
+    random = dict(zip(sources, many_random_sinusoids(mechanism, sources.values()), strict=True))
+    return [given if callable(given) else random[key] for given, key in zip(trajectories, keys, strict=True)]
 
 
 def random_sinusoids(mechanism: Mechanism, rng: np.random.Generator) -> Sinusoids:
@@ -48,6 +66,16 @@ def random_sinusoids(mechanism: Mechanism, rng: np.random.Generator) -> Sinusoid
     An unlimited joint moves within 2 AMPLITUDE of zero, or of its only bound. A mechanism with loops stays where
     they can be followed and within its conditions.
     """
+    return many_random_sinusoids(mechanism, [rng])[0]
+
+
+def many_random_sinusoids(mechanism: Mechanism, rngs: Iterable[np.random.Generator]) -> list[Sinusoids]:
+    """`random_sinusoids` of each generator; loops are tried for all at once."""
+    references = [_within_limits(mechanism, rng) for rng in rngs]
+    return references if mechanism.continuation is None else _where_loops_allow(mechanism, references)
+
+
+def _within_limits(mechanism: Mechanism, rng: np.random.Generator) -> Sinusoids:
     lower, upper = np.array([_range(joint) for joint in mechanism.primary_joints]).T
     fastest = np.array([joint.limits.velocity for joint in mechanism.primary_joints])
     middle, reach = 0.5 * (lower + upper), 0.5 * SHARE * (upper - lower)
@@ -55,25 +83,41 @@ def random_sinusoids(mechanism: Mechanism, rng: np.random.Generator) -> Sinusoid
     largest = np.minimum(np.minimum(AMPLITUDE, reach), SHARE * fastest / _unit_speed(frequency))
     amplitude = largest * rng.uniform(0.5, 1.0, mechanism.dof)
     center = middle + (reach - amplitude) * rng.uniform(-1.0, 1.0, mechanism.dof)
-    return _where_loops_allow(mechanism, Sinusoids(center, amplitude, frequency, start_time=START_TIME))
+    return Sinusoids(center, amplitude, frequency, start_time=START_TIME)
 
 
-def _where_loops_allow(mechanism: Mechanism, reference: Sinusoids) -> Sinusoids:
-    """The reference itself where all its path can be reached, else drawn in towards the loops' own reference.
+def _where_loops_allow(mechanism: Mechanism, references: list[Sinusoids]) -> list[Sinusoids]:
+    """Each reference itself where all its path can be reached, else drawn in towards the loops' own reference.
 
-    Nothing changes for a tree. The box of centre and amplitude is tried at its corners and inside.
+    The box of centre and amplitude is tried at its corners and inside.
     """
-    if mechanism.continuation is None:
-        return reference
-    home, amplitude = mechanism.continuation.reference[mechanism.continuation.primary], reference.amplitude[0]
+    home, found = home_of(mechanism), dict[int, Sinusoids]()
     box = np.random.default_rng(0).uniform(-1.0, 1.0, (BOX_SAMPLES, mechanism.dof))
     box[: BOX_SAMPLES // 2] = np.sign(box[: BOX_SAMPLES // 2])
     for share in SHARE ** np.arange(30):
-        center = home + share * (reference.center - home)
-        p = center + (share * amplitude + ROOM) * box
-        if mechanism.description.within_conditions(p).all() and mechanism.continuation.reachable(p).all():
-            return Sinusoids(center, share * amplitude, reference.frequency[0], start_time=START_TIME)
-    raise InputError(f"{mechanism.name}: no reference fits: its loops allow hardly any motion about their reference")
+        left = [k for k in range(len(references)) if k not in found]
+        if not left:
+            break
+        centers = np.array([home + share * (references[k].center - home) for k in left])
+        amplitudes = np.array([share * references[k].amplitude[0] for k in left])
+        allowed = _reached(mechanism, centers[:, None] + (amplitudes[:, None] + ROOM) * box)
+        for i in np.flatnonzero(allowed).tolist():
+            frequency = references[left[i]].frequency[0]
+            found[left[i]] = Sinusoids(centers[i], amplitudes[i], frequency, start_time=START_TIME)
+    if len(found) < len(references):
+        raise InputError(
+            f"{mechanism.name}: no reference fits: its loops allow hardly any motion about their reference"
+        )
+    return [found[k] for k in range(len(references))]
+
+
+def _reached(mechanism: Mechanism, p: Array) -> NDArray[np.bool_]:
+    """Of which boxes of positions (k, b, r) all can be reached."""
+    inside: NDArray[np.bool_] = np.asarray(mechanism.description.within_conditions(p).all(axis=1))
+    if mechanism.continuation is not None and inside.any():
+        reachable = mechanism.continuation.reachable(p[inside].reshape(-1, p.shape[-1]))
+        inside[inside] = reachable.reshape(-1, p.shape[1]).all(axis=1)
+    return inside
 
 
 def _range(joint: Joint) -> tuple[float, float]:
