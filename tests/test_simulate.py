@@ -339,6 +339,17 @@ def test_what_cannot_be_compiled_is_driven_step_by_step(wrapped: Any, controller
     require_equal(run, rollout(env, controller, seed=1))
 
 
+def test_environments_with_a_step_of_their_own_are_driven_step_by_step() -> None:
+    class Windy(TrackingEnv):
+        def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+            return super().step(np.asarray(action) + 1.0)
+
+    env = Windy(arm(SMALL), swinging(arm(SMALL)), duration=0.02)
+    with pytest.warns(NotCompiledWarning, match="Windy has a step of its own"):
+        run = simulate(env, Spring())
+    np.testing.assert_allclose(run.applied, run.torque + 1.0)
+
+
 def test_arms_too_long_to_compile_are_driven_step_by_step() -> None:
     chain = random_chain(0, LARGEST_COMPILED + 1)
     env = TrackingEnv(chain, duration=0.002)

@@ -78,8 +78,15 @@ def _obstacle(env: gymnasium.Env[Any, Any], controller: Controller[Any]) -> str:
         return f"{type(inner).__name__} has no hand_over() for its episode"
     if type(controller).step is not Controller.step:
         return f"{type(controller).__name__} has a step of its own"
+    if _home_of(inner, "step") is not _home_of(inner, "hand_over"):
+        return f"{type(inner).__name__} has a step of its own"
     links = len(inner.real_plant.plant.mechanism.links)  # type: ignore[attr-defined]
     return f"{links} links are too many to compile" if links > LARGEST_COMPILED else ""
+
+
+def _home_of(thing: object, method: str) -> type | None:
+    """The class that has a method's code."""
+    return next((kind for kind in type(thing).__mro__ if method in vars(kind)), None)
 
 
 class _Part(NamedTuple):
@@ -116,23 +123,28 @@ class _Run:
 
     def advance(self) -> None:
         """One stretch, in which the true parameters stay as they are; it counts when all of it is done."""
-        time, begin = self._times(), self._place()
+        time, place = self._times(), self._place()
         reference = sampled(self.episode.reference, time, self.loop.controller.reference_size)
         self.arms.held["parameters"] = self._parameters(time)
         sample = self._taken(len(time) - 1, reference)
+        reward, over = self._judged(time, sample, reference)
+        count = len(reward)
+        if count < len(time) - 1:
+            self._return(place)
+            sample = self._taken(count, reference)
+            if not over:
+                self._fail(time[count], ReferencePoint(*(part[count] for part in reference)))
+        self.parts.append(self._part(time[: count + 1], sample, reference, reward, over))
+
+    def _judged(self, time: Array, sample: Sample, reference: ReferencePoint) -> tuple[Array, bool]:
+        """The rewards of the control periods until the environment ends the run, which is then told, or until
+        something is not finite."""
         q, v = (np.concatenate((getattr(sample, name)[1:], self.arms.state[name])) for name in ("q", "v"))
-        count = sound = _finite(sample.torque, q, v)
+        sound = _finite(sample.torque, q, v)
         state = PlantState(float(time[sound]), *(x[:sound] for x in (self.loop.positions(q), v, q)))
         ahead = ReferencePoint(*(part[1 : sound + 1] for part in reference))
         reward, over = self.episode.judge(state, ahead, sample.applied[:sound])
-        if over.any():
-            count = int(over.argmax()) + 1
-        if count < len(time) - 1:
-            self._return(begin)
-            sample = self._taken(count, reference)
-        if count == sound < len(time) - 1 and not over.any():
-            self._fail(time[count], ReferencePoint(*(part[count] for part in reference)))
-        self.parts.append(self._part(time[: count + 1], sample, reference, reward[:count], bool(over.any())))
+        return (reward[: int(over.argmax()) + 1], True) if over.any() else (reward, False)
 
     def _part(self, time: Array, sample: Sample, reference: ReferencePoint, reward: Array, over: bool) -> _Part:
         """What is kept of samples at all times but the last."""
