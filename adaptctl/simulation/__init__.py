@@ -1,5 +1,7 @@
 """The physical arm in time: integrators, the plant, its effects, and closed-loop runs."""
 
+from adaptctl.simulation.closed_loop import ClosedLoop
+from adaptctl.simulation.episode import Episode
 from adaptctl.simulation.integrator import Acceleration, Integrator, RungeKutta4, SemiImplicitEuler
 from adaptctl.simulation.plant import Plant, PlantState
 from adaptctl.simulation.real_plant import RealPlant, RealPlantState
@@ -9,6 +11,8 @@ from adaptctl.simulation.simulate_many import Rollouts, simulate_many
 
 __all__ = [
     "Acceleration",
+    "ClosedLoop",
+    "Episode",
     "Integrator",
     "Plant",
     "PlantState",
