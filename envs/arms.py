@@ -58,8 +58,8 @@ class Told:
 class Arms:
     """N arms as in N environments like `single`: they take steps together, and begin an episode when told to."""
 
-    def __init__(self, single: TrackingEnv, count: int, threads: int) -> None:
-        self.single, self.count, self.threads = single, count, threads
+    def __init__(self, single: TrackingEnv, count: int) -> None:
+        self.single, self.count = single, count
         r = self._dof = single.plant.dof
         self._senses, self._loops = bool(single.real_plant.effects.sensors), single.mechanism.continuation is not None
         self.everyone = np.arange(count)
@@ -95,29 +95,35 @@ class Arms:
 
     def advance(self, torque: Array, moving: Numbers) -> Told:
         """One control period under torques (N, r); what is told of arms that are not moving means nothing."""
-        lanes, single, r = self._lanes, self.single, self._dof
-        time = np.asarray(single.control_period * (self.steps + 1), dtype=np.float64)
-        lanes.held["action"] = torque
-        if self._senses:
-            noise = np.zeros((self.count, 2 * r))
-            noise[moving] = self.streams.normal(moving)
-            lanes.held["noise"] = noise
-        if self._terms:
-            lanes.held["time"] = time[:, None]
-        else:
-            lanes.held["row"] = self.references.rows(self.everyone, self.steps + 1)
-        observation, numbers, true = lanes.run(threads=self.threads)
         self.steps += 1
+        time = np.asarray(self.single.control_period * self.steps, dtype=np.float64)
+        self._give(torque, time, moving)
+        observation, numbers, true = self._lanes.run()
         facts, marks = Facts(*np.ascontiguousarray(numbers.T)[: len(Facts._fields)]), numbers[:, len(Facts._fields) :]
         self._require_finite(facts.finite, moving)
         self.clipped += facts.clipped > 0.0
-        p, v, applied = true[:, :r], true[:, r : 2 * r], true[:, 2 * r :]
+        p, v, applied = (true[:, k * self._dof : (k + 1) * self._dof] for k in range(3))
         terminated = self._terminated(facts, p, v)
-        reward: Array = np.asarray(facts.reward - single.reward_weights.termination * terminated, dtype=np.float64)
-        judged = reward, terminated, self.steps >= single.steps
+        judged = self._paid(facts, terminated), terminated, self.steps >= self.single.steps
         told = Told(observation, *judged, time, facts.energy, self.clipped.copy(), p, v, applied, marks)
         self._reload(told)
         return told
+
+    def _give(self, torque: Array, time: Array, moving: Numbers) -> None:
+        """What a step to a time (N,) needs from outside."""
+        held = self._lanes.held
+        held["action"] = torque
+        if self._senses:
+            noise = np.zeros((self.count, 2 * self._dof))
+            noise[moving] = self.streams.normal(moving)
+            held["noise"] = noise
+        if self._terms:
+            held["time"] = time[:, None]
+        else:
+            held["row"] = self.references.rows(self.everyone, self.steps)
+
+    def _paid(self, facts: Facts, terminated: Flags) -> Array:
+        return np.asarray(facts.reward - self.single.reward_weights.termination * terminated, dtype=np.float64)
 
     @property
     def rows(self) -> Array:

@@ -84,7 +84,6 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
     | `num_envs`       | 1            | N                                                                              |
     | `autoreset_mode` | `"NextStep"` | see above                                                                      |
     | `reset_options`  | `None`       | options of every reset that is told nothing else, those that arms begin again with included |
-    | `threads`        | 1            | how many share the native work; it pays from some thousand arms on             |
 
     Mechanisms may have at most 32 links.
 
@@ -109,7 +108,6 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         *,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         reset_options: Mapping[str, Any] | None = None,
-        threads: int = 1,
         **settings: Any,
     ) -> None:
         if num_envs < 1 or num_envs != int(num_envs):
@@ -127,7 +125,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_slices = self.single.observation_slices
-        self._arms = Arms(self.single, self.num_envs, threads)
+        self._arms = Arms(self.single, self.num_envs)
         self._everyone: Flags = np.ones(self.num_envs, dtype=np.bool_)
         self._nobody: Flags = np.zeros(self.num_envs, dtype=np.bool_)
         for flags in (self._everyone, self._nobody):

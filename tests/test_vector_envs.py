@@ -259,7 +259,7 @@ def test_thousands_of_arms() -> None:
 @pytest.mark.parametrize("mode", MODES)
 def test_an_arm_that_ends_disturbs_no_other(mode: AutoresetMode) -> None:
     settings = {"autoreset_mode": mode, "error_bound": 0.05, "initial_error": 0.0}
-    quiet, wild = vector(PUMA, 9, **settings), vector(PUMA, 9, threads=2, **settings)
+    quiet, wild = vector(PUMA, 9, **settings), vector(PUMA, 9, **settings)
     quiet.reset(seed=0), wild.reset(seed=0)
     others, ended = np.arange(9) != 4, 0
     for action in pushes(quiet, 60, 0.02):
