@@ -332,6 +332,12 @@ def test_rows_go_in_and_out_of_called_functions() -> None:
     np.testing.assert_array_equal(kernel([1.0, 2.0], [3.0, 4.0]), [[1.0, 3.0, 1.0], [2.0, 4.0, 2.0]])
 
 
+@pytest.mark.parametrize("length", [-1, 1.5])
+def test_lengths_are_counts(length: Any) -> None:
+    with pytest.raises(InputError, match=rf"<lambda>: expected whole numbers as lengths, got .'x': {length}"):
+        compile_function(lambda x: x, {"x": length})
+
+
 def test_a_kernel_needs_an_argument() -> None:
     with pytest.raises(InputError, match="at least one argument"):
         compile_function(lambda: 1.0, {})

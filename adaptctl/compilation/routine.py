@@ -12,7 +12,7 @@ from typing import Any, TypeVar, cast
 from adaptctl.compilation.graph import Expression, Graph, Op, reachable
 from adaptctl.compilation.layout import Layout, flatten, numbered
 from adaptctl.compilation.node import Node, Value, lift
-from adaptctl.errors import TraceError
+from adaptctl.errors import InputError, TraceError
 from adaptctl.scalars import Column
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -65,6 +65,8 @@ def trace(function: Callable[..., Any], arguments: Mapping[str, int], *, name: s
     result, and where the function needs a number that is not known yet.
     """
     graph, sizes = Graph(), tuple(arguments.values())
+    if any(size < 0 or size != int(size) for size in sizes):
+        raise InputError(f"{name or _name(function)}: expected whole numbers as lengths, got {dict(arguments)}")
     columns = dict(zip(arguments, map(Column, _inputs(graph, sizes)), strict=True))
     return _routine(name or _name(function), graph, sizes, function(**columns))
 
