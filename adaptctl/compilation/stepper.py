@@ -141,6 +141,8 @@ class Ensemble:
         rows, driven = LaneArray(columns[Source.SHARED], steps), self._array(columns[Source.DRIVEN], steps)
         for name, values in signals.items():
             (rows if name in rows.columns else driven)[name] = values
+        if lanes == 1:
+            return rows, driven
         shared = LaneArray(columns[Source.SHARED], lanes, lanes, (steps,))
         shared.blocks[:, 0] = rows.blocks
         return shared, driven
