@@ -156,7 +156,7 @@ class Controller(ABC, Generic[Memory]):
 
     @cached_property
     def _memory_sizes(self) -> dict[str, int]:
-        return {f"memory_{k}": len(value) for k, value in enumerate(leaves(self._blank))}
+        return {name: len(value) for name, value in zip(_paths(self._blank), leaves(self._blank), strict=True)}
 
     @cached_property
     def _blank(self) -> Memory:
@@ -221,6 +221,15 @@ def leaves(memory: tuple[Any, ...]) -> list[Any]:
         else:
             flat.append(part)
     return flat
+
+
+def _paths(memory: tuple[Any, ...], to: str = "state") -> Iterator[str]:
+    """What the columns of a memory are called, one for each leaf."""
+    for name, part in zip(getattr(memory, "_fields", range(len(memory))), memory, strict=True):
+        if isinstance(part, tuple):
+            yield from _paths(part, f"{to}.{name}")
+        else:
+            yield f"{to}.{name}"
 
 
 def like(pattern: Memory, parts: Iterable[Any]) -> Memory:
