@@ -98,6 +98,8 @@ def _lyapunov(controller: Controller[Any], run: Rollout, mechanism: Mechanism) -
         return None
     if controller.model.regrouping.shape[1] != len(mechanism.parameter_names):
         return None  # its model knows less of the arm, friction for one
+    if run.marks.get("payload", run.time[:1] * 0.0).any():
+        return None  # the truth changes in mid-motion, and no function of it falls across that
     if controller.adaptation_law.distance(controller.model, run.estimate[:1], run.estimate[0]) is None:
         return None
     return lyapunov(controller, run, mechanism)

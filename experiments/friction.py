@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -13,6 +14,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.experiments.contest import Contender, Outcome
 from adaptctl.experiments.experiment import setting
+from adaptctl.experiments.friction_curves import Curve, friction_curves
 from adaptctl.experiments.learning import ADAPTATION_OFF, ADAPTIVE, Found
 from adaptctl.experiments.on_real_plant import OnRealPlant
 from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
@@ -21,6 +23,7 @@ from adaptctl.mechanism.pose import Array
 from adaptctl.recording import Finding
 
 if TYPE_CHECKING:
+    from adaptctl.recording.drawing import Drawing
     from adaptctl.simulation.effects import Effect
 
 NO_COLUMNS = "no-friction-columns"
@@ -124,7 +127,31 @@ class FrictionInJoints(OnRealPlant):
         for k, _ in _friction_columns(model):
             kind = model.names[k].rsplit(".", 1)[-1]
             unit = "N m s" if kind == KINDS[0] else "N m"
-            yield Finding(f"learned.{model.names[k]}", float(final[k]), unit, f"learned at the end; true {true[k]:.4g}")
+            meaning = f"{model.names[k]}, learned at the end; true {true[k]:.4g}"
+            yield Finding(f"learned.{model.names[k]}", float(final[k]), unit, meaning)
+
+    def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
+        """Friction over speed."""
+        from adaptctl.recording.drawing import Drawing
+
+        yield Drawing(
+            "friction",
+            "Friction over speed: the true one, and what was learned of it, at the speeds at which the joint moved "
+            "(shaded: how often). A line of two numbers is fitted where the arm is, and need not be right elsewhere.",
+            partial(friction_curves, self._curves(outcome, ReducedModel(outcome.mechanism, basis))),
+        )
+
+    def _curves(self, outcome: Outcome, model: ReducedModel) -> list[Curve]:
+        """Of every joint of the adapting run."""
+        run = next(run for run in outcome.runs if run.name == ADAPTIVE).rollout
+        learned = dict(zip(model.names, run.estimate[-1].tolist(), strict=True))
+        curves = []
+        for j, joint in enumerate(outcome.mechanism.primary_joints):
+            true = (joint.drive.viscous or 0.0, joint.drive.coulomb or 0.0)
+            found = (learned.get(f"{joint.name}.viscous", 0.0), learned.get(f"{joint.name}.coulomb", 0.0))
+            excess = self.stribeck * true[1]
+            curves.append(Curve(joint.name, true, excess, self.stribeck_speed, found, run.v[:, j]))
+        return curves
 
 
 def _final(outcome: Outcome, name: str) -> float:

@@ -1,0 +1,60 @@
+"""Friction over speed, joint by joint: what there is, and what was learned of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from adaptctl.mechanism.pose import Array
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+POINTS = 200
+COLUMNS = 3
+
+
+class Curve(NamedTuple):
+    """A joint's friction."""
+
+    joint: str
+    true: tuple[float, float]
+    """viscous (N m s) and Coulomb (N m)"""
+    stribeck: float
+    """N m by which static friction exceeds Coulomb's"""
+    speed: float
+    """rad/s at which half of that is gone"""
+    learned: tuple[float, float]
+    """as `true`"""
+    speeds: Array
+    """(T,) rad/s, at which the joint moved"""
+
+
+def friction_curves(curves: Sequence[Curve]) -> Figure:
+    """A panel a joint; the shade tells how often the joint moved how fast."""
+    from matplotlib.figure import Figure
+
+    from adaptctl.recording.drawing import DOTS, WIDTH
+    from adaptctl.recording.palette import MUTED, run_color
+
+    rows = -(-len(curves) // COLUMNS)
+    figure = Figure(figsize=(WIDTH, 2.0 * rows + 0.4), dpi=DOTS, layout="constrained")
+    panels = figure.subplots(rows, COLUMNS, squeeze=False).ravel()
+    for axes, curve in zip(panels, curves, strict=False):
+        speeds = np.abs(curve.speeds)
+        v = np.linspace(0.0, speeds.max(), POINTS)
+        often = axes.twinx()
+        often.hist(speeds, bins=30, color=MUTED.hex, alpha=0.2)
+        often.set_axis_off()
+        excess = curve.stribeck / (1.0 + (v / curve.speed) ** 2)
+        axes.plot(v, curve.true[0] * v + curve.true[1] + excess, color=run_color(1).hex, label="true, with Stribeck's")
+        axes.plot(v, curve.learned[0] * v + curve.learned[1], color=run_color(0).hex, label="learned: viscous, Coulomb")
+        axes.set_ylim(bottom=0.0)
+        axes.set_title(f"{curve.joint} [N·m]")
+    for unused in panels[len(curves) :]:
+        unused.set_visible(False)
+    figure.supxlabel("speed [rad/s]", size=9)
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper left", ncols=2)
+    return figure
