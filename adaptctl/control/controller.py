@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
+from math import isfinite, prod
 from typing import Any, Generic, NamedTuple, NoReturn, Protocol, TypeVar
 
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from adaptctl.compilation import Kernel, compile_function
 from adaptctl.control.many_arms import ManyArms
+from adaptctl.control.written_out import written_out
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.arrays import checked
 from adaptctl.errors import InputError, NonFiniteError
@@ -114,12 +115,16 @@ class Controller(ABC, Generic[Memory]):
         outcome is not finite, of any arm: nothing non-finite leaves a controller. The state given is as it was, so
         the arm that is named can be dealt with, or all arms wrapped in `Guarded`, which brakes that one alone.
         """
-        if np.ndim(p) > 1:
+        if (p.ndim if type(p) is np.ndarray else np.ndim(p)) > 1:
             return self._step_many(state, p, v, reference)
-        torque, *memory = self._tick(p, v, *reference, *leaves(state))
-        if not math.isfinite(sum(torque.tolist())):  # what is not finite stays so
-            self._blame(torque, p, v, reference)
-        return torque, like(state, memory)
+        done = self._step_one(state, p, v, reference)
+        if not isfinite(sum(done[0].tolist())):  # what is not finite stays so
+            self._blame(done[0], p, v, reference)
+        return done
+
+    @cached_property
+    def _step_one(self) -> Callable[..., tuple[Array, Memory]]:
+        return written_out(self._tick, self._blank)
 
     @property
     def kernel(self) -> Kernel | None:
@@ -144,7 +149,7 @@ class Controller(ABC, Generic[Memory]):
         arms = np.shape(p)[:-1]
         columns = _columns((p, v, *reference), self._given_sizes, arms)
         memory = _columns(leaves(state), self._memory_sizes, arms)
-        torque, after = self._many.step(math.prod(arms), columns, memory)
+        torque, after = self._many.step(prod(arms), columns, memory)
         if not np.isfinite(torque).all():
             self._blame(torque.reshape(*arms, -1), *given)
         return torque.reshape(*arms, -1), like(state, (values.reshape(*arms, -1) for values in after))
