@@ -576,7 +576,7 @@ def test_fifty_thousand_operations_compile_in_seconds_too_and_are_right(monkeypa
     monkeypatch.setenv("ADAPTCTL_CACHE", "off")
 
     def equation(x: Column) -> Column:
-        parts = [mixed(sin(float(k)) * x, 300) for k in range(1, 17)]
+        parts = [mixed(sin(k * x[0]) * x, 300) for k in range(1, 17)]
         return Column(sum(column) for column in zip(*parts, strict=True))
 
     start = time.perf_counter()
