@@ -78,7 +78,7 @@ class Arms:
         """Begin an episode of some arms. Raises as `TrackingEnv.reset` does."""
         single, chosen, r = self.single, ArmOptions(self.count, arms), self._dof
         error = chosen.numbers(options.get("initial_error", single.initial_error), r, "initial_error")
-        own, last = single.mechanism.inertial_parameters, len(single.mechanism.links) - 1
+        own, last = single.mechanism.inertial_parameters, len(single.mechanism.description.bodies) - 1
         self._own[arms] = chosen.parameters(options, own, last)
         self._follow(arms, chosen.each(options.get("trajectory", single.trajectory), "trajectory"))
         self.steps[arms], self.clipped[arms] = 0, 0

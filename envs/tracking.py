@@ -146,7 +146,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     | Option          | Value                                                                                 |
     |-----------------|---------------------------------------------------------------------------------------|
-    | `payload`       | a mass in kg held in the last link's origin, or a mapping with `mass`, `center` (3,) in that link's frame and `inertia` (3, 3) about that centre |
+    | `payload`       | a mass in kg held in the origin of the last link that has mass, or a mapping with `mass`, `center` (3,) in that link's frame and `inertia` (3, 3) about that centre |
     | `trajectory`    | a `Reference`, the seed of a random one, or `"random"`                                |
     | `initial_error` | rad (m), one number or one a joint                                                    |
     | `parameters`    | (P,) true inertial parameters, to which the payload is added                          |
@@ -181,7 +181,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         own = finite_torque_limits(self.mechanism) if torque_limits is None else torque_limits
         limits = _per_joint(own, self.mechanism.dof, "torque_limits")
         own_effects, period = PlantEffects.of(effects), float(control_period)
-        own_effects.require(self.mechanism.dof, tuple(link.name for link in self.mechanism.links), period)
+        own_effects.require(self.mechanism.dof, self.mechanism.description.body_names, period)
         if substeps is None:
             substeps = substeps_for_friction(self.mechanism, own_effects.joints, period)
         self.plant = Plant(
@@ -332,7 +332,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         own = options.get("parameters", self.mechanism.inertial_parameters)
         parameters = frozen_array(own, self.mechanism.inertial_parameters.shape, "parameters")
         if "payload" in options:
-            return Payload.of(options["payload"]).added_to(parameters, len(self.mechanism.links) - 1)
+            return Payload.of(options["payload"]).added_to(parameters, len(self.mechanism.description.bodies) - 1)
         return parameters
 
     def _running(self, what: str) -> _Episode:

@@ -27,6 +27,7 @@ from adaptctl.errors import InputError, NonFiniteError, NotFoundError, PhysicalC
 from adaptctl.mechanism.inertia import from_center_of_mass
 from adaptctl.mechanism.pose import Array
 from adaptctl.simulation import SemiImplicitEuler
+from adaptctl.simulation.effects import PayloadHeld
 
 PUMA, ANY = "adaptctl.envs:adaptctl/Puma560Tracking-v0", "adaptctl.envs:adaptctl/Tracking-v0"
 
@@ -218,6 +219,20 @@ def test_a_payload_is_a_body_on_the_last_link(env: TrackingEnv, measured: Mechan
         env.reset(options={"payload": Payload(2.0)})[1]["parameters"], measured.inertial_parameters + point
     )
     np.testing.assert_array_equal(env.reset()[1]["parameters"], measured.inertial_parameters)
+
+
+def test_a_payload_finds_its_link_among_those_with_mass() -> None:
+    """A floating base's first links own no parameters."""
+    floating = load(urdf("ur5_robot.urdf"), floating_base=True)
+    own, added = floating.inertial_parameters, from_center_of_mass(2.0, np.zeros(3), np.zeros((3, 3)))
+    loaded = TrackingEnv(floating).reset(options={"payload": 2.0})[1]["parameters"]
+    np.testing.assert_allclose((loaded - own).reshape(-1, 10)[-1], added, atol=1e-12)
+    link = floating.links[-2].name
+    held = TrackingEnv(floating, effects=[PayloadHeld(2.0, link=link)]).reset()[1]["parameters"]
+    np.testing.assert_allclose((held - own).reshape(-1, 10)[-2], added, atol=1e-12)
+    massless = floating.links[0].name
+    with pytest.raises(NotFoundError, match=f"there is no link '{massless}'; links: "):
+        TrackingEnv(floating, effects=[PayloadHeld(2.0, link=massless)])
 
 
 def test_true_parameters_can_be_given(env: TrackingEnv, measured: Mechanism) -> None:

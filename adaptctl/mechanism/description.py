@@ -161,6 +161,11 @@ class Description:
         """The links that own ten parameters each: all but the massless ones."""
         return tuple(i for i, link in enumerate(self.links) if not link.massless)
 
+    @cached_property
+    def body_names(self) -> tuple[str, ...]:
+        """The names of these links."""
+        return tuple(self.links[i].name for i in self.bodies)
+
     @property
     def drive_parameters(self) -> tuple[tuple[int, DriveParameter], ...]:
         """The parameters of the joints' drives that are modelled, by link: all rotors, then all friction."""

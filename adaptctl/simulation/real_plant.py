@@ -69,7 +69,7 @@ class RealPlant:
     effects: PlantEffects
 
     def __post_init__(self) -> None:
-        links = tuple(link.name for link in self.plant.mechanism.links)
+        links = self.plant.mechanism.description.body_names
         self.effects.require(self.plant.dof, links, self.plant.control_period)
 
     @property
@@ -79,9 +79,8 @@ class RealPlant:
 
     def parameters(self, own: Array, time: float) -> Array:
         """The inertial parameters (P,) at a time (s), what is held included."""
-        links = tuple(link.name for link in self.plant.mechanism.links)
         for load in self.effects.loads:
-            own = load.loaded(own, links, time)
+            own = load.loaded(own, self.plant.mechanism.description.body_names, time)
         return own
 
     def until(self, time: float) -> float:

@@ -15,7 +15,7 @@ from adaptctl.simulation.effects.payload import Payload
 
 @dataclass(frozen=True, eq=False)
 class PayloadHeld(LoadEffect):
-    """A payload held from `start` to `stop` (s): by the last link, or by the one that is named.
+    """A payload held from `start` to `stop` (s): by the last link that has mass, or by the one that is named.
 
     It is a `Payload`, a mass in kg, or a mapping with `mass`, `center` and `inertia`. When it is picked up it
     already moves with the link, and when it is dropped it moves on: the arm's velocities do not jump.
