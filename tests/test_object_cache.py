@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import hashlib
 import os
 import stat
@@ -159,15 +158,18 @@ def test_a_folder_that_may_only_be_read_is_read(folder: Path) -> None:
     (path,) = kept(folder)
     used = path.stat().st_mtime_ns
     folder.chmod(0o500)
-    assert run("print(plus(1.0), plus(2.0))", like_anybody) == "2.0 3.0\n"
+    assert run("print(plus(1.0), plus(2.0))", LIKE_ANYBODY) == "2.0 3.0\n"
     folder.chmod(0o700)
     assert kept(folder) == [path]
     assert path.stat().st_mtime_ns > used
 
 
-def like_anybody() -> None:
-    """Give up what root has over others, to write where that is forbidden (CAP_DAC_OVERRIDE; see prctl(2))."""
-    ctypes.CDLL(None).prctl(24, 1)
+LIKE_ANYBODY = """
+import ctypes, os, sys
+ctypes.CDLL(None).prctl(24, 1)
+os.execv(sys.executable, [sys.executable, *sys.argv[1:]])
+"""
+"""Gives up what root has over others, to write where that is forbidden (CAP_DAC_OVERRIDE; see prctl(2))."""
 
 
 def test_a_full_disk_is_done_without(folder: Path) -> None:
@@ -272,12 +274,14 @@ def long(number):
 """
 
 
-def start(program: str, first: Callable[[], None] | None = None) -> subprocess.Popen[str]:
+def start(program: str, first: str = "") -> subprocess.Popen[str]:
     command = [sys.executable, "-W", "ignore::DeprecationWarning", "-c", PROGRAM + program]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=first)
+    if first:
+        command = [sys.executable, "-c", first, *command[1:]]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
-def run(program: str, first: Callable[[], None] | None = None) -> str:
+def run(program: str, first: str = "") -> str:
     process = start(program, first)
     try:
         output, errors = process.communicate(timeout=60)
