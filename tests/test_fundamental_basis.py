@@ -77,6 +77,20 @@ def test_real_robots(file: str) -> None:
     require_same_torques(mechanism, basis, 1e-12)
 
 
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 5))
+def test_the_condition_is_that_of_the_removed_rows(seed: int, links: int) -> None:
+    """It is found from the regrouping, by what the null vectors have to be; here from the null vectors themselves."""
+    space = essential_space(random_tree(seed, links))
+    basis = fundamental_basis(space, tolerance=0.03)
+    removed = [j for j in range(len(space.parameter_names)) if j not in basis.columns]
+    for found, vectors in (
+        (basis.condition, space.null_basis),
+        (basis.scaled_condition, space.scaled_null_basis),
+    ):
+        assert found == pytest.approx(np.linalg.cond(vectors[removed]), rel=1e-6)
+
+
 def test_the_puma(puma: Mechanism, basis: FundamentalBasis) -> None:
     assert basis.condition == pytest.approx(4.449, abs=1e-3)
     assert basis.gap > 1e13
