@@ -26,7 +26,7 @@ from adaptctl.control import (
     TaskSpaceSlotineLi,
     adaptation_gain,
 )
-from adaptctl.control.controller import LARGEST_COMPILED, leaves
+from adaptctl.control.controller import LARGEST_COMPILED, leaves, like
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.mechanism.pose import Array
 
@@ -137,6 +137,25 @@ def test_nothing_given_is_changed_and_what_is_returned_stays(controller: Slotine
     controller.step(controller.init(p[:3], v[:3]), p[:3], v[:3], ReferencePoint(*(part[:3] for part in goal)))
     for now, then in zip([*leaves(state), torque, *leaves(after)], [*before, kept[0], *kept[1]], strict=True):
         np.testing.assert_array_equal(now, then)
+
+
+def test_fleets_take_turns(controller: SlotineLi) -> None:
+    """What the last tick left in the lanes is another fleet's, or was replaced."""
+    cases = situations(PUMA, 11, ticks=4)
+    turned = [(p[::-1], v[::-1], ReferencePoint(*(part[::-1] for part in goal))) for p, v, goal in cases]
+    one, other = (controller.init(*case[0][:2]) for case in (cases, turned))
+    for (p, v, goal), mirrored in zip(cases, turned, strict=True):
+        torque, one = controller.step(one, p, v, goal)
+        torque_turned, other = controller.step(other, *mirrored)
+        np.testing.assert_array_equal(torque_turned, torque[::-1])
+        one, other = (state._replace(estimate=1.01 * state.estimate) for state in (one, other))
+    np.testing.assert_array_equal(one.estimate, other.estimate[::-1])
+    last, _ = controller.step(one, p, v, goal)
+    fresh, _ = controller.step(like(one, map(np.array, leaves(one))), p, v, goal)
+    np.testing.assert_array_equal(last, fresh)
+    after = controller.step(one, p, v, goal)[1]
+    with pytest.raises(ValueError, match="read-only"):
+        after.estimate[0] = 7.0
 
 
 def test_threads_share_a_controller(controller: SlotineLi) -> None:

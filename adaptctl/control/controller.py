@@ -152,7 +152,8 @@ class Controller(ABC, Generic[Memory]):
         torque, after = self._many.step(prod(arms), columns, memory)
         if not np.isfinite(torque).all():
             self._blame(torque.reshape(*arms, -1), *given)
-        return torque.reshape(*arms, -1), like(state, (values.reshape(*arms, -1) for values in after))
+        after = after if len(arms) == 1 else [values.reshape(*arms, values.shape[1]) for values in after]
+        return torque.reshape(*arms, torque.shape[1]), like(state, after)
 
     @cached_property
     def _given_sizes(self) -> dict[str, int]:
@@ -206,7 +207,7 @@ def _columns(values: Iterable[ArrayLike], sizes: Mapping[str, int], arms: tuple[
             raise InputError(f"{name}: expected numbers, got {given!r}") from error
         if numbers.shape not in ((*arms, size), (size,)):
             raise InputError(f"{name}: expected shape {(*arms, size)} or {(size,)}, got {numbers.shape}")
-        columns[name] = numbers.reshape(-1, size) if numbers.ndim > 1 else numbers
+        columns[name] = numbers.reshape(-1, size) if numbers.ndim > 2 else numbers
     return columns
 
 

@@ -28,23 +28,26 @@ class ManyArms:
     given: Mapping[str, int]
     memory: Mapping[str, int]
     native: bool = True
-    _spare: dict[int, Ensemble] = field(default_factory=dict, init=False)
-    """Memory that no tick is using, by its number of arms: new memory costs more than a tick."""
+    _spare: dict[int, tuple[Ensemble, Columns]] = field(default_factory=dict, init=False)
+    """Lanes that no tick is using, by their number of arms, and what was last read from them: to make new ones, and to
+    write again what they hold, costs more than a tick."""
 
     def step(self, arms: int, given: Columns, memory: Columns) -> tuple[Array, list[Array]]:
-        """A tick of N arms: their torques (N, r), and their memory after it, all new."""
+        """A tick of N arms: their torques (N, r), and their memory after it, all new, the memory read-only."""
         if not self.native:
             return self._on_arrays(arms, given, memory)
-        ensemble = self._spare.pop(arms, None) or self._stepper.ensemble(arms)
+        spare: tuple[Ensemble, Columns] | None = self._spare.pop(arms, None)
+        ensemble, latest = spare or (self._stepper.ensemble(arms), {})
         for name, values in given.items():
             ensemble.held[name] = values
         for name, values in memory.items():
-            ensemble.state[name] = values
+            if values is not latest.get(name):
+                ensemble.state[name] = values
         (torque,) = ensemble.run()
-        after = [ensemble.state[name] for name in self.memory]
+        after = {name: _frozen(ensemble.state[name]) for name in self.memory}
         self._spare.clear()
-        self._spare[arms] = ensemble
-        return torque, after
+        self._spare[arms] = ensemble, after
+        return torque, list(after.values())
 
     @cached_property
     def _stepper(self) -> Stepper:
@@ -59,3 +62,8 @@ class ManyArms:
         columns = {name: Column(np.atleast_2d(values).T) for name, values in {**given, **memory}.items()}
         torque, *after = (stacked(column.of, (arms,)) for column in self.law(**columns))
         return torque, after
+
+
+def _frozen(values: Array) -> Array:
+    values.flags.writeable = False
+    return values
