@@ -64,10 +64,6 @@ class InertialTransfers:
     """(N,) of (r, 11): orthonormal functionals that the joint feels"""
     unfelt: tuple[Array, ...]
     """(N,) of (11 - r, 11): orthonormal bodies that it does not feel; a rotor that it does not have among them"""
-    smallest: float
-    """the smallest singular value, over the largest of its joint, that counted"""
-    largest_zero: float
-    """the largest that did not"""
 
     @property
     def parents(self) -> tuple[int, ...]:
@@ -116,16 +112,13 @@ def inertial_transfers(mechanism: Mechanism) -> InertialTransfers:
     rows[..., :10] = sensed
     rows[:, 0, 10] = _rotors(mechanism)  # The first row is S'S, for v^2/2: so is a rotor's energy.
     _, values, vectors = np.linalg.svd(rows, full_matrices=False)
-    values /= values[:, :1]
-    counts = (values > NEGLIGIBLE).sum(axis=1).tolist()
+    counts = (values > NEGLIGIBLE * values[:, :1]).sum(axis=1).tolist()
     return InertialTransfers(
         frames=frames,
         owned=_owned(mechanism, transfers(frames.far)),
         to_parent=across,
         felt=tuple(v[:k] for v, k in zip(vectors, counts, strict=True)),
         unfelt=tuple(v[k:] for v, k in zip(vectors, counts, strict=True)),
-        smallest=float(values[values > NEGLIGIBLE].min()),
-        largest_zero=float(values[values <= NEGLIGIBLE].max(initial=0.0)),
     )
 
 
@@ -145,6 +138,8 @@ def _sensed(frames: JointFrames, across: Array, rates: Array) -> Array:
     for i, parent in enumerate(frames.parents):
         X, f = spans[parent]
         X, f = _moved(X, carried[i]), _moved(f, across[i])
+        if parent == GROUND:
+            f[:, 0] = 0.0  # Where the tree stands, which no joint feels.
         out[i, 1 : 1 + len(X)] = X @ pairing[i]
         out[i, 7 : 7 + len(f)] = f @ rates[i]
         spans[i] = (_grown(X, frames.twists[i][None], bracket[i]), _grown(f, out[i], rates[i]))
