@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property
 from math import isfinite, prod
 from typing import Any, Generic, NamedTuple, NoReturn, Protocol, TypeVar
@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 
 from adaptctl.compilation import Kernel, compile_function
 from adaptctl.control.many_arms import ManyArms
-from adaptctl.control.written_out import written_out
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.arrays import checked
 from adaptctl.errors import InputError, NonFiniteError
@@ -124,7 +123,7 @@ class Controller(ABC, Generic[Memory]):
 
     @cached_property
     def _step_one(self) -> Callable[..., tuple[Array, Memory]]:
-        return written_out(self._tick, self._blank)
+        return on_memories(self._tick, self._blank)
 
     @property
     def kernel(self) -> Kernel | None:
@@ -132,7 +131,7 @@ class Controller(ABC, Generic[Memory]):
         return self._tick if isinstance(self._tick, Kernel) else None
 
     @cached_property
-    def _tick(self) -> Callable[..., Sequence[Array]]:
+    def _tick(self) -> Callable[..., tuple[Array, ...]]:
         """The law on arrays, compiled where that is possible in reasonable time."""
         if self.dof > LARGEST_COMPILED:
             return self._on_floats
@@ -179,10 +178,10 @@ class Controller(ABC, Generic[Memory]):
 
         return equation
 
-    def _on_floats(self, *arrays: ArrayLike) -> list[Array]:
+    def _on_floats(self, *arrays: ArrayLike) -> tuple[Array, ...]:
         p, v, *rest = (Column(np.asarray(array, dtype=float).tolist()) for array in arrays)
         torque, after = self.law(p, v, ReferencePoint(*rest[:3]), like(self._blank, rest[3:]))
-        return [np.array(column.of, dtype=float) for column in (torque, *leaves(after))]
+        return tuple(np.array(column.of, dtype=float) for column in (torque, *leaves(after)))
 
     def _measured(self, values: ArrayLike, what: str, size: int | None = None) -> Array:
         array = np.atleast_1d(np.asarray(values))
@@ -216,6 +215,25 @@ def home(mechanism: Mechanism) -> Array:
     if mechanism.continuation is None:
         return np.zeros(mechanism.dof)
     return mechanism.continuation.reference[mechanism.continuation.primary]
+
+
+def on_memories(tick: Callable[..., tuple[Array, ...]], pattern: Memory) -> Callable[..., tuple[Array, Memory]]:
+    """A tick from state, p, v and reference to torque and state, made of one on the leaves of states like the pattern.
+
+    Where all leaves come before what is empty, as is usual, none has to be looked for at each tick.
+    """
+    count, kind, new = sum(not isinstance(part, tuple) for part in pattern), type(pattern), tuple.__new__
+    empty = tuple(pattern[count:])
+
+    def searching(state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint) -> tuple[Array, Memory]:
+        torque, *memory = tick(p, v, *reference, *leaves(state))
+        return torque, like(state, memory)
+
+    def slicing(state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint) -> tuple[Array, Memory]:
+        done = tick(*((p, v) + reference + state[:count]))  # noqa: RUF005  # sums of tuples cost less
+        return done[0], new(kind, done[1:] + empty)
+
+    return slicing if all(isinstance(part, tuple) and not part for part in empty) else searching
 
 
 def leaves(memory: tuple[Any, ...]) -> list[Any]:
