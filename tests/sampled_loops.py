@@ -10,9 +10,19 @@ from typing import Any
 
 import numpy as np
 
-from adaptctl.control import Adaptive, Controller, Gains, PriorRanges, Reference, ReferencePoint, Sinusoids
+from adaptctl.control import (
+    Adaptive,
+    Controller,
+    Gains,
+    PriorRanges,
+    Reference,
+    ReferencePoint,
+    Sinusoids,
+    adaptation_gain,
+)
 from adaptctl.control.controller import home
 from adaptctl.dynamics import Mechanism, load
+from adaptctl.experiments.rough_model import deviations
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.mechanism.inertia import from_center_of_mass
 from adaptctl.mechanism.pose import Array
@@ -47,6 +57,14 @@ def full(name: str) -> ReducedModel:
 @lru_cache
 def gains(name: str, bandwidth: float = 8.0, ratio: float = 4.0) -> Gains:
     return Gains.from_bandwidth(arm(name), bandwidth, ratio)
+
+
+def own_gain(name: str, rate: float = 0.3) -> Array:
+    """By ranges; by each link's own size where these differ as a shoulder's and a wrist's do."""
+    model = reduced(name)
+    if model.mechanism.dof > 3:
+        return np.asarray(rate * deviations(model, model.mechanism.inertial_parameters, 1.0) ** 2)
+    return adaptation_gain(model, RANGES, rate)
 
 
 @lru_cache

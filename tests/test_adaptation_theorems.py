@@ -18,6 +18,7 @@ from sampled_loops import (
     kinetic,
     loaded,
     loop,
+    own_gain,
     reduced,
     swinging,
 )
@@ -42,7 +43,6 @@ from adaptctl.control import (
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.arrays import column, stacked_rows
 from adaptctl.dynamics.momentum import momentum_terms
-from adaptctl.experiments.rough_model import deviations
 from adaptctl.mechanism.pose import Array
 
 ARMS = ["puma560_measured", "semi_direct_drive"]
@@ -65,14 +65,6 @@ def slotine_li(name: str, adaptation: AdaptationLaw, **options: object) -> Sloti
     return SlotineLi(reduced(name), 8.0, gains(name).damping, adaptation, **options)  # type: ignore[arg-type]
 
 
-def own_gain(name: str, rate: float = 0.3) -> Array:
-    """By ranges; by each link's own size where these differ as a shoulder's and a wrist's do."""
-    model = reduced(name)
-    if model.mechanism.dof > 3:
-        return np.asarray(rate * deviations(model, model.mechanism.inertial_parameters, 1.0) ** 2)
-    return adaptation_gain(model, RANGES, rate)
-
-
 def prediction_errors(run: Loop, controller: Adaptive, true: Array) -> Array:
     """W error (T, r), from the filters' memory: F[lambda H + N] is what it is after the next sample, undone."""
     law, model = controller.adaptation_law, controller.model
@@ -93,13 +85,14 @@ def prediction_errors(run: Loop, controller: Adaptive, true: Array) -> Array:
 @given(
     name=st.sampled_from(ARMS),
     bandwidth=st.floats(4.0, 12.0),
+    ratio=st.floats(2.0, 8.0),
     rate=st.floats(0.02, 0.4),
     mass=st.floats(0.0, 2.0),
     seed=st.integers(0, 100),
 )
-def test_gradient(name: str, bandwidth: float, rate: float, mass: float, seed: int) -> None:
+def test_gradient(name: str, bandwidth: float, ratio: float, rate: float, mass: float, seed: int) -> None:
     mechanism, model = arm(name), reduced(name)
-    law = SlotineLi(model, bandwidth, gains(name).damping, own_gain(name, rate))
+    law = SlotineLi(model, bandwidth, ratio / 4.0 * gains(name).damping, own_gain(name, rate))
     true = loaded(mechanism, mass)
     run = loop(law, mechanism, swinging(mechanism, seed), 0.5, parameters=true)
     V = kinetic(mechanism.with_parameters(true), run) + distance(law, run, true)
