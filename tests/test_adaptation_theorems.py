@@ -40,6 +40,7 @@ from adaptctl.control import (
     adaptation_gain,
     mapped_gain,
 )
+from adaptctl.control.adaptation.prediction import felt
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.arrays import column, stacked_rows
 from adaptctl.dynamics.momentum import momentum_terms
@@ -75,7 +76,9 @@ def prediction_errors(run: Loop, controller: Adaptive, true: Array) -> Array:
     found = momentum_terms(mechanism.equations, column(mechanism.configuration(run.p)), column(run.v), model.columns)
     momentum, forces = (stacked_rows(rows, run.p.shape[:-1]) for rows in found)
     memories = [s.learning if isinstance(law, Composite) else s.learning.filtered for s in run.states]
-    ahead = np.array([memory.regressor for memory in memories]).reshape(momentum.shape)
+    joints, places = np.array([(i, j) for i, row in enumerate(felt(model)) for j in row]).T
+    ahead = np.zeros(momentum.shape)
+    ahead[:, joints, places] = [memory.regressor for memory in memories]
     filtered = (ahead - old * (law.cutoff * momentum + forces)) / keep
     rows = law.cutoff * momentum - filtered
     return np.einsum("tij,tj->ti", rows, run.estimate - true)

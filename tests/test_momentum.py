@@ -10,6 +10,7 @@ from adaptctl.compilation import compile_function
 from adaptctl.control import SlotineLi
 from adaptctl.control.adaptation.law import Period
 from adaptctl.control.adaptation.prediction import Filtered, TorqueFilter
+from adaptctl.control.controller import home
 from adaptctl.dynamics.arrays import column, stacked_rows
 from adaptctl.dynamics.momentum import momentum_terms
 from adaptctl.mechanism.pose import Array
@@ -61,7 +62,9 @@ def prediction_error(name: str, period: float) -> float:
         found = filtered.predicted(model, now, Filtered(rows, last))
         return (Column(x for row in found.rows for x in row), *found.after)
 
-    native = compile_function(predicted, {"q": n, "v": r, "torque": r, "rows": r * k, "last": r})
+    size = len(filtered.start(model, mechanism.configuration(home(mechanism)), np.zeros(r)).regressor)
+    assert size < r * k  # no joint feels the links that carry it
+    native = compile_function(predicted, {"q": n, "v": r, "torque": r, "rows": size, "last": r})
     reference, body = swinging(mechanism), plant(mechanism, period)
     controller = SlotineLi(model, 8.0, gains(name).damping, period=period, initial=model.fundamental_parameters)
     state = body.init(reference(0.0).p + 0.1, reference(0.0).v)

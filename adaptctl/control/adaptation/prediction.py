@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from math import exp
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from adaptctl.compilation import trace
 from adaptctl.control.adaptation.law import Period
-from adaptctl.dynamics.arrays import column, stacked
+from adaptctl.dynamics.arrays import column, spread, stacked
 from adaptctl.dynamics.momentum import momentum_terms
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
@@ -21,7 +23,7 @@ class Filtered(NamedTuple):
     """The filters' memory."""
 
     regressor: Any
-    """(r k,) rows of F[lambda H + N], as far as it is known before the next sample"""
+    """rows of F[lambda H + N], as far as it is known before the next sample, without what is always zero"""
     torque: Any
     """(r,) F[tau], N m"""
 
@@ -52,25 +54,27 @@ class TorqueFilter:
     def start(self, model: ReducedModel, q: Array, v: Array) -> Filtered:
         """Before the first tick, at configurations q (..., n) and velocities v (..., r): W is zero there."""
         momentum, forces = momentum_terms(model.mechanism.equations, column(q), column(v), model.columns)
-        kept = []
-        for row, change in zip(momentum, forces, strict=True):
+        kept: list[Any] = []
+        for row, change, places in zip(momentum, forces, felt(model), strict=True):
             scaled = self.cutoff * row
-            kept += list(scaled - self._new * (scaled + change))
+            first = scaled - self._new * (scaled + change)
+            kept += [first[j] for j in places]
         return Filtered(stacked(kept, q.shape[:-1]), np.zeros(model.mechanism.dof))
 
     def predicted(self, model: ReducedModel, period: Period, memory: Filtered) -> Prediction:
         """The equation now, from configuration and velocities now and the torque of the period that has passed."""
         momentum, forces = momentum_terms(model.mechanism.equations, period.q, period.v, model.columns)
-        k, keep = len(model.columns), self._keep
-        rows, before = [], []
-        for i, (row, change) in enumerate(zip(momentum, forces, strict=True)):
+        k, keep, last = len(model.columns), self._keep, iter(memory.regressor)
+        rows: list[Column] = []
+        before: list[Any] = []
+        for row, change, places in zip(momentum, forces, felt(model), strict=True):
             scaled = self.cutoff * row
             now = scaled + change
-            filtered = Column(memory.regressor.of[k * i : k * (i + 1)]) + self._new * now
+            filtered = spread(Column(next(last) + self._new * now[j] for j in places), places, k)
             rows.append(scaled - filtered)
-            before.append(keep * filtered + self._old * now)
+            before += [keep * filtered[j] + self._old * now[j] for j in places]
         torque = keep * memory.torque + (1.0 - keep) * period.torque
-        return Prediction(rows, torque, Filtered(Column(x for row in before for x in row), torque))
+        return Prediction(rows, torque, Filtered(Column(before), torque))
 
     @property
     def _keep(self) -> float:
@@ -86,6 +90,19 @@ class TorqueFilter:
     def _old(self) -> float:
         """Weight of its value at the start."""
         return 1.0 - self._keep - self._new
+
+
+@lru_cache(maxsize=64)
+def felt(model: ReducedModel) -> list[list[int]]:
+    """For each joint, which of the model's parameters it ever feels: a link is felt by the joints that move it."""
+    equations, r = model.mechanism.equations, model.mechanism.dof
+
+    def terms(q: Column, v: Column) -> list[Column]:
+        return [row + change for row, change in zip(*momentum_terms(equations, q, v, model.columns), strict=True)]
+
+    k, entries = len(model.columns), trace(terms, {"q": equations.joints, "v": r}).outputs
+    always_zero = [isinstance(x, float) and x == 0.0 for x in entries]
+    return [[j for j in range(k) if not always_zero[k * i + j]] for i in range(r)]
 
 
 def require_cutoff(cutoff: float, period: float) -> None:
