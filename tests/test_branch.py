@@ -73,3 +73,25 @@ def test_limits_that_nothing_can_keep_are_refused() -> None:
     links = tuple(replace(x, joint=follower) if x.name == "link4" else x for x in arm.links)
     with pytest.raises(InputError, match=r"semi_direct_drive: of \d+ positions within the primary joints' .* only 0"):
         states_within_limits(Mechanism(replace(arm, links=links)), 2)
+
+
+def test_each_sample_is_followed_as_if_it_were_alone() -> None:
+    """In as many steps as its own way needs, whatever the others need."""
+    arm = load("semi_direct_drive")
+    assert arm.continuation is not None
+    p = random_states(arm, 30, np.random.default_rng(0)).p
+    together = arm.configuration(p)
+    np.testing.assert_allclose(together, [arm.configuration(x) for x in p], atol=1e-13)
+    np.testing.assert_allclose(arm.configuration(p.reshape(5, 6, 3)), together.reshape(5, 6, -1), atol=1e-13)
+    assert arm.configuration(p[:0]).shape == (0, 5)
+
+
+@pytest.mark.parametrize("name", ["four-bar", "planar weld", "two spatial loops"])
+def test_each_way_is_gone_as_far_as_if_it_were_alone(name: str) -> None:
+    mechanism, _ = random_loop(2, RECIPES[name])
+    assert mechanism.continuation is not None
+    start = mechanism.continuation.reference[mechanism.continuation.primary]
+    p = start + np.random.default_rng(0).uniform(-4.0, 4.0, (12, mechanism.dof))
+    progress = mechanism.continuation.progress(p)
+    np.testing.assert_array_equal(progress, [mechanism.continuation.progress(x[None])[0] for x in p])
+    assert 0.0 < progress.min() < 1.0 == progress.max()
