@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -80,14 +80,12 @@ def _run(
     controller = contender.controller
     progress(0.0)
     result = simulate(env, controller, seed=seed, progress=progress)
-    run = Run(
-        name=contender.name,
-        label=contender.label,
-        knows=contender.knows,
-        rollout=result,
-        lyapunov=_lyapunov(controller, result, mechanism),
-        cost=tick_cost(controller, result) if result.complete else None,
-    )
+    run = Run(name=contender.name, label=contender.label, knows=contender.knows, rollout=result)
+    try:
+        cost = tick_cost(controller, result) if result.complete else None
+        run = replace(run, lyapunov=_lyapunov(controller, result, mechanism), cost=cost)
+    except KeyboardInterrupt:
+        run = replace(run, rollout=replace(result, complete=False))
     progress(1.0)
     return run
 

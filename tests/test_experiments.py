@@ -170,12 +170,12 @@ def signalled(function: str, number: signal.Signals, after: float) -> Iterator[N
 def test_interrupted_run_keeps_what_was_computed(
     number: signal.Signals, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with signalled("_taken", number, after=0.05):
+    with signalled("_taken", number, after=0.1):
         assert main([*PUMA, "--out", str(tmp_path / "out"), "--duration", "300"]) == 130
     said = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert said["complete"] is False
     assert list(said["runs"]) == ["adaptive"]
-    assert 0.0 < said["duration_run"] < said["duration"] == 300.0
+    assert 0.0 < said["duration_run"] <= said["duration"] == 300.0
     assert pq.read_table(tmp_path / "out" / "trace.parquet").num_rows == round(said["duration_run"] / 1e-3)
     assert "was interrupted" in (tmp_path / "out" / "report.html").read_text()
     shown = capsys.readouterr()

@@ -93,6 +93,7 @@ class Ensemble:
         self.held = self._array(stepper.columns[Source.HELD])
         self._outputs = {str(k): math.prod(shape) for k, shape in enumerate(stepper.outputs)}
         self._latest, self._nothing = self._array(self._outputs), self._array({})
+        self._recorded = self._array(self._outputs, 0)
 
     def run(
         self,
@@ -111,13 +112,19 @@ class Ensemble:
         if steps < 0 or steps != int(steps):
             raise InputError(f"steps: expected a whole number of at least 0, got {steps}")
         shared, driven = self._signals(int(steps), signals)
-        outputs = self._array(self._outputs, int(steps)) if record else self._latest
+        outputs = self._record(int(steps)) if record else self._latest
         arrays = self.state, self.held, shared, driven, outputs
         strides = shared.stride, driven.stride, outputs.stride if record else 0
         self._run(threads, int(steps), *strides, *[array.address for array in arrays])
         axes = (steps, self.members) if record else (self.members,)
         parts = zip(outputs.columns, self.stepper.outputs, strict=True)
         return tuple(outputs[name].reshape(*axes, *shape) for name, shape in parts)
+
+    def _record(self, steps: int) -> LaneArray:
+        """Room for the outputs of all steps, that of the last run if it fits: memory is slow when it is new."""
+        if len(self._recorded.blocks) != steps:
+            self._recorded = self._array(self._outputs, steps)
+        return self._recorded
 
     def _run(self, threads: int, *arguments: int) -> None:
         """All blocks, the first share of them in this thread."""

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from time import perf_counter
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
@@ -89,18 +89,6 @@ def _home_of(thing: object, method: str) -> type | None:
     return next((kind for kind in type(thing).__mro__ if method in vars(kind)), None)
 
 
-class _Part(NamedTuple):
-    """A stretch of a run: its samples (T, ...), and where it ends."""
-
-    time: Array
-    sample: Sample
-    reference: ReferencePoint
-    reward: Array
-    payload: Array
-    end: RealPlantState
-    over: bool
-
-
 class _Run:
     """A run in the making."""
 
@@ -109,23 +97,21 @@ class _Run:
         self.steps, self.period = steps, period
         self.arms = self.loop.compiled().ensemble(1)
         self.loop.begin(self.arms, episode.state, controller.init(episode.state.p, episode.state.v))
-        self.parts = [self._nothing()]
-
-    @property
-    def count(self) -> int:
-        """Control periods done."""
-        return sum(len(part.time) for part in self.parts)
+        self.sample = Sample(*(np.empty((steps, *shape)) for shape in self.arms.stepper.outputs))
+        self.reference = ReferencePoint(*np.empty((3, steps, controller.reference_size)))
+        self.reward, self.payload = np.empty((2, steps))
+        self.count, self.end, self.terminated = 0, episode.state, False
 
     @property
     def over(self) -> bool:
         """Whether the environment ended the run, or its time is up."""
-        return self.parts[-1].over or self.count >= self.steps
+        return self.terminated or self.count >= self.steps
 
     def advance(self) -> None:
         """One stretch, in which the true parameters stay as they are; it counts when all of it is done."""
         time, place = self._times(), self._place()
         reference = sampled(self.episode.reference, time, self.loop.controller.reference_size)
-        self.arms.held["parameters"] = self._parameters(time)
+        self.arms.held["parameters"] = self._parameters(time[0])
         sample = self._taken(len(time) - 1, reference)
         reward, over = self._judged(time, sample, reference)
         count = len(reward)
@@ -134,7 +120,22 @@ class _Run:
             sample = self._taken(count, reference)
             if not over:
                 self._fail(time[count], ReferencePoint(*(part[count] for part in reference)))
-        self.parts.append(self._part(time[: count + 1], sample, reference, reward, over))
+        self._keep(time[: count + 1], sample, reference, reward)
+        self.count, self.end, self.terminated = self.count + count, self._reached(time[count], sample), over
+
+    def _keep(self, time: Array, sample: Sample, reference: ReferencePoint, reward: Array) -> None:
+        """Put samples at all times but the last in their place."""
+        new, plant = slice(self.count, self.count + len(reward)), self.episode.plant
+        for kept, part in zip((*self.sample, *self.reference), (*sample, *reference), strict=True):
+            kept[new] = part[: len(reward)]
+        self.reward[new], self.payload[new] = reward, plant.payload(time[0])
+        self.payload[new.stop - 1] = plant.payload(time[-1])
+
+    def _reached(self, time: float, sample: Sample) -> RealPlantState:
+        """The plant after the last sample."""
+        end, _ = self.loop.now(self.arms, time)
+        marks = sample.marks[-1, : len(self.episode.plant.marks)]
+        return end._replace(applied=sample.applied[-1], clipped=bool(sample.clipped[-1, 0]), marks=marks)
 
     def _judged(self, time: Array, sample: Sample, reference: ReferencePoint) -> tuple[Array, bool]:
         """The rewards of the control periods until the environment ends the run, which is then told, or until
@@ -146,17 +147,6 @@ class _Run:
         reward, over = self.episode.judge(state, ahead, sample.applied[:sound])
         return (reward[: int(over.argmax()) + 1], True) if over.any() else (reward, False)
 
-    def _part(self, time: Array, sample: Sample, reference: ReferencePoint, reward: Array, over: bool) -> _Part:
-        """What is kept of samples at all times but the last."""
-        count, plant = len(time) - 1, self.episode.plant
-        payload = np.full(count, plant.payload(time[0]))
-        payload[-1] = plant.payload(time[-1])
-        end, _ = self.loop.now(self.arms, time[-1])
-        marks = sample.marks[-1, : len(plant.marks)]
-        end = end._replace(applied=sample.applied[-1], clipped=bool(sample.clipped[-1, 0]), marks=marks)
-        point = ReferencePoint(*(part[:count] for part in reference))
-        return _Part(time[:count], sample, point, reward, payload, end, over)
-
     def _times(self) -> Array:
         """The times of the next stretch and its end: as long as nothing changes, in one call's length."""
         first = self.count
@@ -165,8 +155,8 @@ class _Run:
         same = int(np.searchsorted(times, self.episode.plant.until(times[0])))
         return np.asarray(times[: max(1, min(same, longest)) + 1])
 
-    def _parameters(self, time: Array) -> Array:
-        return self.episode.plant.parameters(self.episode.parameters, time[0])
+    def _parameters(self, time: float) -> Array:
+        return self.episode.plant.parameters(self.episode.parameters, time)
 
     def _taken(self, count: int, reference: ReferencePoint) -> Sample:
         """So many control periods."""
@@ -186,53 +176,47 @@ class _Run:
         plant, controller = self.episode.plant, self.loop.controller
         state, memory = self.loop.now(self.arms, time)
         torque, _ = controller.step(memory, state.p, state.v, reference)
-        plant.step(state, torque, np.zeros(self.loop.noise["noise"]), self._parameters(np.array([time])))
+        plant.step(state, torque, np.zeros(self.loop.noise["noise"]), self._parameters(time))
         raise NonFiniteError(f"the closed loop is not finite after {time:g} s")
-
-    def _nothing(self) -> _Part:
-        """The beginning, without samples."""
-        shapes = self.arms.stepper.outputs
-        sample, blank = Sample(*(np.empty((0, *shape)) for shape in shapes)), np.empty(0)
-        point = ReferencePoint(*(np.empty((0, self.loop.controller.reference_size)) for _ in REFERENCE))
-        return _Part(blank, sample, point, blank, blank, self.episode.state, over=False)
 
     def result(self, env: Any, wall_time: float, complete: bool) -> Rollout:
         """What happened so far; the environment is taken there."""
-        time, samples, references, reward, payload, _, _ = zip(*self.parts, strict=True)
-        sample = Sample(*(_joined(parts) for parts in zip(*samples, strict=True)))
-        reference = ReferencePoint(*(_joined(parts) for parts in zip(*references, strict=True)))
-        clipped, terminated = sample.clipped[:, 0], self.parts[-1].over
-        p, effects = self.loop.positions(sample.q), self.episode.plant.effects
+        sample, reference = Sample(*map(self._kept, self.sample)), ReferencePoint(*map(self._kept, self.reference))
+        clipped, effects = sample.clipped[:, 0], self.episode.plant.effects
+        p = _frozen(self.loop.positions(sample.q))
         told = (sample.measured_p, sample.measured_v) if effects.sensors else (p, sample.v)
         return Rollout(
-            time=_joined(time),
-            p=_frozen(p),
+            time=_frozen(np.asarray(self.period * np.arange(self.count))),
+            p=p,
             v=sample.v,
             reference_p=reference.p,
             reference_v=reference.v,
             reference_a=reference.a,
             torque=sample.torque,
             applied=sample.applied,
-            clipped=_frozen(clipped),
-            energy=_frozen(sample.energy[:, 0]),
-            reward=_joined(reward),
+            clipped=clipped,
+            energy=sample.energy[:, 0],
+            reward=self._kept(self.reward),
             estimate=sample.estimate,
             control_period=self.period,
             wall_time=wall_time,
             complete=complete,
-            terminated=terminated,
-            info=env.take_back(self.parts[-1].end, self.count, int(clipped.sum()), terminated),
-            measured_p=_frozen(told[0]) if effects else None,
-            measured_v=_frozen(told[1]) if effects else None,
-            marks=self._marks(sample.marks, _joined(payload)),
+            terminated=self.terminated,
+            info=env.take_back(self.end, self.count, int(clipped.sum()), self.terminated),
+            measured_p=told[0] if effects else None,
+            measured_v=told[1] if effects else None,
+            marks=self._marks(sample.marks),
         )
 
-    def _marks(self, values: Array, payload: Array) -> Mapping[str, Array]:
+    def _marks(self, values: Array) -> Mapping[str, Array]:
         """By name, in the order in which `rollout` tells them."""
         own, by_name = self.episode.plant, dict(zip(self.loop.marks, values.T, strict=True))
-        loaded = {"payload": payload} if own.effects.loads else {}
-        ordered = {name: by_name[name] for name in own.marks} | loaded | by_name
-        return MappingProxyType({name: _frozen(mark) for name, mark in ordered.items()})
+        loaded = {"payload": self._kept(self.payload)} if own.effects.loads else {}
+        return MappingProxyType({name: by_name[name] for name in own.marks} | loaded | by_name)
+
+    def _kept(self, values: Array) -> Array:
+        """What there is so far, and no memory for more."""
+        return _frozen(values if self.count == self.steps else values[: self.count].copy())
 
 
 def _finite(torque: Array, q: Array, v: Array) -> int:
@@ -243,11 +227,6 @@ def _finite(torque: Array, q: Array, v: Array) -> int:
     return int(faulty.argmax()) if faulty.any() else len(faulty)
 
 
-def _joined(parts: Sequence[Array]) -> Array:
-    return _frozen(np.concatenate(parts))
-
-
 def _frozen(values: Array) -> Array:
-    array = np.ascontiguousarray(values)
-    array.flags.writeable = False
-    return array
+    values.flags.writeable = False
+    return values
