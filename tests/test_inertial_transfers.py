@@ -97,9 +97,9 @@ def test_the_same_parameters_are_kept(seed: int, links: int, shuffled: bool) -> 
     order = Priority(tuple(np.random.default_rng(seed).permutation(names).tolist()) if shuffled else ())
     indices = order.indices(by_svd.parameter_names)
     one, other = (space.null_space.regrouping(indices, 1e-6) for space in (by_svd, by_transfers))
+    assume(one.condition < 1e4)  # what is nearly dependent may be told otherwise, and is refused
     assert other.kept == one.kept
     K = [found.matrix(space.scales) for found, space in zip((one, other), (by_svd, by_transfers), strict=True)]
-    assume(one.condition < 1e4)
     np.testing.assert_allclose(*K, atol=1e-9 * np.abs(K[0]).max())
 
 
