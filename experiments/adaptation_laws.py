@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -39,7 +39,7 @@ from adaptctl.experiments.experiment import setting
 from adaptctl.experiments.learning import ADAPTATION_OFF, Found, Learning, numbers
 from adaptctl.experiments.parameter_errors import SAMPLES, ParameterErrors, parameter_errors
 from adaptctl.experiments.rough_model import deviations, scaled_links
-from adaptctl.identifiability import FundamentalBasis, ReducedModel
+from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
 from adaptctl.mechanism.pose import Array
 from adaptctl.recording import Finding, Run, Setting
 
@@ -72,6 +72,8 @@ LAWS = (
     "computed-torque",
     "pd-gravity",
 )
+RANDOM, EXCITING = "random", "exciting"
+"""Motions."""
 EULER = "gradient-euler"
 """Not among the default laws: it is what the trapezium is better than."""
 
@@ -100,7 +102,10 @@ class AdaptationLaws(Learning):
     ratio: float = setting(
         2.0, "damping over bandwidth times each joint's typical inertia", symbol="K", low=0.1, high=100.0
     )
-    amplitude: float = setting(0.25, "of each joint's term at 0.2 Hz, rad", low=0.0, high=2.0)
+    motion: str = setting(
+        RANDOM, f"{RANDOM}: sinusoids by seed; {EXCITING}: Fourier series made to tell most, within the joints' limits"
+    )
+    amplitude: float = setting(0.25, f"of each joint's {RANDOM} term at 0.2 Hz, rad", low=0.0, high=2.0)
     leakage: float = setting(0.05, "sigma-modification's leak to the rough model, 1/s", symbol="σ", low=1e-6, high=10.0)
     sliding_leakage: float = setting(0.5, "e-modification's, 1/rad", symbol="ν", low=1e-6, high=100.0)
     dead_zone: float = setting(0.02, "width of the dead zone of s, rad/s", low=1e-6, high=10.0)
@@ -120,6 +125,8 @@ class AdaptationLaws(Learning):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.motion not in (RANDOM, EXCITING):
+            raise NotFoundError(f"motion: expected {RANDOM} or {EXCITING}, got {self.motion!r}")
         for name in self.laws:
             if name not in (*LAWS, EULER):
                 raise NotFoundError(f"laws: unknown law {name!r}; laws: {', '.join((*LAWS, EULER))}")
@@ -159,7 +166,9 @@ class AdaptationLaws(Learning):
         )
 
     def reference(self, mechanism: Mechanism) -> Sinusoids:
-        """Five sinusoids a joint about a bent posture, phases and exact frequencies by seed."""
+        """Five sinusoids a joint about a bent posture, phases and exact frequencies by seed; or the most telling."""
+        if self.motion == EXCITING:
+            return most_exciting(mechanism, self.seed)
         if mechanism.dof > len(CENTER):
             raise InputError(f"robot: {mechanism.name} has {mechanism.dof} joints: this experiment is for up to 6")
         center = np.array(CENTER[: mechanism.dof]) if mechanism.description.loops is None else home(mechanism)
@@ -194,6 +203,9 @@ class AdaptationLaws(Learning):
 
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
         """The frequencies; phases follow from the seed."""
+        if self.motion == EXCITING:
+            yield Setting("reference", "Fourier series of five harmonics of 0.1 Hz a joint", "optimised for condition")
+            return
         yield Setting("reference", "five sinusoids a joint, phases by seed", "faded in from rest over 2 s")
         yield Setting("reference frequencies", numbers(np.array(FREQUENCIES)), "Hz, ±20 % by joint and seed")
 
@@ -322,6 +334,17 @@ class AdaptationLaws(Learning):
         from adaptctl.envs.torque_limits import finite_torque_limits
 
         return finite_torque_limits(mechanism)
+
+
+@lru_cache(maxsize=4)
+def most_exciting(mechanism: Mechanism, seed: int) -> Sinusoids:
+    """The reference that `exciting_reference` finds for all that can be told of a mechanism."""
+    from adaptctl.control.exciting_reference import exciting_reference
+
+    if mechanism.description.loops is not None:
+        raise InputError(f"motion: {EXCITING} is for arms without loops, and {mechanism.name} has some")
+    basis = fundamental_basis(essential_space(mechanism, seed=seed))
+    return exciting_reference(ReducedModel(mechanism, basis), seed=seed).reference
 
 
 def smallest_eigenvalue(mechanism: Mechanism, run: Run) -> Finding:

@@ -33,7 +33,7 @@ LAWS = (
     "natural",
     "gradient",
 )
-EXCITING, EXCITING_LOOPS = 0.25, 0.1
+TELLING, TELLING_LOOPS = 0.25, 0.1
 """rad at 0.2 Hz: of the motion along which parameters are weighed; loops leave less room"""
 
 
@@ -149,7 +149,7 @@ class NoiseAndDelay(AdaptationLaws):
     def _errors(self, outcome: Outcome, basis: FundamentalBasis) -> ParameterErrors:
         """Weighed along a motion that excites: at rest most parameters make no torque."""
         mechanism = outcome.mechanism
-        amplitude = EXCITING if mechanism.description.loops is None else EXCITING_LOOPS
+        amplitude = TELLING if mechanism.description.loops is None else TELLING_LOOPS
         points = replace(self, amplitude=amplitude).reference(mechanism)(np.linspace(0.0, 20.0, SAMPLES))
         return ParameterErrors.along(ReducedModel(mechanism, basis), points.p, points.v, points.a)
 

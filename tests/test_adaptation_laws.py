@@ -80,6 +80,19 @@ def test_a_rough_model_is_rigid_bodies_within_its_deviations() -> None:
     np.testing.assert_allclose(deviations(model, rough, 0.25), 0.5 * deviations(model, rough, 0.5))
 
 
+def test_the_most_exciting_motion_is_that_of_the_search() -> None:
+    """Of a small arm, and refused for loops."""
+    asked = AdaptationLaws(robot="docs/examples/two_link.toml", motion="exciting", laws=("gradient",), duration=1.0)
+    said = asked.compare(lambda what, share: None)
+    reference = said.runs[0].rollout.reference_p
+    np.testing.assert_array_equal(reference, asked.reference(said.mechanism)(said.runs[0].rollout.time).p)
+    assert np.abs(np.diff(reference, axis=0)[0]).max() > 0.0  # it begins in motion
+    with pytest.raises(InputError, match="exciting is for arms without loops"):
+        AdaptationLaws(motion="exciting").reference(load("semi_direct_drive"))
+    with pytest.raises(NotFoundError, match="motion: expected random or exciting, got 'wild'"):
+        AdaptationLaws(motion="wild")
+
+
 def test_laws_that_do_not_exist_or_come_twice_are_refused() -> None:
     with pytest.raises(NotFoundError, match="unknown law 'gradients'; laws: composite, gradient"):
         AdaptationLaws(laws=("gradients",))
