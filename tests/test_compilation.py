@@ -419,6 +419,20 @@ def test_a_call_leaks_nothing(summed: Kernel) -> None:
     assert sys.getrefcount(x) == references
 
 
+def test_what_is_given_may_be_anything_where_only_results_must_be_finite() -> None:
+    guarded = compile_function(
+        lambda x, y: Column((where(x[0] < 0.0, y[0], x[0]),)), {"x": 1, "y": 1}, finite="results"
+    )
+    bad, fine = np.array([np.inf]), np.array([-1.0])
+    assert guarded(fine, fine).tolist() == [-1.0]
+    assert guarded([2.0], bad).tolist() == [2.0]
+    assert guarded.map([[2.0], [-1.0]], [[np.nan], [5.0]]).tolist() == [[2.0], [5.0]]
+    with pytest.raises(NonFiniteError, match="argument 'y': expected finite numbers"):
+        guarded(fine, bad)
+    with pytest.raises(NonFiniteError, match="argument 'y': expected finite numbers"):
+        guarded.map([[2.0], [-1.0]], [[1.0], [np.nan]])
+
+
 def test_a_result_outlives_its_kernel() -> None:
     kernel = compile_function(lambda x: 2.0 * x, {"x": 3})
     call = kernel.__call__

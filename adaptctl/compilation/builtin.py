@@ -12,13 +12,16 @@ import functools
 import math
 import sys
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
 from adaptctl.compilation.lanes import Lanes
 from adaptctl.compilation.native import NativeCode, define
 from adaptctl.compilation.routine import Routine
+
+Finite: TypeAlias = bool | Literal["results"]
+"""Whether NaN and infinity are refused: nowhere, everywhere, or in what is computed."""
 
 _ENTRY = "call"
 _FASTCALL = 0x80  # METH_FASTCALL: an array of arguments and their number
@@ -93,14 +96,15 @@ def _api(name: str, *types: Any) -> Callable[..., Any]:
     return ctypes.PYFUNCTYPE(*types)((name, ctypes.pythonapi))
 
 
-def builtin_source(routine: Routine, symbol: str, *, finite: bool) -> str:
-    """LLVM IR of the function; if `finite`, NaN and infinity are unusual too, given or computed."""
+def builtin_source(routine: Routine, symbol: str, *, finite: Finite) -> str:
+    """LLVM IR of the function; if `finite`, NaN and infinity are unusual too, computed or even given."""
     shapes, inputs = dict(enumerate(routine.layout.shapes)), dict(enumerate(routine.inputs))
     arrays, numbers = ([k for k, shape in shapes.items() if bool(shape) is wanted] for wanted in (True, False))
     sizes = {f"%in{k}": n for k, n in inputs.items()} | {f"%out{k}": math.prod(shape) for k, shape in shapes.items()}
     fitting = [f"icmp ne ptr %in{k}, null" for k in inputs]
     made = [f"icmp ne ptr %result{k}, null" for k in arrays]
-    sound = [f"call i1 @finite(ptr {pointer}, i64 {n})" for pointer, n in sizes.items() if finite]
+    checked = {pointer: n for pointer, n in sizes.items() if finite is True or (finite and pointer.startswith("%out"))}
+    sound = [f"call i1 @finite(ptr {pointer}, i64 {n})" for pointer, n in checked.items()]
     pieces = {
         "shapes": [_SHAPE.format(k, len(shapes[k]), ", ".join(f"i64 {n}" for n in shapes[k])) for k in arrays],
         "numbers": [f"%out{k} = alloca double" for k in numbers],

@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from adaptctl.compilation.builtin import builtin, builtin_source, has_builtins
+from adaptctl.compilation.builtin import Finite, builtin, builtin_source, has_builtins
 from adaptctl.compilation.lanes import Lanes
 from adaptctl.compilation.llvm import program
 from adaptctl.compilation.loop import ENTRY, NativeLoop, Source, loop
@@ -22,13 +22,13 @@ Array = NDArray[np.float64]
 
 
 def compile_function(
-    function: Callable[..., Any], arguments: Mapping[str, int], *, name: str = "", finite: bool = False
+    function: Callable[..., Any], arguments: Mapping[str, int], *, name: str = "", finite: Finite = False
 ) -> Kernel:
     """Native code for `function`, which is called once with Columns by keyword: `arguments` has names and lengths.
 
     The function returns a scalar, a Column, a list of Columns (the rows of a matrix), or a tuple or NamedTuple of
     these; the kernel returns the same with numbers and arrays in their place. If `finite`, it refuses NaN and
-    infinity, in what it is given and in what it computes.
+    infinity, in what it is given and in what it computes; if "results", only in the latter.
     """
     if not arguments:
         raise InputError(f"{name or function}: expected at least one argument")
@@ -48,7 +48,7 @@ class Kernel:
     __slots__ = ("__call__", "__dict__", "__weakref__")
     __call__: Callable[..., Any]  # kept in a slot, it is called with no step through Python
 
-    def __init__(self, routine: Routine, arguments: Mapping[str, int], *, finite: bool) -> None:
+    def __init__(self, routine: Routine, arguments: Mapping[str, int], *, finite: Finite) -> None:
         self.name, self.operations = routine.name, routine.operations
         self.arguments, self.outputs = MappingProxyType(dict(arguments)), routine.layout.shapes
         self._layout, self._given = routine.layout, _Given(routine.name, self.arguments)
@@ -66,7 +66,8 @@ class Kernel:
         packed, results = np.empty((samples, taken)), np.empty((samples, made))
         np.concatenate(arrays, axis=1, out=packed)
         self._loop(0, 1, samples, 0, taken, made, None, None, None, packed.ctypes.data, results.ctypes.data)
-        if self._finite and not np.isfinite(sound := packed.sum(axis=1) + results.sum(axis=1)).all():
+        sound = results.sum(axis=1) + (packed.sum(axis=1) if self._finite is True else 0.0)
+        if self._finite and not np.isfinite(sound).all():
             self._given.refuse(*(array[int(np.isfinite(sound).argmin())] for array in arrays))
         parts = zip(self._layout.places, self._layout.shapes, strict=True)
         return self._layout.contain(results[:, place].reshape(samples, *shape) for place, shape in parts)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property
-from math import isfinite, prod
+from math import prod
 from typing import Any, Generic, NamedTuple, NoReturn, Protocol, TypeVar
 
 import numpy as np
@@ -116,10 +116,10 @@ class Controller(ABC, Generic[Memory]):
         """
         if (p.ndim if type(p) is np.ndarray else np.ndim(p)) > 1:
             return self._step_many(state, p, v, reference)
-        done = self._step_one(state, p, v, reference)
-        if not isfinite(sum(done[0].tolist())):  # what is not finite stays so
-            self._blame(done[0], p, v, reference)
-        return done
+        try:
+            return self._step_one(state, p, v, reference)
+        except NonFiniteError:
+            self._blame(p, v, reference)
 
     @cached_property
     def _step_one(self) -> Callable[..., tuple[Array, Memory]]:
@@ -135,7 +135,8 @@ class Controller(ABC, Generic[Memory]):
         """The law on arrays, compiled where that is possible in reasonable time."""
         if self.dof > LARGEST_COMPILED:
             return self._on_floats
-        return compile_function(self._equation(), self._given_sizes | self._memory_sizes, name=type(self).__name__)
+        sizes = self._given_sizes | self._memory_sizes
+        return compile_function(self._equation(), sizes, name=type(self).__name__, finite="results")
 
     @cached_property
     def _many(self) -> ManyArms:
@@ -150,7 +151,7 @@ class Controller(ABC, Generic[Memory]):
         memory = _columns(leaves(state), self._memory_sizes, arms)
         torque, after = self._many.step(prod(arms), columns, memory)
         if not np.isfinite(torque).all():
-            self._blame(torque.reshape(*arms, -1), *given)
+            self._blame(p, v, reference, torque.reshape(*arms, -1))
         after = after if len(arms) == 1 else [values.reshape(*arms, values.shape[1]) for values in after]
         return torque.reshape(*arms, torque.shape[1]), like(state, after)
 
@@ -181,17 +182,20 @@ class Controller(ABC, Generic[Memory]):
     def _on_floats(self, *arrays: ArrayLike) -> tuple[Array, ...]:
         p, v, *rest = (Column(np.asarray(array, dtype=float).tolist()) for array in arrays)
         torque, after = self.law(p, v, ReferencePoint(*rest[:3]), like(self._blank, rest[3:]))
-        return tuple(np.array(column.of, dtype=float) for column in (torque, *leaves(after)))
+        results = tuple(np.array(column.of, dtype=float) for column in (torque, *leaves(after)))
+        if not all(np.isfinite(x).all() for x in results):
+            raise NonFiniteError(f"{type(self).__name__}: the result is not finite")
+        return results
 
     def _measured(self, values: ArrayLike, what: str, size: int | None = None) -> Array:
         array = np.atleast_1d(np.asarray(values))
         return checked(array, self.dof if size is None else size, f"{type(self).__name__}: {what}")
 
-    def _blame(self, torque: Array, p: ArrayLike, v: ArrayLike, reference: ReferencePoint) -> NoReturn:
+    def _blame(self, p: ArrayLike, v: ArrayLike, reference: ReferencePoint, torque: ArrayLike = 0.0) -> NoReturn:
         self._measured(p, "p"), self._measured(v, "v")
         for what, values in zip(reference._fields, reference, strict=True):
             self._measured(values, f"reference.{what}", self.reference_size)
-        arm = np.argwhere(~np.isfinite(torque))[:1, :-1].ravel().tolist()
+        arm = np.argwhere(~np.isfinite(np.atleast_1d(torque)))[:1, :-1].ravel().tolist()
         whose = f" of arm {', '.join(map(str, arm))}" if arm else ""
         raise NonFiniteError(f"{type(self).__name__}: the torque{whose} is not finite, though all it was given is")
 
