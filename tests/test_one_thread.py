@@ -1,4 +1,4 @@
-"""Small factorisations keep OpenBLAS to one thread, and leave its number of threads as it was."""
+"""Factorisations keep the libraries below to one thread, and leave their numbers of threads as they were."""
 
 from __future__ import annotations
 
@@ -8,57 +8,47 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
-from adaptctl.identifiability.one_thread import SMALL, _openblas, one_thread_if_small
-
-SMALL_ONE, LARGE_ONE = np.eye(10), np.zeros((SMALL, 1))
+from adaptctl.identifiability.one_thread import one_thread
 
 
-def threads() -> int:
-    """As OpenBLAS tells; 1 where NumPy uses another library, of which nothing is asked."""
-    openblas = _openblas()
-    return 1 if openblas is None else openblas.threads()
+def threads() -> list[int]:
+    """Of each library."""
+    return [library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"]
 
 
 @pytest.fixture
-def two_threads() -> Iterator[int]:
-    """OpenBLAS with two threads, if it is there, however many processors there are."""
-    openblas, before = _openblas(), threads()
-    if openblas is not None:
-        openblas.set_threads(2)
-    yield threads()
-    if openblas is not None:
-        openblas.set_threads(before)
+def two_threads() -> Iterator[list[int]]:
+    """Two threads, however many processors there are."""
+    with threadpool_limits(2, "blas"):
+        yield threads()
 
 
-def test_small_ones_have_one_thread_and_the_others_come_back(two_threads: int) -> None:
-    with one_thread_if_small(SMALL_ONE):
-        assert threads() == 1
-        with one_thread_if_small(SMALL_ONE):
-            assert threads() == 1
-        assert threads() == 1
+def test_one_thread_and_the_others_come_back(two_threads: list[int]) -> None:
+    assert max(two_threads) == 2
+    with one_thread():
+        assert max(threads()) == 1
+        with one_thread():
+            assert max(threads()) == 1
+        assert max(threads()) == 1
     assert threads() == two_threads
 
 
-def test_large_ones_have_all(two_threads: int) -> None:
-    with one_thread_if_small(LARGE_ONE):
-        assert threads() == two_threads
-
-
-def test_they_come_back_after_an_error(two_threads: int) -> None:
-    with pytest.raises(np.linalg.LinAlgError), one_thread_if_small(SMALL_ONE):
+def test_they_come_back_after_an_error(two_threads: list[int]) -> None:
+    with pytest.raises(np.linalg.LinAlgError), one_thread():
         np.linalg.inv(np.zeros((2, 2)))
     assert threads() == two_threads
 
 
-def test_they_come_back_whoever_takes_turns(two_threads: int) -> None:
+def test_they_come_back_whoever_takes_turns(two_threads: list[int]) -> None:
     before = sys.getswitchinterval()
     sys.setswitchinterval(1e-6)
 
     def work(_: int) -> None:
         for _ in range(300):
-            with one_thread_if_small(SMALL_ONE):
-                np.linalg.qr(SMALL_ONE)
+            with one_thread():
+                np.linalg.qr(np.eye(10))
 
     with ThreadPoolExecutor(4) as pool:
         list(pool.map(work, range(4)))

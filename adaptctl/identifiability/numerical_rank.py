@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.errors import InputError
-from adaptctl.identifiability.one_thread import one_thread_if_small
+from adaptctl.identifiability.one_thread import one_thread
 from adaptctl.mechanism.pose import Array
 
 FLOOR = 1e-15
@@ -43,17 +43,18 @@ def triangle(matrix: Array) -> Array:
     """
     if matrix.shape[0] <= matrix.shape[1]:
         return matrix
-    with one_thread_if_small(matrix):
+    with one_thread():
         return np.asarray(np.linalg.qr(matrix, mode="r"), dtype=np.float64)
 
 
 def singular_values(matrix: Array) -> Array:
     """The singular values, falling, one for each column: zeros where there are fewer rows."""
-    values = np.linalg.svd(triangle(matrix), compute_uv=False)
+    with one_thread():
+        values = np.linalg.svd(triangle(matrix), compute_uv=False)
     return np.pad(values, (0, matrix.shape[1] - len(values)))
 
 
 def right_vectors(matrix: Array) -> Array:
     """All right singular vectors (n, n) of a matrix (m, n), a vector a column, however few its rows."""
-    with one_thread_if_small(matrix):
+    with one_thread():
         return np.asarray(np.linalg.svd(triangle(matrix))[2].T, dtype=np.float64)
