@@ -19,7 +19,7 @@ from adaptctl.compilation.processor import Processor
 _RECIPE = 2
 """Changes when the same IR would give other code."""
 
-LONG = 30_000
+LONG = 35_000
 """Lines in the longest function from which LLVM is told to be quick. To give out registers well takes it a time that
 grows with the square of the length: 1 s for a plant of 16 links, 7 s for one of 32. Its quick way takes a tenth of that
 for code that takes four times as long, and still a hundredth of Python's."""
