@@ -85,7 +85,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
     | `autoreset_mode` | `"NextStep"` | see above                                                                      |
     | `reset_options`  | `None`       | options of every reset that is told nothing else, those that arms begin again with included |
 
-    Mechanisms may have at most 32 links.
+    Mechanisms may have at most 48 links.
 
     ## Options at reset
 
@@ -171,8 +171,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         self._over = terminated | truncated
         ended: dict[str, Any] = {}
         if self.autoreset_mode is AutoresetMode.SAME_STEP and self._over.any():
-            reward, terminated, truncated = reward.copy(), terminated.copy(), truncated.copy()
-            ended, over = self._final(told), self._over
+            ended, over, told = self._final(told), self._over, told.copy()
             self._begin(told, over)
             self._over = self._nobody
         if self.autoreset_mode is AutoresetMode.DISABLED:
@@ -247,17 +246,23 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         """Arms and the seeds they are given."""
         if seed is None:
             return []
-        if isinstance(seed, int | np.integer):
-            return [(arm, int(seed) + arm) for arm in range(self.num_envs)]
-        if len(seed) != self.num_envs:
-            raise InputError(f"seed: expected a number, or one for each of {self.num_envs} arms, got {len(seed)}")
-        return [(arm, int(own)) for arm, own in enumerate(seed) if own is not None]
+        try:
+            given = range(seed, seed + self.num_envs) if isinstance(seed, int | np.integer) else list(seed)
+        except TypeError as error:
+            raise InputError(f"seed: expected a number, or one for each of the arms, got {seed!r}") from error
+        if len(given) != self.num_envs:
+            raise InputError(f"seed: expected a number, or one for each of {self.num_envs} arms, got {len(given)}")
+        chosen = [(arm, own) for arm, own in enumerate(given) if own is not None]
+        for arm, own in chosen:
+            if not isinstance(own, int | np.integer) or own < 0:
+                raise InputError(f"seed: expected whole numbers of at least 0, got {own!r} for arm {arm}")
+        return [(arm, int(own)) for arm, own in chosen]
 
     def _mask(self, given: Any) -> Flags:
         """Which arms are to be reset."""
         if given is None:
             return self._everyone
-        mask = np.asarray(given)
+        mask = np.array(given)
         if self.autoreset_mode is not AutoresetMode.DISABLED:
             raise InputError(
                 "reset_mask: arms begin again by themselves; it is for autoreset_mode=AutoresetMode.DISABLED"

@@ -152,6 +152,13 @@ def test_arms_begin_again_as_gymnasiums_do(name: str, mode: AutoresetMode) -> No
     assert ended > 12
 
 
+@pytest.mark.parametrize("mode", MODES)
+def test_arms_may_all_end_together(mode: AutoresetMode) -> None:
+    """What is told of an end is not of the beginning after it."""
+    ours, theirs = vector(PUMA, 2, autoreset_mode=mode, duration=3e-3), one_by_one(PUMA, 2, mode, duration=3e-3)
+    assert followed(ours, theirs, pushes(ours, 8, 0.1)) == 4
+
+
 def test_autoreset_disabled_waits_for_a_reset() -> None:
     settings = {"duration": 0.06, "error_bound": 0.101, "effects": [Encoder(noise=1e-4)], "reference": None}
     ours = vector(PUMA, 4, autoreset_mode="Disabled", **settings)
@@ -431,6 +438,22 @@ def test_bad_options_are_refused(
 ) -> None:
     with pytest.raises(error, match=message):
         three.reset(options=options)
+
+
+@pytest.mark.parametrize(
+    ("seed", "message"),
+    [
+        (-1, "at least 0, got -1 for arm 0"),
+        ([3, 1.5, 3], "got 1.5 for arm 1"),
+        (2.0, "got 2.0"),
+        ("abc", "got 'a' for arm 0"),
+        ([1, 2], "expected a number, or one for each of 3 arms, got 2"),
+    ],
+)
+def test_bad_seeds_are_refused_at_once(three: VectorTrackingEnv, seed: Any, message: str) -> None:
+    """Not when the arm first draws."""
+    with pytest.raises(InputError, match=f"seed: .*{message}"):
+        three.reset(seed=seed)
 
 
 @pytest.mark.parametrize("mask", [np.zeros(3, dtype=bool), np.ones(2, dtype=bool), np.ones(3)])
