@@ -190,6 +190,27 @@ def test_interrupted_runs_keep_what_was_computed() -> None:
     np.testing.assert_array_equal(part.p, whole.p[:11])
 
 
+def test_an_interrupted_native_call_counts_for_nothing() -> None:
+    """The errors are those of the samples that are kept."""
+    mechanism, law = arm(SMALL), learning(SMALL)
+
+    def interrupt_soon(share: float) -> None:
+        if share < 0.1:
+            signal.setitimer(signal.ITIMER_REAL, 0.01)
+
+    before = signal.signal(signal.SIGALRM, signal.default_int_handler)
+    try:
+        part = simulate_many(
+            Plant(mechanism, PERIOD), law, swinging(mechanism), duration=300.0, progress=interrupt_soon
+        )
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+    assert not part.complete
+    np.testing.assert_allclose(part.rms_error, np.sqrt(np.mean(part.error**2, axis=0)), rtol=1e-9)
+    np.testing.assert_array_equal(part.largest_error, np.abs(part.error).max(axis=0))
+
+
 class OwnStep(ComputedTorque):
     def step(self, state: Any, p: Any, v: Any, reference: ReferencePoint) -> Any:
         return np.zeros(3), state

@@ -162,9 +162,13 @@ class _Runs:
         if every != int(every) or every < 1:
             raise InputError(f"every: expected a whole number of at least 1, got {every}")
         _require_compilable(loop)
-        self.steps, self.every, self.count = round(duration / self.period), int(every), 0
+        self.steps, self.every = round(duration / self.period), int(every)
         self.references = ReferencesOfMany.of(reference, loop.controller.reference_size)
-        self.samples = 0
+
+    @property
+    def count(self) -> int:
+        """Control periods done."""
+        return self._done[0]
 
     def begin(self, members: int | None, seed: int | None, memory: Any, **given: ArrayLike | None) -> None:
         """Put every arm where it starts: at `parameters`, `p` and `v`, those of the mechanism and on the reference
@@ -186,52 +190,50 @@ class _Runs:
             self.arms.held[name] = values
         shapes = self.arms.stepper.outputs
         self.longest = max(1, MEMORY // (8 * count * (sum(map(math.prod, shapes)) + 5 * loop.controller.dof)))
-        samples = -(-self.steps // self.every)
-        self.records = tuple(np.empty((samples, count, *shape)) for shape in shapes)
+        self.records = tuple(np.empty((self._samples(self.steps), count, *shape)) for shape in shapes)
+        self._done = 0, self.arms.state["squares"], self.arms.state["largest"]
 
     def advance(self) -> None:
-        """Up to the next sample that is kept, or, where all are, as far as memory allows."""
-        if self.every == 1:
-            self._keep(self._stretch(self.steps - self.count, record=True))
-            return
-        sample = self.count + -self.count % self.every
-        while self.count < min(sample + 1, self.steps):
-            outputs = self._stretch(min(sample + 1, self.steps) - self.count, record=False)
-        if sample < self.steps:
-            self._keep(tuple(part[None] for part in outputs))
-
-    def _keep(self, outputs: tuple[Array, ...]) -> None:
-        more = self.samples + len(outputs[0])
+        """One native call: as far as memory allows, and where not all samples are kept, up to the next one that is. It
+        counts when all of it is done."""
+        first, every = self.count, self.every
+        time = self._times(self.steps if every == 1 else min(first + -first % every + 1, self.steps))
+        outputs, last = self._taken(time, record=every == 1), first + len(time)
         for kept, part in zip(self.records, outputs, strict=True):
-            kept[self.samples : more] = part
-        self.samples = more
+            kept[self._samples(first) : self._samples(last)] = part
+        self._done = last, self.arms.state["squares"], self.arms.state["largest"]
 
-    def _stretch(self, most: int, *, record: bool) -> tuple[Array, ...]:
-        """At most so many control periods, in which the true parameters stay as they are: one native call."""
-        plant, begin = self.loop.plant, self.count * self.period
-        ahead = np.arange(self.count, self.count + min(most, self.longest)) * self.period
-        time = np.asarray(ahead[: max(1, int(np.searchsorted(ahead, plant.until(begin))))])
-        if plant.effects.loads:
-            self.arms.held["parameters"] = plant.parameters(self.parameters, begin)
+    def _times(self, end: int) -> Array:
+        """The times of the next control periods, at most to this one, in which the true parameters stay as they are."""
+        ahead = np.arange(self.count, min(end, self.count + self.longest)) * self.period
+        return np.asarray(ahead[: max(1, int(np.searchsorted(ahead, self.loop.plant.until(ahead[0]))))])
+
+    def _taken(self, time: Array, *, record: bool) -> tuple[Array, ...]:
+        """The control periods at these times."""
+        if self.loop.plant.effects.loads:
+            self.arms.held["parameters"] = self.loop.plant.parameters(self.parameters, time[0])
         signals = {**self.references.signals(time), "noise": self._noise(len(time), self.arms.members)}
-        outputs = self.arms.run(len(time), signals, record=record, threads=self.threads)
-        self.count += len(time)
-        return outputs
+        return self.arms.run(len(time), signals, record=record, threads=self.threads)
 
     def _noise(self, steps: int, members: int) -> Array:
         return self.rng.standard_normal((steps, members, self.loop.noise["noise"]))
 
+    def _samples(self, count: int) -> int:
+        """How many of so many control periods are kept."""
+        return -(-count // self.every)
+
     def result(self, wall_time: float, complete: bool) -> Rollouts:
         """What happened so far."""
-        parts = (_frozen(kept[: self.samples]) for kept in self.records)
+        count, squares, largest = self._done
+        samples = self._samples(count)
+        parts = (_frozen(kept[:samples]) for kept in self.records)
         columns = dict(zip(RECORDED, parts, strict=True))
-        mean = self.arms.state["squares"] / max(self.count, 1)
         return Rollouts(
             **columns,
-            time=_frozen(np.asarray(np.arange(0, self.samples * self.every, self.every) * self.period)),
+            time=_frozen(np.asarray(np.arange(0, samples * self.every, self.every) * self.period)),
             parameters=_frozen(self.parameters.copy()),
-            rms_error=_frozen(np.asarray(np.sqrt(mean))),
-            largest_error=_frozen(self.arms.state["largest"]),
+            rms_error=_frozen(np.asarray(np.sqrt(squares / max(count, 1)))),
+            largest_error=_frozen(largest),
             control_period=self.period,
             wall_time=wall_time,
             complete=complete,
