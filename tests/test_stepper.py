@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import platform
 import re
+import signal
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -102,6 +104,25 @@ def test_without_recording_the_last_outputs_are_returned(stepper: Stepper) -> No
     last = problem.ensemble(stepper).run(STEPS, problem.signals)
     for all_steps, latest in zip(recorded, last, strict=True):
         np.testing.assert_array_equal(all_steps[-1], latest)
+
+
+def test_an_interrupt_waits_for_all_threads() -> None:
+    """What they write to is looked at afterwards."""
+
+    def count(n: Column) -> tuple[Column]:
+        return (Column((n[0] + 1.0,)),)
+
+    arms, steps = compile_step(count, state={"n": 1}).ensemble(1024), 200_000
+    before, running = signal.signal(signal.SIGALRM, signal.default_int_handler), threading.active_count()
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.01)
+        with pytest.raises(KeyboardInterrupt):
+            arms.run(steps, threads=2)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+    assert threading.active_count() == running
+    np.testing.assert_array_equal(arms.state["n"], steps)
 
 
 @pytest.mark.parametrize("threads", [2, 3, 50])

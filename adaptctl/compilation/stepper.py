@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from threading import Thread
 from types import MappingProxyType
 from typing import Any
@@ -115,7 +115,7 @@ class Ensemble:
         outputs = self._record(int(steps)) if record else self._latest
         arrays = self.state, self.held, shared, driven, outputs
         strides = shared.stride, driven.stride, outputs.stride if record else 0
-        self._run(threads, int(steps), *strides, *[array.address for array in arrays])
+        self._run(threads, int(steps), strides, arrays)
         axes = (steps, self.members) if record else (self.members,)
         parts = zip(outputs.columns, self.stepper.outputs, strict=True)
         return tuple(outputs[name].reshape(*axes, *shape) for name, shape in parts)
@@ -126,16 +126,21 @@ class Ensemble:
             self._recorded = self._array(self._outputs, steps)
         return self._recorded
 
-    def _run(self, threads: int, *arguments: int) -> None:
+    def _run(self, threads: int, *work: Any) -> None:
         """All blocks, the first share of them in this thread."""
         blocks, count = len(self.state.blocks), max(1, threads)
-        shares = [(blocks * k // count, blocks * (k + 1) // count, *arguments) for k in range(count)]
-        others = [Thread(target=self.stepper.native, args=share) for share in shares[1:]]
-        for thread in others:
-            thread.start()
-        self.stepper.native(*shares[0])
-        for thread in others:
-            thread.join()
+        shares = [(blocks * k // count, blocks * (k + 1) // count, *work) for k in range(count)]
+        others = [Thread(target=self._take, args=share) for share in shares[1:]]
+        try:
+            for thread in others:
+                thread.start()
+            self._take(*shares[0])
+        finally:
+            _wait_for(others)
+
+    def _take(self, first: int, last: int, steps: int, strides: tuple[int, ...], arrays: tuple[LaneArray, ...]) -> None:
+        """The steps of some blocks; whoever takes them holds the memory."""
+        self.stepper.native(first, last, steps, *strides, *[array.address for array in arrays])
 
     def _signals(self, steps: int, signals: Mapping[str, ArrayLike]) -> tuple[LaneArray, LaneArray]:
         """The shared ones (steps, n), in one block of equal lanes, and the driven ones."""
@@ -156,3 +161,16 @@ class Ensemble:
 
     def _array(self, columns: Columns, *steps: int) -> LaneArray:
         return LaneArray(columns, self.members, self.stepper.lanes, steps)
+
+
+def _wait_for(threads: Sequence[Thread]) -> None:
+    """Let threads end before Ctrl-C is heard: what they write to is looked at afterwards."""
+    interrupt: KeyboardInterrupt | None = None
+    for thread in threads:
+        while thread.is_alive():
+            try:
+                thread.join()
+            except KeyboardInterrupt as error:
+                interrupt = error
+    if interrupt is not None:
+        raise interrupt
