@@ -86,6 +86,15 @@ def test_equal_steps_give_equal_bits_and_leave_their_arguments_alone(plant: Plan
     assert np.array_equal(state.v, v)
 
 
+def test_a_state_is_its_own(plant: Plant) -> None:
+    """What it was made from may be used for something else."""
+    p, v = np.zeros((2, 6))
+    state = plant.init(p, v)
+    p[:], v[:] = 1.0, 1.0
+    for values in (state.p, state.v, state.q):
+        np.testing.assert_array_equal(values, 0.0)
+
+
 def test_energy_is_the_mechanisms(plant: Plant, puma: Mechanism) -> None:
     state = plant.init([0.1, 0.2, 0.3, 0.4, 0.5, 0.6], [1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
     assert plant.energy(state) == pytest.approx(float(puma.energy(state.p, state.v)), rel=1e-13)

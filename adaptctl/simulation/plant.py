@@ -73,7 +73,7 @@ class Plant:
         arrays = (np.atleast_1d(np.asarray(values)) for values in (p, v))
         given = zip(arrays, ("p", "v"), strict=True)
         positions, velocities = (checked(x, self.dof, f"{self.mechanism.name}: {what}") for x, what in given)
-        positions, velocities = np.broadcast_arrays(positions, velocities)
+        positions, velocities = (x.copy() for x in np.broadcast_arrays(positions, velocities))
         return PlantState(0.0, positions, velocities, self.mechanism.configuration(positions))
 
     def limited(self, torque: ArrayLike) -> Array:
