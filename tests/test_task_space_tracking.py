@@ -9,13 +9,14 @@ import pytest
 from adaptctl.errors import InputError
 from adaptctl.experiments.task_space import TaskSpaceTracking
 
+pytestmark = pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
+
 
 @pytest.fixture(scope="module", params=["puma560_arm3", "semi_direct_drive"])
 def compared(request: pytest.FixtureRequest) -> Any:
     return TaskSpaceTracking(robot=request.param, duration=5.0).compare(lambda what, share: None)
 
 
-@pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
 def test_the_tool_learns_its_path_as_the_joints_do(compared: Any) -> None:
     found = {finding.name: finding.value for finding in compared.findings}
     final = {name.partition(".")[2]: value for name, value in found.items() if name.startswith("final")}
@@ -41,7 +42,6 @@ def test_the_tools_errors_are_drawn(compared: Any) -> None:
         ({"center": (2.0, 0.0, 0.0)}, "cannot reach"),
     ],
 )
-@pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
 def test_what_cannot_be_is_refused(options: dict[str, Any], says: str) -> None:
     with pytest.raises(InputError, match=says):
         TaskSpaceTracking(duration=0.1, **options).compare(lambda what, share: None)
