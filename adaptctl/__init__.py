@@ -3,115 +3,50 @@
 The public names are imported when they are first used, so that importing the package costs nothing.
 """
 
-from __future__ import annotations
+from typing import TYPE_CHECKING
 
-from typing import TYPE_CHECKING, Any
+from adaptctl.lazily import imported_lazily
 
 if TYPE_CHECKING:
-    from adaptctl.control import (
-        ComputedTorque,
-        Gains,
-        MinimumJerk,
-        PriorRanges,
-        Sinusoids,
-        SlotineLi,
-        Spline,
-        adaptation_gain,
-        lyapunov,
-    )
-    from adaptctl.dynamics import Mechanism, load
-    from adaptctl.errors import AdaptctlError, FileError, InputError, NotFoundError, RankError
-    from adaptctl.identifiability import (
-        EssentialSpace,
-        FundamentalBasis,
-        Priority,
-        ReducedModel,
-        Reduction,
-        essential_space,
-        fundamental_basis,
-        reduce,
-    )
-    from adaptctl.simulation import Plant, Rollout, rollout, simulate, simulate_many
-
-    __version__: str
-
-__all__ = [
-    "AdaptctlError",
-    "ComputedTorque",
-    "EssentialSpace",
-    "FileError",
-    "FundamentalBasis",
-    "Gains",
-    "InputError",
-    "Mechanism",
-    "MinimumJerk",
-    "NotFoundError",
-    "Plant",
-    "PriorRanges",
-    "Priority",
-    "RankError",
-    "ReducedModel",
-    "Reduction",
-    "Rollout",
-    "Sinusoids",
-    "SlotineLi",
-    "Spline",
-    "__version__",
-    "adaptation_gain",
-    "essential_space",
-    "fundamental_basis",
-    "load",
-    "lyapunov",
-    "reduce",
-    "rollout",
-    "simulate",
-    "simulate_many",
-]
-
-_HOMES = {
-    "adaptctl.control": (
-        "ComputedTorque",
-        "Gains",
-        "MinimumJerk",
-        "PriorRanges",
-        "Sinusoids",
-        "SlotineLi",
-        "Spline",
-        "adaptation_gain",
-        "lyapunov",
-    ),
-    "adaptctl.dynamics": ("Mechanism", "load"),
-    "adaptctl.errors": ("AdaptctlError", "FileError", "InputError", "NotFoundError", "RankError"),
-    "adaptctl.identifiability": (
-        "EssentialSpace",
-        "FundamentalBasis",
-        "Priority",
-        "ReducedModel",
-        "Reduction",
-        "essential_space",
-        "fundamental_basis",
-        "reduce",
-    ),
-    "adaptctl.simulation": ("Plant", "Rollout", "rollout", "simulate", "simulate_many"),
-}
-_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
-
-
-def __getattr__(name: str) -> Any:
-    """Import a public name from its home (PEP 562)."""
-    if name == "__version__":
-        from importlib.metadata import version
-
-        found: Any = version("adaptctl")
-    elif name in _HOME_OF:
-        from importlib import import_module
-
-        found = getattr(import_module(_HOME_OF[name]), name)
-    else:
-        raise AttributeError(f"module 'adaptctl' has no attribute {name!r}")
-    globals()[name] = found
-    return found
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    from adaptctl.control import ComputedTorque as ComputedTorque
+    from adaptctl.control import Gains as Gains
+    from adaptctl.control import MinimumJerk as MinimumJerk
+    from adaptctl.control import PriorRanges as PriorRanges
+    from adaptctl.control import Sinusoids as Sinusoids
+    from adaptctl.control import SlotineLi as SlotineLi
+    from adaptctl.control import Spline as Spline
+    from adaptctl.control import adaptation_gain as adaptation_gain
+    from adaptctl.control import lyapunov as lyapunov
+    from adaptctl.dynamics import Mechanism as Mechanism
+    from adaptctl.dynamics import load as load
+    from adaptctl.errors import AdaptctlError as AdaptctlError
+    from adaptctl.errors import FileError as FileError
+    from adaptctl.errors import InputError as InputError
+    from adaptctl.errors import NotFoundError as NotFoundError
+    from adaptctl.errors import RankError as RankError
+    from adaptctl.identifiability import EssentialSpace as EssentialSpace
+    from adaptctl.identifiability import FundamentalBasis as FundamentalBasis
+    from adaptctl.identifiability import Priority as Priority
+    from adaptctl.identifiability import ReducedModel as ReducedModel
+    from adaptctl.identifiability import Reduction as Reduction
+    from adaptctl.identifiability import essential_space as essential_space
+    from adaptctl.identifiability import fundamental_basis as fundamental_basis
+    from adaptctl.identifiability import reduce as reduce
+    from adaptctl.simulation import Plant as Plant
+    from adaptctl.simulation import Rollout as Rollout
+    from adaptctl.simulation import rollout as rollout
+    from adaptctl.simulation import simulate as simulate
+    from adaptctl.simulation import simulate_many as simulate_many
+    from adaptctl.version import __version__ as __version__
+else:
+    _HOMES = {
+        "control": "ComputedTorque Gains MinimumJerk PriorRanges Sinusoids SlotineLi Spline adaptation_gain lyapunov",
+        "dynamics": "Mechanism load",
+        "errors": "AdaptctlError FileError InputError NotFoundError RankError",
+        "identifiability": (
+            "EssentialSpace FundamentalBasis Priority ReducedModel Reduction essential_space fundamental_basis reduce"
+        ),
+        "simulation": "Plant Rollout rollout simulate simulate_many",
+        "version": "__version__",
+    }
+    __all__, __getattr__, __dir__ = imported_lazily(__name__, _HOMES)

@@ -12,6 +12,8 @@ import adaptctl
 
 ROOT = Path(adaptctl.__file__).parent
 ORDER = (
+    "lazily",
+    "version",
     "errors",
     "files",
     "scalars",

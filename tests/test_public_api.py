@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
+import ast
 import subprocess
 import sys
 from importlib import import_module
 from importlib.metadata import version
+from importlib.util import find_spec
+from pathlib import Path
+from types import ModuleType
 
 import pytest
 
 import adaptctl
+from adaptctl import control, identifiability, mechanism
+from adaptctl.control import adaptation
 
+LAZY = (adaptctl, mechanism, identifiability, control, adaptation)
+"""Packages that import what they offer when it is used."""
+OFFERED = [
+    (package, home, name) for package in LAZY for home, names in package._HOMES.items() for name in names.split()
+]
 HEAVY = ("pinocchio", "gymnasium", "rerun", "matplotlib", "scipy", "numpy", "control", "pyarrow", "llvmlite", "rich")
 
 
@@ -27,25 +38,51 @@ def test_equations_need_no_robot_library() -> None:
     assert done.stdout.strip() == "[]"
 
 
-@pytest.mark.parametrize("name", adaptctl.__all__)
-def test_every_public_name_is_the_one_of_its_home(name: str) -> None:
-    found = getattr(adaptctl, name)
+@pytest.mark.parametrize(("package", "home", "name"), OFFERED)
+def test_every_public_name_is_the_one_of_its_home(package: ModuleType, home: str, name: str) -> None:
+    found = getattr(import_module(f"{package.__name__}.{home}"), name)
+    assert getattr(package, name) is found  # now that the module is there too
     if name == "__version__":
         assert found == version("adaptctl")
     else:
-        assert found is getattr(import_module(adaptctl._HOME_OF[name]), name)
         assert found.__doc__
 
 
-def test_public_names_are_listed_once_in_order_and_by_dir() -> None:
-    assert sorted(adaptctl.__all__) == adaptctl.__all__ == sorted(set(adaptctl.__all__))
-    assert set(adaptctl.__all__) <= set(dir(adaptctl))
-    assert set(adaptctl._HOME_OF) | {"__version__"} == set(adaptctl.__all__)
+@pytest.mark.parametrize(("package", "home", "name"), OFFERED)
+def test_no_module_takes_a_public_names_place(package: ModuleType, home: str, name: str) -> None:
+    assert name == home or find_spec(f"{package.__name__}.{name}") is None
 
 
-def test_other_names_do_not_exist() -> None:
-    with pytest.raises(AttributeError, match="no attribute 'laod'"):
-        adaptctl.laod  # noqa: B018
+@pytest.mark.parametrize("package", LAZY)
+def test_public_names_are_listed_once_in_order_and_by_dir(package: ModuleType) -> None:
+    assert sorted(package.__all__) == package.__all__ == sorted(set(package.__all__))
+    assert set(package.__all__) <= set(dir(package))
+
+
+@pytest.mark.parametrize("package", LAZY)
+def test_type_checkers_see_what_is_offered(package: ModuleType) -> None:
+    (block,) = (node for node in ast.parse(Path(str(package.__file__)).read_text()).body if isinstance(node, ast.If))
+    seen = {
+        (str(node.module), alias.name, alias.asname)
+        for node in block.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    assert seen == {(f"{package.__name__}.{home}", name, name) for of, home, name in OFFERED if of is package}
+
+
+@pytest.mark.parametrize("package", LAZY)
+def test_other_names_do_not_exist(package: ModuleType) -> None:
+    with pytest.raises(AttributeError, match=f"module '{package.__name__}' has no attribute 'laod'"):
+        package.laod  # noqa: B018
+
+
+def test_a_star_import_brings_every_name() -> None:
+    script = (
+        "from adaptctl.control import *; import adaptctl.control; print(set(adaptctl.control.__all__) <= set(dir()))"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "True"
 
 
 def test_ten_lines_are_enough() -> None:

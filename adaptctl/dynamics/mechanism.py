@@ -5,18 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.dynamics.arrays import checked, column, same_samples, stacked, stacked_rows
-from adaptctl.dynamics.assembly import assembled
-from adaptctl.dynamics.constraint import Closing
-from adaptctl.dynamics.continuation import Continuation
 from adaptctl.dynamics.equations import TreeEquations
-from adaptctl.dynamics.loop_equations import LoopEquations
-from adaptctl.dynamics.related_equations import RelatedEquations
 from adaptctl.dynamics.segment import segments
 from adaptctl.errors import InputError, LoopError
 from adaptctl.mechanism import Description, Joint, Link
@@ -27,7 +22,9 @@ from adaptctl.scalars import Column
 if TYPE_CHECKING:
     import pinocchio
 
-Equations: TypeAlias = TreeEquations | LoopEquations | RelatedEquations
+    from adaptctl.dynamics.continuation import Continuation
+    from adaptctl.dynamics.loop_equations import LoopEquations
+    from adaptctl.dynamics.related_equations import RelatedEquations
 
 
 class Mechanism:
@@ -46,22 +43,30 @@ class Mechanism:
         return f"<Mechanism {self.name!r}: {len(self.links)} links, {self.dof} degrees of freedom>"
 
     @cached_property
-    def equations(self) -> Equations:
+    def equations(self) -> TreeEquations | LoopEquations | RelatedEquations:
         """The equations over scalars of any kind, to trace or to differentiate, at tree configurations q."""
-        tree = TreeEquations.of(self.description)
-        return tree if self._closing is None else LoopEquations(tree, self._closing[0])
+        return TreeEquations.of(self.description) if self._looped is None else self._looped[0]
 
     @cached_property
-    def _closing(self) -> tuple[Closing, Array] | None:
+    def _looped(self) -> tuple[LoopEquations, Array] | None:
+        """The equations with loops, imported here since a tree has none, and the closed reference (n,)."""
         loops = self.description.loops
-        return None if loops is None else assembled(self.description, loops, segments(self.description))
+        if loops is None:
+            return None
+        from adaptctl.dynamics.assembly import assembled
+        from adaptctl.dynamics.loop_equations import LoopEquations
+
+        closing, reference = assembled(self.description, loops, segments(self.description))
+        return LoopEquations(TreeEquations.of(self.description), closing), reference
 
     @cached_property
     def continuation(self) -> Continuation | None:
         """The branch of closed configurations through the reference; None for a tree."""
-        if self._closing is None or not isinstance(self.equations, LoopEquations):
+        if self._looped is None:
             return None
-        return Continuation(self.equations, self._closing[1])
+        from adaptctl.dynamics.continuation import Continuation
+
+        return Continuation(*self._looped)
 
     def configuration(self, p: ArrayLike, start: ArrayLike | None = None) -> Array:
         """The tree's joints q = U(p) (..., n), followed from `start` (..., n), the reference if not given.

@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from adaptctl.dynamics.equations import TreeEquations
-from adaptctl.dynamics.loop_equations import LoopEquations
-from adaptctl.dynamics.loop_motion import LoopMotion
 from adaptctl.dynamics.segment import Segment
 from adaptctl.dynamics.tree_motion import TreeMotion
 from adaptctl.scalars import Column, Scalar
+
+if TYPE_CHECKING:
+    from adaptctl.dynamics.loop_equations import LoopEquations
+    from adaptctl.dynamics.loop_motion import LoopMotion
 
 
 class RelatedMotion:

@@ -6,15 +6,18 @@ import hashlib
 import json
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.dynamics.continuation import Continuation
-from adaptctl.dynamics.mechanism import Equations, Mechanism
+from adaptctl.dynamics.mechanism import Mechanism
 from adaptctl.dynamics.related_equations import RelatedEquations
 from adaptctl.errors import InputError
 from adaptctl.mechanism.pose import Array, frozen_array
+
+if TYPE_CHECKING:
+    from adaptctl.dynamics.continuation import Continuation
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +52,7 @@ class RelatedMechanism(Mechanism):
         self.whole, self.parametrisation = whole, parametrisation
 
     @cached_property
-    def equations(self) -> Equations:
+    def equations(self) -> RelatedEquations:
         """The equations in the parameters that are left."""
         whole, N = self.whole.equations, self.parametrisation.matrix
         if isinstance(whole, RelatedEquations):

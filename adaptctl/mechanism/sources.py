@@ -18,11 +18,8 @@ from adaptctl.mechanism.denavit_hartenberg import SCHEMA as DENAVIT_HARTENBERG
 from adaptctl.mechanism.denavit_hartenberg import read_denavit_hartenberg
 from adaptctl.mechanism.description import Description
 from adaptctl.mechanism.inertia import pseudo_inertia
-from adaptctl.mechanism.mechanism_file import read_mechanism_file
-from adaptctl.mechanism.mjcf import read_mjcf
 from adaptctl.mechanism.pose import Array
 from adaptctl.mechanism.snapping import snapped
-from adaptctl.mechanism.urdf import read_urdf
 
 Reader = Callable[[str | Path], Description]
 
@@ -35,11 +32,31 @@ class _Head(msgspec.Struct):
 
 def read_toml_mechanism(path: str | Path) -> Description:
     """The mechanism of a TOML file, read by the schema that it names. Raises FileError."""
-    schema = read_toml(path, _Head).schema
-    return read_denavit_hartenberg(path) if schema == DENAVIT_HARTENBERG else read_mechanism_file(path)
+    if read_toml(path, _Head).schema == DENAVIT_HARTENBERG:
+        return read_denavit_hartenberg(path)
+    from adaptctl.mechanism.mechanism_file import read_mechanism_file  # readers of other kinds when a file needs them
+
+    return read_mechanism_file(path)
 
 
-_READERS: dict[str, Reader] = {".toml": read_toml_mechanism, ".urdf": read_urdf, ".xml": read_mjcf, ".mjcf": read_mjcf}
+def _read_urdf(path: str | Path, *, floating_base: bool = False) -> Description:
+    from adaptctl.mechanism.urdf import read_urdf
+
+    return read_urdf(path, floating_base=floating_base)
+
+
+def _read_mjcf(path: str | Path) -> Description:
+    from adaptctl.mechanism.mjcf import read_mjcf
+
+    return read_mjcf(path)
+
+
+_READERS: dict[str, Reader] = {
+    ".toml": read_toml_mechanism,
+    ".urdf": _read_urdf,
+    ".xml": _read_mjcf,
+    ".mjcf": _read_mjcf,
+}
 _ROBOTS = files("adaptctl.mechanism") / "robots"
 
 _ASSIGNED = {
@@ -78,7 +95,7 @@ def read(source: str | Path, *, floating_base: bool = False, snap: bool = False)
 def _read_floating(source: str | Path) -> Description:
     if Path(source).suffix.lower() != ".urdf":
         raise InputError(f"{source}: only a URDF file, which has a root link, can be given a floating base")
-    return read_urdf(source, floating_base=True)
+    return _read_urdf(source, floating_base=True)
 
 
 def _reader(source: str | Path) -> Reader:
