@@ -39,7 +39,7 @@ def _draw(axes: Axes, compared: Sequence[Comparison]) -> None:
     axes.set_yticks(range(len(compared)), [f"{one.what}\nagainst {one.against}".replace("`", "") for one in compared])
     axes.set(xscale="log", xlim=(1.0, 3.0 * max(one.ratio.median for one in compared)), facecolor=PAPER.hex)
     axes.xaxis.set_major_formatter("{x:,.0f}")
-    axes.set_title("times faster: median and quartiles; orange: at least so much was asked", fontsize=9.0)
+    axes.set_title("times faster: median and quartiles; orange: the goal", fontsize=9.0)
     axes.invert_yaxis()
     axes.spines[["top", "right", "left"]].set_visible(False)
     axes.tick_params(axis="y", length=0)

@@ -54,7 +54,7 @@ def comparisons(found: Iterable[Finding]) -> str:
         times = seconds(one.ours), seconds(one.theirs), _times(one.ratio)
         return one.what, one.against, *times, _at_least(one)
 
-    head = "what", "against", "adaptctl", "peer", "times faster", "asked"
+    head = "what", "against", "adaptctl", "peer", "times faster", "goal"
     return table(head, (row(one) for one in found if isinstance(one, Comparison)))
 
 
@@ -64,7 +64,7 @@ def measurements(found: Iterable[Finding]) -> str:
     def row(one: Measurement) -> Row:
         return one.what, _value(one.value, one.unit), _at_most(one)
 
-    return table(("what", "measured", "asked, at most"), (row(one) for one in found if isinstance(one, Measurement)))
+    return table(("what", "measured", "goal, at most"), (row(one) for one in found if isinstance(one, Measurement)))
 
 
 def agreements(found: Iterable[Finding]) -> str:
