@@ -20,6 +20,7 @@ from adaptctl.envs.vector_step import Facts, VectorStep
 from adaptctl.errors import NonFiniteError
 from adaptctl.mechanism.pose import Array
 from adaptctl.simulation import PlantState
+from adaptctl.simulation.real_plant import require_ten_a_link
 
 Numbers = NDArray[np.int64]
 """Which arms (k,), of N."""
@@ -79,6 +80,8 @@ class Arms:
         single, chosen, r = self.single, ArmOptions(self.count, arms), self._dof
         error = chosen.numbers(options.get("initial_error", single.initial_error), r, "initial_error")
         own, last = single.mechanism.inertial_parameters, len(single.mechanism.description.bodies) - 1
+        if "payload" in options:
+            require_ten_a_link(single.mechanism)
         self._own[arms] = chosen.parameters(options, own, last)
         self._follow(arms, chosen.each(options.get("trajectory", single.trajectory), "trajectory"))
         self.steps[arms], self.clipped[arms] = 0, 0

@@ -24,7 +24,7 @@ from adaptctl.mechanism.pose import Array, frozen_array
 from adaptctl.simulation import Integrator, Plant, PlantState, RungeKutta4
 from adaptctl.simulation.effects import Effect, Payload, PlantEffects
 from adaptctl.simulation.episode import Episode
-from adaptctl.simulation.real_plant import RealPlant, RealPlantState
+from adaptctl.simulation.real_plant import RealPlant, RealPlantState, require_ten_a_link
 from adaptctl.simulation.stiffness import substeps_for_friction
 
 if TYPE_CHECKING:
@@ -332,6 +332,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         own = options.get("parameters", self.mechanism.inertial_parameters)
         parameters = frozen_array(own, self.mechanism.inertial_parameters.shape, "parameters")
         if "payload" in options:
+            require_ten_a_link(self.mechanism)
             return Payload.of(options["payload"]).added_to(parameters, len(self.mechanism.description.bodies) - 1)
         return parameters
 

@@ -19,11 +19,19 @@ from robot_files import urdf
 
 from adaptctl.control import MinimumJerk, ReferencePoint
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.envs import Payload, Puma560TrackingEnv, RewardWeights, TrackingEnv, random_sinusoids
+from adaptctl.envs import (
+    Payload,
+    Puma560TrackingEnv,
+    RewardWeights,
+    TrackingEnv,
+    VectorTrackingEnv,
+    random_sinusoids,
+)
 from adaptctl.envs.preview import BLOCK, Preview
 from adaptctl.envs.torque_limits import finite_torque_limits
 from adaptctl.envs.tracking import OPTIONS
 from adaptctl.errors import InputError, NonFiniteError, NotFoundError, PhysicalConsistencyWarning
+from adaptctl.identifiability import Constraints, constrained
 from adaptctl.mechanism.inertia import from_center_of_mass
 from adaptctl.mechanism.pose import Array
 from adaptctl.simulation import SemiImplicitEuler
@@ -219,6 +227,19 @@ def test_a_payload_is_a_body_on_the_last_link(env: TrackingEnv, measured: Mechan
         env.reset(options={"payload": Payload(2.0)})[1]["parameters"], measured.inertial_parameters + point
     )
     np.testing.assert_array_equal(env.reset()[1]["parameters"], measured.inertial_parameters)
+
+
+@pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
+def test_a_payload_does_not_keep_to_relations() -> None:
+    """Rotors follow the links' parameters, so that the last ten left would be others."""
+    geared = load("puma560_geared")
+    related = constrained(geared, Constraints({"link1.m": 0.0}))
+    single, many = TrackingEnv(related, 1), VectorTrackingEnv(2, robot=related, reference=1)
+    for env in (single, many):
+        with pytest.raises(InputError, match="payload: puma560_geared has relations among its parameters"):
+            env.reset(options={"payload": 1.0})
+    with pytest.raises(InputError, match="payload: puma560_geared has relations"):
+        TrackingEnv(related, 1, effects=[PayloadHeld(1.0)])
 
 
 def test_a_payload_finds_its_link_among_those_with_mass() -> None:

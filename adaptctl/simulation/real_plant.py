@@ -12,7 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.compilation import Kernel, compile_function
+from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.arrays import column, stacked
+from adaptctl.errors import InputError
 from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column, Scalar, absolute, maximum, where
 from adaptctl.simulation.effects import PlantEffects
@@ -71,6 +73,8 @@ class RealPlant:
     def __post_init__(self) -> None:
         links = self.plant.mechanism.description.body_names
         self.effects.require(self.plant.dof, links, self.plant.control_period)
+        if self.effects.loads:
+            require_ten_a_link(self.plant.mechanism)
 
     @property
     def marks(self) -> tuple[str, ...]:
@@ -201,6 +205,15 @@ class RealPlant:
     def _sensor_sizes(self) -> list[int]:
         blank, period = np.zeros(self.plant.dof), self.plant.control_period
         return [len(effect.start(blank, blank, period)) for effect in self.effects.sensors]
+
+
+def require_ten_a_link(mechanism: Mechanism) -> None:
+    """Refuse payloads where a link's ten parameters are not the mechanism's own to change."""
+    if len(mechanism.inertial_parameters) < len(mechanism.description.inertial_parameters):
+        raise InputError(
+            f"payload: {mechanism.name} has relations among its parameters, which a payload would not keep to: take "
+            "the mechanism without them as the plant"
+        )
 
 
 def _joined(arms: tuple[int, ...], memories: Iterable[Array]) -> Array:
