@@ -221,6 +221,15 @@ class OwnStep(ComputedTorque):
     [
         ({"duration": 0.0}, "duration: expected at least a control period of 0.001 s, got 0.0"),
         ({"every": 0}, "every: expected a whole number of at least 1, got 0"),
+        ({"every": np.nan}, "every: expected a whole number of at least 1, got nan"),
+        ({"members": 0}, "members: expected a whole number of at least 1, got 0"),
+        ({"members": 2.5}, "members: expected a whole number of at least 1, got 2.5"),
+        ({"threads": 0}, "threads: expected a whole number of at least 1, got 0"),
+        (
+            {"memory": ()},
+            r"memory: expected what ComputedTorque.init gives, .* are \[\(3,\)\], got \[\]",
+        ),
+        ({"memory": (np.zeros(2),)}, r"\[\(3,\)\], got \[\(2,\)\]"),
         ({"members": 3, "p": np.zeros((2, 3))}, "expected a row for each arm, as many everywhere, got p 2, members 3"),
         ({"p": np.zeros((2, 2, 3))}, "got p 2×2"),
         ({"parameters": np.zeros(7)}, r"parameters: expected shape \(..., 30\), got \(7,\)"),

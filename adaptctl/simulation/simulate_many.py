@@ -159,8 +159,8 @@ class _Runs:
         self.loop, self.period, self.threads = loop, loop.plant.plant.control_period, threads
         if not (np.isfinite(duration) and duration >= self.period):
             raise InputError(f"duration: expected at least a control period of {self.period:g} s, got {duration}")
-        if every != int(every) or every < 1:
-            raise InputError(f"every: expected a whole number of at least 1, got {every}")
+        for name, number in (("every", every), ("threads", threads)):
+            _require_count(name, number)
         _require_compilable(loop)
         self.steps, self.every = round(duration / self.period), int(every)
         self.references = ReferencesOfMany.of(reference, loop.controller.reference_size)
@@ -177,7 +177,9 @@ class _Runs:
         own = {"parameters": loop.plant.plant.mechanism.inertial_parameters, "p": start[0], "v": start[1]}
         chosen = own | {name: x for name, x in given.items() if x is not None}
         rows = {name: checked(x, own[name].shape[-1], name) for name, x in chosen.items()}
-        remembered = [] if memory is None else leaves(memory)
+        if members is not None:
+            _require_count("members", members)
+        remembered = [] if memory is None else self._remembered(memory)
         told = rows | {f"memory {k}": np.asarray(part) for k, part in enumerate(remembered)}
         count = _members(members, {"reference": self.references.arms} | {k: x.shape[:-1] for k, x in told.items()})
         self.parameters, p, v = (np.broadcast_to(x, (count, x.shape[-1])) for x in rows.values())
@@ -192,6 +194,16 @@ class _Runs:
         self.longest = max(1, MEMORY // (8 * count * (sum(map(math.prod, shapes)) + 5 * loop.controller.dof)))
         self.records = tuple(np.empty((self._samples(self.steps), count, *shape)) for shape in shapes)
         self._done = 0, self.arms.state["squares"], self.arms.state["largest"]
+
+    def _remembered(self, memory: Any) -> list[Any]:
+        """The parts of a memory of this controller."""
+        own = [(size,) for name, size in self.loop.state.items() if name.startswith("memory")]
+        parts = leaves(memory) if isinstance(memory, tuple) else [memory]
+        sizes = [np.shape(part)[-1:] for part in parts]
+        if sizes != own:
+            kind = type(self.loop.controller).__name__
+            raise InputError(f"memory: expected what {kind}.init gives, parts whose last axes are {own}, got {sizes}")
+        return parts
 
     def advance(self) -> None:
         """One native call: as far as memory allows, and where not all samples are kept, up to the next one that is. It
@@ -253,6 +265,11 @@ def _require_compilable(loop: ClosedLoop) -> None:
             f"simulate_many: {type(loop.controller).__name__} has a step of its own, and only a law is compiled: use "
             "`rollout` for one run after the other"
         )
+
+
+def _require_count(name: str, number: Any) -> None:
+    if not isinstance(number, int | np.integer) or number < 1:
+        raise InputError(f"{name}: expected a whole number of at least 1, got {number!r}")
 
 
 def _members(given: int | None, rows: Mapping[str, tuple[int, ...]]) -> int:
