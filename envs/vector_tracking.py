@@ -110,7 +110,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         reset_options: Mapping[str, Any] | None = None,
         **settings: Any,
     ) -> None:
-        if num_envs < 1 or num_envs != int(num_envs):
+        if not isinstance(num_envs, int | np.integer) or num_envs < 1:
             raise InputError(f"num_envs: expected a whole number of at least 1, got {num_envs}")
         self.single, self.num_envs = self.kind(**settings), int(num_envs)
         self._require_short()

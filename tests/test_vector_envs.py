@@ -487,6 +487,7 @@ def test_an_arm_that_runs_away_is_named() -> None:
     ("settings", "error", "message"),
     [
         ({"num_envs": 0}, InputError, "num_envs: expected a whole number of at least 1, got 0"),
+        ({"num_envs": float("nan")}, InputError, "num_envs: expected a whole number of at least 1, got nan"),
         ({"autoreset_mode": "Sometimes"}, InputError, "expected one of NextStep, SameStep, Disabled, got 'Sometimes'"),
         ({"reset_options": {"paylod": 1.0}}, NotFoundError, "unknown option 'paylod'"),
         ({"robot": "puma650"}, NotFoundError, "puma560"),
