@@ -507,6 +507,10 @@ def test_the_docstring_is_the_card(section: str) -> None:
     assert f"## {section}" in (VectorTrackingEnv.__doc__ or "")
 
 
+def test_the_card_tells_how_long_mechanisms_may_be() -> None:
+    assert f"at most {LARGEST_COMPILED} links" in str(VectorTrackingEnv.__doc__)
+
+
 def test_the_module_registers_all() -> None:
     for name in (PUMA, LOOP, ANY):
         assert gymnasium.spec(name).vector_entry_point is not None
