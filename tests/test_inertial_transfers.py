@@ -26,6 +26,7 @@ from adaptctl.identifiability import (
 from adaptctl.identifiability.inertia_functionals import functionals, transfer_rates, transfers
 from adaptctl.identifiability.inertial_transfers import inertial_transfers
 from adaptctl.identifiability.joint_frames import twist_entries, twist_matrices
+from adaptctl.identifiability.tree_regrouping import tree_regrouping
 from adaptctl.mechanism import Description, Joint, JointKind, Link, Pose, with_floating_base
 from adaptctl.mechanism.drive import Drive
 from adaptctl.mechanism.inertia import inertia_tensor, pseudo_inertia, transformed
@@ -101,6 +102,19 @@ def test_the_same_parameters_are_kept(seed: int, links: int, shuffled: bool) -> 
     assert other.kept == one.kept
     K = [found.matrix(space.scales) for found, space in zip((one, other), (by_svd, by_transfers), strict=True)]
     np.testing.assert_allclose(*K, atol=1e-9 * np.abs(K[0]).max())
+
+
+@pytest.mark.parametrize("seed", [13, 42, 55, 81])
+def test_what_nearly_depends_on_each_other_is_seen_when_all_is_looked_at(seed: int) -> None:
+    """Of these trees the choices made link by link alone have conditions above 1e4."""
+    _, space = both(varied(seed, 6))
+    order = Priority().indices(space.parameter_names)
+    assert not tree_regrouping(space.null_space.transfers, order, 1e-3).determined
+    basis = fundamental_basis(space)
+    assert basis.scaled_condition < 1e4
+    states = np.random.default_rng(seed).uniform(-1.0, 1.0, (3, 200, space.mechanism.dof))
+    Y = space.mechanism.torque_regressor(*states).reshape(-1, len(space.parameter_names))
+    np.testing.assert_allclose(Y[:, basis.columns] @ basis.regrouping, Y, atol=1e-8 * np.abs(Y).max())
 
 
 @pytest.mark.parametrize(

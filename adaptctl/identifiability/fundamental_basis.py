@@ -13,13 +13,12 @@ from adaptctl.errors import InputError, RankError
 from adaptctl.identifiability.equations import regrouping_equations
 from adaptctl.identifiability.essential_space import EssentialSpace
 from adaptctl.identifiability.priority import Priority
-from adaptctl.identifiability.regrouping import Regrouping, condition
+from adaptctl.identifiability.regrouping import LARGEST_CONDITION, Regrouping, condition
 from adaptctl.mechanism.pose import Array, frozen_array
 
 TOLERANCE = 1e-3
 """Of the scaled null vectors' rows. Real robots leave nothing between 1e-4 and 0.1; tighter ones take a
 rounded right angle for independence, as Table 5 of Sheu and Walker (1991) shows."""
-LARGEST_CONDITION = 1e4
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +124,7 @@ def fundamental_basis(
 
 
 def _require_conditioned(space: EssentialSpace, found: Regrouping) -> None:
-    if found.bound <= LARGEST_CONDITION or found.condition <= LARGEST_CONDITION:
+    if found.determined:
         return
     weights = np.linalg.svd(found.coefficients)[2][0]
     names = [space.parameter_names[found.removed[i]] for i in np.argsort(-np.abs(weights))[:3]]

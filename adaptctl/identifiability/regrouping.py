@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from adaptctl.identifiability.selection import removable
 from adaptctl.mechanism.pose import Array
 
 EXACT_ZERO = 1e-11
 """Regrouping coefficients below are round-off: left in, they would leak large parameters into small ones."""
+LARGEST_CONDITION = 1e4
+"""of F2' V2 among scaled parameters"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +35,11 @@ class Regrouping:
         """The condition of F2' V2 (see `condition`)."""
         return condition(self.coefficients)
 
+    @property
+    def determined(self) -> bool:
+        """Whether the removed parameters determine the kept ones well enough."""
+        return self.bound <= LARGEST_CONDITION or self.condition <= LARGEST_CONDITION
+
     @cached_property
     def bound(self) -> float:
         """At least the condition, and at once: |C|^2 <= |C|_1 |C|_inf."""
@@ -45,6 +54,17 @@ class Regrouping:
         K[:, removed] = coefficients * scales[kept, None] / scales[removed]
         K[range(len(kept)), kept] = 1.0
         return K
+
+
+def by_null_vectors(null_basis: Array, order: Sequence[int], tolerance: float) -> Regrouping:
+    """Remove parameters in an order, as long as their rows of the null basis Z (P, P-k) are independent.
+
+    K = F1' (I - Z (F2' Z)^-1 F2'), equation 25 of Sheu and Walker (1991).
+    """
+    gone = list(removable(null_basis, order, tolerance))
+    kept = sorted(set(order) - set(gone))
+    coefficients = np.asarray(-np.linalg.solve(null_basis[gone].T, null_basis[kept].T).T, dtype=np.float64)
+    return Regrouping(tuple(kept), tuple(gone), coefficients, len(kept))
 
 
 def condition(coefficients: Array) -> float:

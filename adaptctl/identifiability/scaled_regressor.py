@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,11 +11,10 @@ import numpy as np
 from adaptctl.dynamics import Mechanism
 from adaptctl.identifiability.energy_factor import EnergyFactor
 from adaptctl.identifiability.numerical_rank import NumericalRank, right_vectors, triangle
-from adaptctl.identifiability.regrouping import Regrouping
+from adaptctl.identifiability.regrouping import Regrouping, by_null_vectors
 from adaptctl.identifiability.sampled_regressors import energetic_names
 from adaptctl.identifiability.sampling import characteristic_length
 from adaptctl.identifiability.scaling import comparable
-from adaptctl.identifiability.selection import removable
 from adaptctl.mechanism.pose import Array
 
 
@@ -68,17 +67,11 @@ class ScaledRegressor:
         return self.vectors[:, self.rank :]
 
     def regrouping(self, order: Sequence[int], tolerance: float) -> Regrouping:
-        """Parameters removed in an order, as long as their rows of the null basis Z are independent.
-
-        K = F1' (I - Z (F2' Z)^-1 F2'), equation 25 of Sheu and Walker (1991).
-        """
-        Z = self.null_basis
-        gone = list(removable(Z, order, tolerance))
-        kept = sorted(set(order) - set(gone))
-        coefficients = np.asarray(-np.linalg.solve(Z[gone].T, Z[kept].T).T, dtype=np.float64)
-        return Regrouping(tuple(kept), tuple(gone), coefficients, self._rank_of(kept))
+        """Parameters removed in an order, and the rank of the columns that are kept."""
+        found = by_null_vectors(self.null_basis, order, tolerance)
+        return replace(found, rank=self._rank_of(found.kept))
 
     def _rank_of(self, columns: Sequence[int]) -> int:
         """The rank of some columns of H = U S V'; without U, which changes no rank."""
-        shares = (self.vectors * self.singular_values)[columns]
+        shares = (self.vectors * self.singular_values)[list(columns)]
         return NumericalRank.of(np.linalg.svd(shares, compute_uv=False)).rank
