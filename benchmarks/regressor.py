@@ -32,7 +32,7 @@ def measure(effort: Effort) -> Iterator[Finding]:
     at_once = lanes.stepper.lanes
     raced = race(
         {
-            "call": Contender("kernel(p, v, v_r, a_r)", names),
+            "call": Contender("call(p, v, v_r, a_r)", names | {"call": kernel.call}),
             "three": Contender("; ".join([ONE] * 3), names),
             "one": Contender(ONE, names),
             "loop": Contender(lambda: scalar.run(STEPS), work=STEPS),

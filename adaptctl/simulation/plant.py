@@ -176,7 +176,7 @@ class Plant:
     def _native(self, equation: Callable[..., tuple[Column, ...]], name: str, **sizes: int) -> Callable[..., Any]:
         if len(self.mechanism.links) > LARGEST_COMPILED:
             return _on_floats(equation)
-        return compile_function(equation, sizes | {"parameters": self.mechanism.equations.parameters}, name=name)
+        return compile_function(equation, sizes | {"parameters": self.mechanism.equations.parameters}, name=name).call
 
     @cached_property
     def _primary(self) -> list[int] | None:
