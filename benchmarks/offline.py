@@ -9,12 +9,13 @@ import numpy as np
 
 import adaptctl
 from adaptctl.errors import PhysicalConsistencyWarning
-from adaptctl.identifiability import essential_space
+from adaptctl.identifiability import Priority, essential_space
 from adaptctl.identifiability.transferred_null_space import TransferredNullSpace
 from adaptctl.mechanism import Description, Joint, Link, Pose
 from adaptctl.mechanism.inertia import from_center_of_mass
+from adaptctl.mechanism.pose import Array
 from benchmarks.findings import Finding, Measurement
-from benchmarks.interleaved import Contender, Effort, Spread, race
+from benchmarks.interleaved import Contender, Effort, Race, Spread, race
 
 LONG, HALF = 96, 48
 """links"""
@@ -31,15 +32,33 @@ def measure(effort: Effort) -> Iterator[Finding]:
             "puma": Contender(lambda: essential_space(puma)),
             "half": Contender(lambda: TransferredNullSpace.of(half)),
             "long": Contender(lambda: TransferredNullSpace.of(long)),
+            "half basis": Contender(lambda: basis(half)),
+            "long basis": Contender(lambda: basis(long)),
             "certified": Contender(lambda: essential_space(long)),
         },
         effort,
     )
-    growth = Spread.of(np.log2(raced.seconds["long"] / raced.seconds["half"]) / np.log2(LONG / HALF))
     yield Measurement("essential space of the PUMA, with its certificate", raced.time("puma"), "s", 0.010)
     yield Measurement(f"null vectors of a chain of {LONG} links", raced.time("long"), "s", 0.025)
-    yield Measurement(f"exponent of its growth, from {HALF} links to {LONG}", growth, "", 1.3)
+    yield Measurement(f"exponent of its growth, from {HALF} links to {LONG}", growth(raced, "half", "long"), "", 1.3)
+    whole = "null vectors, kept parameters and regrouping matrix"
+    yield Measurement(f"{whole} of that chain", raced.time("long basis"), "s", 0.025)
+    yield Measurement(
+        "exponent of its growth, the matrix being dense", growth(raced, "half basis", "long basis"), "", None
+    )
     yield Measurement("essential space of that chain, with its certificate", raced.time("certified"), "s", None)
+
+
+def growth(raced: Race, half: str, long: str) -> Spread:
+    """The power of the number of links that the time goes with."""
+    return Spread.of(np.log2(raced.seconds[long] / raced.seconds[half]) / np.log2(LONG / HALF))
+
+
+def basis(mechanism: adaptctl.Mechanism) -> Array:
+    """K (k, P) of a tree, from its description; what `fundamental_basis` has besides is in the certificate."""
+    found = TransferredNullSpace.of(mechanism)
+    order = Priority().indices(mechanism.parameter_names)
+    return found.regrouping(order, 1e-3).matrix(found.scales)
 
 
 def chain(links: int) -> adaptctl.Mechanism:
