@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     import gymnasium
 
     from adaptctl.recording.drawing import Drawing
+    from adaptctl.simulation.effects import Effect
 
 CENTER = (0.0, -0.6, 0.8, 0.0, 0.5, 0.0)
 """rad: a posture of a PUMA with its elbow bent"""
@@ -149,12 +150,9 @@ class AdaptationLaws(Learning):
     """How laws are compared, and in what."""
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """The tracking environment on sums of sinusoids."""
+        """The tracking environment on the reference, with the effects."""
         import gymnasium
 
-        from adaptctl.simulation.effects import Encoder
-
-        effects = (Encoder(velocity_noise=self.velocity_noise),) if self.velocity_noise else ()
         return gymnasium.make(
             "adaptctl.envs:adaptctl/Tracking-v0",
             robot=mechanism,
@@ -162,8 +160,24 @@ class AdaptationLaws(Learning):
             duration=self.duration,
             control_period=self.control_period,
             initial_error=self.initial_error,
-            effects=effects,
+            error_bound=self.error_bound,
+            torque_limits=self.motors(mechanism),
+            effects=tuple(self.effects()),
         )
+
+    error_bound: ClassVar[float] = 1.0
+    """rad or m: the error of a joint that ends a run"""
+
+    def motors(self, mechanism: Mechanism) -> Array:
+        """The most that the joints' motors give (r,), N m."""
+        return self._limits(mechanism)
+
+    def effects(self) -> Iterator[Effect]:
+        """What the plant has besides: the noise asked for."""
+        from adaptctl.simulation.effects import Encoder
+
+        if self.velocity_noise:
+            yield Encoder(velocity_noise=self.velocity_noise)
 
     def reference(self, mechanism: Mechanism) -> Sinusoids:
         """Five sinusoids a joint about a bent posture, phases and exact frequencies by seed; or the most telling."""

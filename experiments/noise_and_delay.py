@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -15,11 +15,10 @@ from adaptctl.experiments.experiment import setting
 from adaptctl.experiments.learning import ADAPTATION_OFF, Found
 from adaptctl.experiments.parameter_errors import SAMPLES, ParameterErrors
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
+from adaptctl.mechanism.pose import Array
 from adaptctl.recording import Finding, Run
 
 if TYPE_CHECKING:
-    import gymnasium
-
     from adaptctl.simulation.effects import Effect
 
 LAWS = (
@@ -73,21 +72,11 @@ class NoiseAndDelay(AdaptationLaws):
             f"follows it. {self.comparing}"
         )
 
-    def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """The tracking environment with the effects; no error ends a run."""
-        import gymnasium
+    error_bound: ClassVar[float] = np.inf
 
-        return gymnasium.make(
-            "adaptctl.envs:adaptctl/Tracking-v0",
-            robot=mechanism,
-            reference=self.followed(mechanism),
-            duration=self.duration,
-            control_period=self.control_period,
-            initial_error=self.initial_error,
-            error_bound=np.inf,
-            torque_limits=self.strength * self._limits(mechanism),
-            effects=tuple(self.effects()),
-        )
+    def motors(self, mechanism: Mechanism) -> Array:
+        """Weak ones."""
+        return self.strength * super().motors(mechanism)
 
     def effects(self) -> Iterator[Effect]:
         """All of them."""
@@ -103,7 +92,7 @@ class NoiseAndDelay(AdaptationLaws):
         """All laws behind guards that know the limits: what saturates is not learned from."""
         from adaptctl.control import Guarded
 
-        limits = self.strength * self._limits(mechanism)
+        limits = self.motors(mechanism)
         brake = self.gains(mechanism).damping
         return [
             replace(one, controller=Guarded(one.controller, limits, stop_damping=brake))

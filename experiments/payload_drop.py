@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -23,8 +23,6 @@ from adaptctl.mechanism.pose import Array
 from adaptctl.recording import Finding, Run
 
 if TYPE_CHECKING:
-    import gymnasium
-
     from adaptctl.recording.drawing import Drawing
     from adaptctl.simulation.effects import Effect, Payload
 
@@ -71,28 +69,14 @@ class PayloadDrop(AdaptationLaws):
             "half of it. Parameter errors are against the arm alone: while the payload is held they show it."
         )
 
-    def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """The tracking environment with the payload; no error ends a run."""
-        import gymnasium
-
-        return gymnasium.make(
-            "adaptctl.envs:adaptctl/Tracking-v0",
-            robot=mechanism,
-            reference=self.followed(mechanism),
-            duration=self.duration,
-            control_period=self.control_period,
-            initial_error=self.initial_error,
-            error_bound=np.inf,
-            effects=tuple(self.effects()),
-        )
+    error_bound: ClassVar[float] = np.inf
 
     def effects(self) -> Iterator[Effect]:
         """The payload, and the noise asked for."""
-        from adaptctl.simulation.effects import Encoder, PayloadHeld
+        from adaptctl.simulation.effects import PayloadHeld
 
         yield PayloadHeld(self._body(), self.start, self.stop)
-        if self.velocity_noise:
-            yield Encoder(velocity_noise=self.velocity_noise)
+        yield from super().effects()
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
         """How long each law takes to return, after each event; where it does not, how far it stays off."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from adaptctl.control import PriorRanges, SlotineLi, Subspace
+from adaptctl.control import SlotineLi, Subspace
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.experiments.contest import Contender, Outcome
@@ -128,8 +128,7 @@ class ReducedModelTracking(Puma560Adaptive):
 
     def _gain(self, mechanism: Mechanism, basis: Array) -> Array:
         """The rate times the variance of each v_j'D, the parameters' prior ranges being independent."""
-        ranges = PriorRanges(self.mass_range, self.first_moment_range, self.inertia_range)
-        return np.asarray(self.rate * (basis.T**2 @ ranges.of(mechanism.parameter_names) ** 2))
+        return np.asarray(self.rate * (basis.T**2 @ self.ranges.of(mechanism.parameter_names) ** 2))
 
     def _require_counts(self, mechanism: Mechanism, model: ReducedModel, rank: int) -> None:
         if model.regrouping.shape[1] != mechanism.energetic:

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from adaptctl.control import Gains, PriorRanges, Sinusoids, adaptation_gain
+from adaptctl.control import Gains, Sinusoids
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.experiments.experiment import setting
 from adaptctl.experiments.learning import Learning
-from adaptctl.identifiability import ReducedModel
+from adaptctl.experiments.ranged_gain import RangedGain
 from adaptctl.mechanism.pose import Array
 from adaptctl.recording import Setting
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class StatedTask(Learning):
+class StatedTask(RangedGain, Learning):
     """The contest of `Learning` in an arm's own environment, every number of the task a setting.
 
     A subclass gives `joints` and `environment_id`, and the defaults of the settings that are one number a joint.
@@ -74,16 +74,6 @@ class StatedTask(Learning):
     def gains(self, mechanism: Mechanism) -> Gains:
         """Lambda and K as set."""
         return Gains(np.full(self.joints, self.bandwidth), np.array(self.damping))
-
-    def adaptation(self, model: ReducedModel) -> Array:
-        """Gamma from the prior ranges as set."""
-        ranges = PriorRanges(self.mass_range, self.first_moment_range, self.inertia_range)
-        return adaptation_gain(model, ranges, self.rate)
-
-    def adaptation_setting(self, mechanism: Mechanism) -> str:
-        """Gamma by kinds of parameters."""
-        of = ((self.mass_range, "kg"), (self.first_moment_range, "kg·m"), (self.inertia_range, "kg·m²"))
-        return "; ".join(f"{self.rate:g}·({value:g} {unit})²" for value, unit in of)
 
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
         """The settings say it all."""

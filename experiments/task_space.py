@@ -13,12 +13,10 @@ from adaptctl.control import (
     Composite,
     ComputedTorque,
     Gains,
-    PriorRanges,
     Sinusoids,
     SlotineLi,
     Spline,
     TaskSpaceSlotineLi,
-    adaptation_gain,
 )
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.inverse_kinematics import Tip
@@ -27,6 +25,7 @@ from adaptctl.errors import InputError
 from adaptctl.experiments.contest import Contender, Outcome
 from adaptctl.experiments.experiment import setting
 from adaptctl.experiments.learning import ADAPTATION_OFF, Found, Learning
+from adaptctl.experiments.ranged_gain import RangedGain
 from adaptctl.experiments.serial_versus_graph import AHEAD, ARMS, KNOT, Arm
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
 from adaptctl.mechanism.pose import Array
@@ -44,7 +43,7 @@ SAMPLES = 600
 
 
 @dataclass(frozen=True)
-class TaskSpaceTracking(Learning):
+class TaskSpaceTracking(RangedGain, Learning):
     """The tool of an arm of three freedoms on a path in the world, from estimates of zero.
 
     Task-space Slotine-Li, with the gradient, with composite adaptation, and with a damped Jacobian; against
@@ -125,16 +124,6 @@ class TaskSpaceTracking(Learning):
     def gains(self, mechanism: Mechanism) -> Gains:
         """Lambda as set, K from typical inertia."""
         return Gains.from_bandwidth(mechanism, self.bandwidth, self.stiffness)
-
-    def adaptation(self, model: ReducedModel) -> Array:
-        """Gamma from the prior ranges as set."""
-        ranges = PriorRanges(self.mass_range, self.first_moment_range, self.inertia_range)
-        return adaptation_gain(model, ranges, self.rate)
-
-    def adaptation_setting(self, mechanism: Mechanism) -> str:
-        """Gamma by kinds of parameters."""
-        of = ((self.mass_range, "kg"), (self.first_moment_range, "kg·m"), (self.inertia_range, "kg·m²"))
-        return "; ".join(f"{self.rate:g}·({value:g} {unit})²" for value, unit in of)
 
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
         """The path, and how it becomes joints."""

@@ -123,7 +123,7 @@ class Controller(ABC, Generic[Memory]):
 
     @cached_property
     def _step_one(self) -> Callable[..., tuple[Array, Memory]]:
-        return on_memories(getattr(self._tick, "call", self._tick), self._blank)
+        return on_memories(self.kernel.call if self.kernel else self._tick, self._blank)
 
     @property
     def kernel(self) -> Kernel | None:

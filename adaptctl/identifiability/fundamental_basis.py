@@ -14,11 +14,8 @@ from adaptctl.identifiability.equations import regrouping_equations
 from adaptctl.identifiability.essential_space import EssentialSpace
 from adaptctl.identifiability.priority import Priority
 from adaptctl.identifiability.regrouping import LARGEST_CONDITION, Regrouping, condition
+from adaptctl.identifiability.selection import TOLERANCE
 from adaptctl.mechanism.pose import Array, frozen_array
-
-TOLERANCE = 1e-3
-"""Of the scaled null vectors' rows. Real robots leave nothing between 1e-4 and 0.1; tighter ones take a
-rounded right angle for independence, as Table 5 of Sheu and Walker (1991) shows."""
 
 
 @dataclass(frozen=True, eq=False)

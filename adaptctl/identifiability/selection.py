@@ -9,6 +9,10 @@ import numpy as np
 from adaptctl.errors import InputError
 from adaptctl.mechanism.pose import Array
 
+TOLERANCE = 1e-3
+"""Of the scaled null vectors' rows. Real robots leave nothing between 1e-4 and 0.1; tighter ones take a
+rounded right angle for independence, as Table 5 of Sheu and Walker (1991) shows."""
+
 
 def require_tolerance(tolerance: float, parameters: int) -> None:
     """Refuse a tolerance that could not find all of P - k rows."""

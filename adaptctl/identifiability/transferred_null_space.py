@@ -13,11 +13,9 @@ from adaptctl.identifiability.inertial_transfers import InertialTransfers, inert
 from adaptctl.identifiability.regrouping import Regrouping, by_null_vectors
 from adaptctl.identifiability.sampled_regressors import energetic_names
 from adaptctl.identifiability.scaling import length_scales
-from adaptctl.identifiability.selection import require_tolerance
+from adaptctl.identifiability.selection import TOLERANCE, require_tolerance
 from adaptctl.identifiability.tree_regrouping import tree_regrouping
 from adaptctl.mechanism.pose import Array
-
-TOLERANCE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
