@@ -218,8 +218,13 @@ def test_the_tool_follows_its_path_in_the_world(name: str) -> None:
     seed=st.integers(0, 99),
 )
 def test_task_space_adaptation(name: str, mass: float, singularity: float, seed: int) -> None:
-    """V falls as -s'Ks whatever the Jacobian, so the wanted acceleration is the wanted velocity's derivative."""
+    """V falls as -s'Ks whatever the Jacobian, so the wanted acceleration is the wanted velocity's derivative.
+
+    Six joints swing through places where the tool's Jacobian is singular; its inverse, undamped, is infinite there.
+    """
     mechanism = arm(name)
+    if name == "puma560_measured":
+        singularity = max(singularity, 0.2)
     law = TaskSpaceSlotineLi(
         reduced(name),
         6.0,
