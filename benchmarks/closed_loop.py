@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.envs import TrackingEnv
-from adaptctl.mechanism.pose import Array
 from adaptctl.simulation import RungeKutta4, rollout, simulate
 from benchmarks.findings import Agreement, Comparison, Finding
 from benchmarks.fleet import Fleet

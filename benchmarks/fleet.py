@@ -9,11 +9,11 @@ from functools import cached_property
 import numpy as np
 
 import adaptctl
+from adaptctl.arrays import Array
 from adaptctl.compilation import Ensemble, Stepper, compile_step
 from adaptctl.control import ReferencePoint
 from adaptctl.control.adaptive import AdaptiveState
 from adaptctl.control.controller import leaves, like
-from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column
 from adaptctl.simulation import Integrator
 from benchmarks.tasks import PERIOD, Task

@@ -10,7 +10,7 @@ from timeit import Timer
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.mechanism.pose import Array
+from adaptctl.arrays import Array
 
 Clock = Callable[[], float]
 

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 import adaptctl
-from adaptctl.dynamics.arrays import column
-from adaptctl.mechanism.pose import Array
+from adaptctl.arrays import Array
+from adaptctl.scalars import column
 from adaptctl.simulation import Integrator, RungeKutta4, SemiImplicitEuler
 from benchmarks.findings import Agreement, Comparison, Finding
 from benchmarks.fleet import Fleet

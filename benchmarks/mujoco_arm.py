@@ -6,10 +6,10 @@ import mujoco
 import numpy as np
 from mujoco import rollout
 
+from adaptctl.arrays import Array
+from adaptctl.description import GROUND, Closure, Description, Link
+from adaptctl.description.inertia import inertia_tensor
 from adaptctl.dynamics import Mechanism
-from adaptctl.mechanism import GROUND, Closure, Description, Link
-from adaptctl.mechanism.inertia import inertia_tensor
-from adaptctl.mechanism.pose import Array
 
 INTEGRATORS = {"RK4": mujoco.mjtIntegrator.mjINT_RK4, "semi-implicit": mujoco.mjtIntegrator.mjINT_EULER}
 

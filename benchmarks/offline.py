@@ -8,12 +8,12 @@ from collections.abc import Iterator
 import numpy as np
 
 import adaptctl
+from adaptctl.arrays import Array
+from adaptctl.description import Description, Joint, Link, Pose
+from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.errors import PhysicalConsistencyWarning
 from adaptctl.identifiability import Priority, essential_space
-from adaptctl.identifiability.transferred_null_space import TransferredNullSpace
-from adaptctl.mechanism import Description, Joint, Link, Pose
-from adaptctl.mechanism.inertia import from_center_of_mass
-from adaptctl.mechanism.pose import Array
+from adaptctl.identifiability.tree.null_space import TransferredNullSpace
 from benchmarks.findings import Finding, Measurement
 from benchmarks.interleaved import Contender, Effort, Race, Spread, race
 

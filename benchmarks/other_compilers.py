@@ -20,10 +20,10 @@ os.environ["XLA_FLAGS"] = "--xla_cpu_multi_thread_eigen=false intra_op_paralleli
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.compilation import Op, Routine, compile_function, trace
 from adaptctl.compilation.graph import Expression
 from adaptctl.files import write_text
-from adaptctl.mechanism.pose import Array
 from benchmarks.interleaved import Contender, Effort, race
 from benchmarks.machine import Machine
 from benchmarks.published import ROOT, inserted, seconds, table

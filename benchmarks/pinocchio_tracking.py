@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio
 
-from adaptctl.mechanism.pose import Array
+from adaptctl.arrays import Array
 
 
 def slotine_li_regressor(

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 import pinocchio
 
+from adaptctl.arrays import Array
 from adaptctl.compilation import Ensemble, Kernel, compile_function, compile_step
-from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column
 from benchmarks.findings import Agreement, Comparison, Finding
 from benchmarks.interleaved import Contender, Effort, race

@@ -8,8 +8,8 @@ from functools import cache, cached_property
 import numpy as np
 
 import adaptctl
+from adaptctl.arrays import Array
 from adaptctl.control import ReferencePoint
-from adaptctl.mechanism.pose import Array
 
 PERIOD = 1e-3
 """s, of control and of integration"""

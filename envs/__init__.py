@@ -2,16 +2,16 @@
 
 from gymnasium.envs.registration import register
 
+from adaptctl.envs.many.vector_tracking import (
+    Puma560VectorTrackingEnv,
+    SemiDirectDriveVectorTrackingEnv,
+    VectorTrackingEnv,
+)
 from adaptctl.envs.puma560 import Puma560TrackingEnv
 from adaptctl.envs.random_reference import random_sinusoids
 from adaptctl.envs.reward import RewardWeights
 from adaptctl.envs.semi_direct_drive import SemiDirectDriveTrackingEnv
 from adaptctl.envs.tracking import TrackingEnv
-from adaptctl.envs.vector_tracking import (
-    Puma560VectorTrackingEnv,
-    SemiDirectDriveVectorTrackingEnv,
-    VectorTrackingEnv,
-)
 from adaptctl.simulation.effects import Payload
 
 __all__ = [
@@ -36,7 +36,7 @@ for _id, _kind, _module in (
     register(
         _id,
         f"adaptctl.envs.{_module}:{_kind}TrackingEnv",
-        vector_entry_point=f"adaptctl.envs.vector_tracking:{_kind}VectorTrackingEnv",
+        vector_entry_point=f"adaptctl.envs.many.vector_tracking:{_kind}VectorTrackingEnv",
         order_enforce=False,
         disable_env_checker=True,
     )

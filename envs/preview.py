@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from adaptctl.arrays import Array, checked
 from adaptctl.control.controller import Reference
-from adaptctl.dynamics.arrays import checked
 from adaptctl.errors import InputError
-from adaptctl.mechanism.pose import Array
 
 BLOCK = 1024
 """Control periods evaluated at once."""

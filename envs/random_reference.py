@@ -8,13 +8,13 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from adaptctl.arrays import Array
 from adaptctl.control.controller import Reference
 from adaptctl.control.controller import home as home_of
 from adaptctl.control.references import Sinusoids
+from adaptctl.description import Joint
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
-from adaptctl.mechanism import Joint
-from adaptctl.mechanism.pose import Array
 
 Trajectory: TypeAlias = Reference | int | str | None
 """A reference, the seed of a random one, or "random" or None for a new one each time."""

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from adaptctl.arrays import Array
 from adaptctl.errors import InputError
-from adaptctl.mechanism.pose import Array
 
 
 @dataclass(frozen=True)

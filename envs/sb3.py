@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from adaptctl.envs.learner_view import LearnerView
-from adaptctl.envs.vector_tracking import VectorTrackingEnv
+from adaptctl.arrays import Array
+from adaptctl.envs.many.learner_view import LearnerView
+from adaptctl.envs.many.vector_tracking import VectorTrackingEnv
 from adaptctl.errors import InputError, MissingExtraError
-from adaptctl.mechanism.pose import Array
 
 try:
     from stable_baselines3.common.vec_env import VecEnv

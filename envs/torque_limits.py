@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from adaptctl.control.gains import sampled_configurations
+from adaptctl.arrays import Array
+from adaptctl.control.gains.gains import sampled_configurations
 from adaptctl.dynamics import Mechanism
-from adaptctl.mechanism.pose import Array
 
 SPEED, ACCELERATION, MARGIN = 2.0, 10.0, 4.0
 """rad/s (m/s), rad/s^2 (m/s^2), and how many times the torque that these ask of a joint is its limit."""

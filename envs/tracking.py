@@ -13,6 +13,7 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
+from adaptctl.arrays import Array, frozen_array
 from adaptctl.control.controller import Reference, ReferencePoint
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs.preview import Preview
@@ -20,7 +21,6 @@ from adaptctl.envs.random_reference import Trajectory, drawn
 from adaptctl.envs.reward import RewardWeights
 from adaptctl.envs.torque_limits import finite_torque_limits
 from adaptctl.errors import InputError, NotFoundError
-from adaptctl.mechanism.pose import Array, frozen_array
 from adaptctl.simulation import Integrator, Plant, PlantState, RungeKutta4
 from adaptctl.simulation.effects import Effect, Payload, PlantEffects
 from adaptctl.simulation.episode import Episode
@@ -28,7 +28,7 @@ from adaptctl.simulation.real_plant import RealPlant, RealPlantState, require_te
 from adaptctl.simulation.stiffness import substeps_for_friction
 
 if TYPE_CHECKING:
-    from adaptctl.envs.render import Renderer
+    from adaptctl.envs.rendering.render import Renderer
 
 _NO_NOISE = np.zeros(0)
 
@@ -247,7 +247,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
             gymnasium.logger.warn("render: choose a mode when making the environment: render_mode='rgb_array'")
             return None
         if self._renderer is None:
-            from adaptctl.envs.render import Renderer
+            from adaptctl.envs.rendering.render import Renderer
 
             self._renderer = Renderer(self.mechanism)
         goal = episode.preview.row(episode.step)[: self.plant.dof]

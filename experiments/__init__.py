@@ -39,7 +39,7 @@ EXPERIMENTS = (
     Entry(
         "serial-versus-graph",
         "The three-joint PUMA and the five-bar on one path in space: what a closed loop costs",
-        "adaptctl.experiments.serial_versus_graph",
+        "adaptctl.experiments.serial_versus_graph.experiment",
         "SerialVersusGraph",
     ),
     Entry(

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.control import (
     AdaptationLaw,
     AdaptiveComputedTorque,
@@ -40,7 +41,6 @@ from adaptctl.experiments.learning import ADAPTATION_OFF, Found, Learning, numbe
 from adaptctl.experiments.parameter_errors import SAMPLES, ParameterErrors, parameter_errors
 from adaptctl.experiments.rough_model import deviations, scaled_links
 from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
-from adaptctl.mechanism.pose import Array
 from adaptctl.recording import Finding, Run, Setting
 
 if TYPE_CHECKING:
@@ -353,7 +353,7 @@ class AdaptationLaws(Learning):
 @lru_cache(maxsize=4)
 def most_exciting(mechanism: Mechanism, seed: int) -> Sinusoids:
     """The reference that `exciting_reference` finds for all that can be told of a mechanism."""
-    from adaptctl.control.exciting_reference import exciting_reference
+    from adaptctl.control.excitation.exciting_reference import exciting_reference
 
     if mechanism.description.loops is not None:
         raise InputError(f"motion: {EXCITING} is for arms without loops, and {mechanism.name} has some")

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.control import Gains, PriorRanges, sampled_gain, typical_inertia
+from adaptctl.description import GROUND
 from adaptctl.dynamics import Mechanism
 from adaptctl.envs.random_reference import random_sinusoids
 from adaptctl.envs.torque_limits import finite_torque_limits
 from adaptctl.experiments.experiment import setting
 from adaptctl.experiments.learning import Learning, numbers
 from adaptctl.identifiability import ReducedModel
-from adaptctl.mechanism import GROUND
-from adaptctl.mechanism.pose import Array
 from adaptctl.recording import Setting
 from adaptctl.recording.skeleton import reach_behind
 

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.control import Controller, ReferencePoint, SlotineLi, lyapunov
 from adaptctl.control.controller import leaves
 from adaptctl.dynamics import Mechanism
 from adaptctl.experiments.experiment import Progress
-from adaptctl.mechanism.pose import Array
 from adaptctl.recording import Run, TickCost
 from adaptctl.simulation import Rollout, simulate
 

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.control import ComputedTorque
+from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.experiments.contest import Contender, Outcome
@@ -18,8 +20,6 @@ from adaptctl.experiments.friction_curves import Curve, friction_curves
 from adaptctl.experiments.learning import ADAPTATION_OFF, ADAPTIVE, Found
 from adaptctl.experiments.on_real_plant import OnRealPlant
 from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
-from adaptctl.mechanism.drive import Drive
-from adaptctl.mechanism.pose import Array
 from adaptctl.recording import Finding
 
 if TYPE_CHECKING:

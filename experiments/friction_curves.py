@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from adaptctl.mechanism.pose import Array
+from adaptctl.arrays import Array
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

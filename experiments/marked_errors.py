@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.experiments.parameter_errors import SAMPLES
-from adaptctl.mechanism.pose import Array
 from adaptctl.recording import Run
 
 if TYPE_CHECKING:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
 from adaptctl.experiments.adaptation_laws import AdaptationLaws, smallest_eigenvalue
 from adaptctl.experiments.contest import Contender, Outcome
@@ -15,7 +16,6 @@ from adaptctl.experiments.experiment import setting
 from adaptctl.experiments.learning import ADAPTATION_OFF, Found
 from adaptctl.experiments.parameter_errors import SAMPLES, ParameterErrors
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
-from adaptctl.mechanism.pose import Array
 from adaptctl.recording import Finding, Run
 
 if TYPE_CHECKING:
@@ -123,9 +123,9 @@ class NoiseAndDelay(AdaptationLaws):
 
     def _loop(self, mechanism: Mechanism) -> Iterator[Finding]:
         """What the tracking loop tolerates of delay, and what there is of it."""
-        from adaptctl.control.error_feedback import ErrorFeedback
-        from adaptctl.control.gains import typical_inertia
-        from adaptctl.control.margins import margins
+        from adaptctl.control.gains.error_feedback import ErrorFeedback
+        from adaptctl.control.gains.gains import typical_inertia
+        from adaptctl.control.gains.margins import margins
 
         gains, inertia = self.gains(mechanism), typical_inertia(mechanism)
         inner = gains.damping / inertia

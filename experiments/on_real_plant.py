@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.control import Gains, Sinusoids, SlotineLi
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
@@ -16,7 +17,6 @@ from adaptctl.experiments.experiment import setting
 from adaptctl.experiments.learning import Learning
 from adaptctl.experiments.rough_model import deviations, scaled_links
 from adaptctl.identifiability import ReducedModel
-from adaptctl.mechanism.pose import Array
 from adaptctl.recording import Setting
 
 if TYPE_CHECKING:

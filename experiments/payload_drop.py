@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.control import Natural
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
@@ -19,7 +20,6 @@ from adaptctl.experiments.learning import ADAPTATION_OFF, Found
 from adaptctl.experiments.recovery import WINDOW, Recovery, recovery, recovery_times
 from adaptctl.experiments.rough_model import deviations
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
-from adaptctl.mechanism.pose import Array
 from adaptctl.recording import Finding, Run
 
 if TYPE_CHECKING:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from adaptctl.arrays import Array
 from adaptctl.control import PriorRanges, adaptation_gain
 from adaptctl.dynamics import Mechanism
 from adaptctl.identifiability import ReducedModel
-from adaptctl.mechanism.pose import Array
 
 
 class RangedGain:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.control import SlotineLi, Subspace
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
@@ -24,7 +25,6 @@ from adaptctl.identifiability import (
     reduce,
     states_within_limits,
 )
-from adaptctl.mechanism.pose import Array
 from adaptctl.recording import Finding, Run
 
 if TYPE_CHECKING:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from adaptctl.arrays import Array
+from adaptctl.description.inertia import pseudo_inertia
 from adaptctl.dynamics import Mechanism
 from adaptctl.identifiability import ReducedModel
-from adaptctl.mechanism.inertia import pseudo_inertia
-from adaptctl.mechanism.pose import Array
 
 
 def scaled_links(mechanism: Mechanism, share: float, seed: int) -> Array:

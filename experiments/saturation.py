@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.control import Guarded
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
@@ -19,7 +20,6 @@ from adaptctl.experiments.marked_errors import Marked, marked_errors
 from adaptctl.experiments.on_real_plant import OnRealPlant
 from adaptctl.experiments.parameter_errors import SAMPLES, ParameterErrors
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
-from adaptctl.mechanism.pose import Array
 from adaptctl.recording import Finding, Run
 
 if TYPE_CHECKING:

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.control import Gains, Sinusoids
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.experiments.experiment import setting
 from adaptctl.experiments.learning import Learning
 from adaptctl.experiments.ranged_gain import RangedGain
-from adaptctl.mechanism.pose import Array
 from adaptctl.recording import Setting
 
 if TYPE_CHECKING:

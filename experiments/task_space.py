@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.control import (
     Composite,
     ComputedTorque,
@@ -26,9 +27,8 @@ from adaptctl.experiments.contest import Contender, Outcome
 from adaptctl.experiments.experiment import setting
 from adaptctl.experiments.learning import ADAPTATION_OFF, Found, Learning
 from adaptctl.experiments.ranged_gain import RangedGain
-from adaptctl.experiments.serial_versus_graph import AHEAD, ARMS, KNOT, Arm
+from adaptctl.experiments.serial_versus_graph.experiment import AHEAD, ARMS, KNOT, Arm
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
-from adaptctl.mechanism.pose import Array
 from adaptctl.recording import Finding, Run, Setting
 
 if TYPE_CHECKING:

@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from adaptctl.arrays import Array
+from adaptctl.description import Pose
+from adaptctl.description.loops import Closure, ClosureKind, Loops
+from adaptctl.description.pose import rotation_about
+from adaptctl.description.transforms.joined import joined
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError
 from adaptctl.experiments.experiment import setting
 from adaptctl.experiments.stated_task import StatedTask
-from adaptctl.mechanism import Pose
-from adaptctl.mechanism.joined import joined
-from adaptctl.mechanism.loops import Closure, ClosureKind, Loops
-from adaptctl.mechanism.pose import Array, rotation_about
 from adaptctl.recording import Setting
 from adaptctl.scalars import Column
 

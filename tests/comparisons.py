@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.control import Sinusoids
 from adaptctl.dynamics import Mechanism
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
-from adaptctl.mechanism.pose import Array
 from adaptctl.recording import Comparison, Finding, Run, Setting, TickCost
 from adaptctl.simulation import Rollout
 

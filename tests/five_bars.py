@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from adaptctl.arrays import Array
+from adaptctl.description import Description, Pose, read
 from adaptctl.dynamics import Mechanism
-from adaptctl.mechanism import Description, Pose, read
-from adaptctl.mechanism.pose import Array
 
 NARROW, WIDE = 0.5236, 2.618
 """Table 9 of Sheu and Walker (1991): the condition on p2 - p3."""

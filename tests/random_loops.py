@@ -11,8 +11,8 @@ import numpy as np
 from random_trees import random_inertia, random_link, random_tree
 from scipy.linalg import qr
 
-from adaptctl.dynamics import Mechanism
-from adaptctl.mechanism import (
+from adaptctl.arrays import Array
+from adaptctl.description import (
     GROUND,
     Closure,
     ClosureKind,
@@ -25,7 +25,8 @@ from adaptctl.mechanism import (
     Pose,
     depth_first,
 )
-from adaptctl.mechanism.pose import Array, rotation_about
+from adaptctl.description.pose import rotation_about
+from adaptctl.dynamics import Mechanism
 
 
 def world_poses(description: Description, q: Array) -> dict[str | None, Pose]:

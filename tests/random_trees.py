@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from adaptctl.arrays import Array
+from adaptctl.description import GROUND, Description, Joint, JointKind, Link, Pose, depth_first
+from adaptctl.description.inertia import from_center_of_mass
+from adaptctl.description.pose import rotation_about
 from adaptctl.dynamics import Mechanism
-from adaptctl.mechanism import GROUND, Description, Joint, JointKind, Link, Pose, depth_first
-from adaptctl.mechanism.inertia import from_center_of_mass
-from adaptctl.mechanism.pose import Array, rotation_about
 
 KINDS = tuple(JointKind)
 

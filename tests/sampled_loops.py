@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.control import (
     Adaptive,
     Controller,
@@ -21,11 +22,10 @@ from adaptctl.control import (
     adaptation_gain,
 )
 from adaptctl.control.controller import home
+from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.experiments.rough_model import deviations
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
-from adaptctl.mechanism.inertia import from_center_of_mass
-from adaptctl.mechanism.pose import Array
 from adaptctl.simulation import Plant
 
 Disturbance = Callable[[float], Array]

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from sampled_loops import RANGES, arm, full, gains, loop, posture, reduced, swinging
 
+from adaptctl.arrays import Array
 from adaptctl.control import (
     AdaptationLaw,
     BoundedGainForgetting,
@@ -32,10 +33,9 @@ from adaptctl.control import (
 )
 from adaptctl.control.adaptation.natural import moved_body
 from adaptctl.control.controller import leaves
+from adaptctl.description.inertia import from_pseudo_inertia, pseudo_inertia
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.mechanism.inertia import from_pseudo_inertia, pseudo_inertia
-from adaptctl.mechanism.pose import Array
 
 NAMES = ["puma560_arm3", "semi_direct_drive"]
 

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from adaptctl.cli.main import main
+from adaptctl.description.inertia import is_physically_consistent
 from adaptctl.dynamics import load
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.experiments.adaptation_laws import LAWS, AdaptationLaws
 from adaptctl.experiments.rough_model import deviations, scaled_links
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
-from adaptctl.mechanism.inertia import is_physically_consistent
 
 COMMAND = ("experiment", "run", "adaptation-laws")
 CHOSEN = ("composite", "gradient", "gradient-euler", "dead-zone", "natural", "pd-gravity")

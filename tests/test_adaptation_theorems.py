@@ -23,6 +23,7 @@ from sampled_loops import (
     swinging,
 )
 
+from adaptctl.arrays import Array, stacked_rows
 from adaptctl.control import (
     AdaptationLaw,
     Adaptive,
@@ -42,9 +43,8 @@ from adaptctl.control import (
 )
 from adaptctl.control.adaptation.prediction import felt
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.arrays import column, stacked_rows
-from adaptctl.dynamics.momentum import momentum_terms
-from adaptctl.mechanism.pose import Array
+from adaptctl.dynamics.recursion.momentum import momentum_terms
+from adaptctl.scalars import column
 
 ARMS = ["puma560_measured", "semi_direct_drive"]
 SMALL = "puma560_arm3"

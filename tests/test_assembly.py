@@ -10,9 +10,7 @@ import pytest
 from random_loops import two_arms
 from random_trees import random_inertia
 
-from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError, LoopError, NotFoundError
-from adaptctl.mechanism import (
+from adaptctl.description import (
     Closure,
     ClosureKind,
     Condition,
@@ -24,6 +22,8 @@ from adaptctl.mechanism import (
     Loops,
     Pose,
 )
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError, LoopError, NotFoundError
 
 STILL = Pose.identity()
 CLOSED = {"crank": 1.0, "coupler": -0.9, "rocker": 1.1}

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from random_loops import RECIPES, random_loop
 
+from adaptctl.description import Condition, Limits
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError
 from adaptctl.identifiability import essential_space, random_states, states_within_limits
 from adaptctl.identifiability.branch import REGULAR
-from adaptctl.mechanism import Condition, Limits
 
 
 @pytest.mark.parametrize("name", sorted(RECIPES))

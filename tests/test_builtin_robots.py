@@ -10,8 +10,8 @@ import numpy as np
 import pinocchio
 import pytest
 
+from adaptctl.description import Description, builtin_names, read, read_denavit_hartenberg, to_pinocchio
 from adaptctl.errors import FileError, NotFoundError, PhysicalConsistencyWarning
-from adaptctl.mechanism import Description, builtin_names, read, read_denavit_hartenberg, to_pinocchio
 
 PUMAS = ("puma560", "puma560_arm3", "puma560_friction", "puma560_geared", "puma560_measured")
 

@@ -15,9 +15,9 @@ from robot_files import urdf
 
 from adaptctl.cli.basis_report import report
 from adaptctl.cli.main import main
+from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
-from adaptctl.mechanism.drive import Drive
 
 KEYS = ["schema", "robot", "dof", "links", "parameters", "rank", "singular_values", "gap", "independent", "columns"]
 KEYS += ["regrouping", "certificate"]

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from adaptctl.arrays import Array
+from adaptctl.description.inertia import from_pseudo_inertia, is_physically_consistent, pseudo_inertia
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError, MissingExtraError, PhysicalConsistencyWarning
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis, nearest_consistent
-from adaptctl.mechanism.inertia import from_pseudo_inertia, is_physically_consistent, pseudo_inertia
-from adaptctl.mechanism.pose import Array
 
 
 def reduced(mechanism: Mechanism) -> ReducedModel:

@@ -12,10 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_trees import random_tree
 
+from adaptctl.arrays import Array
 from adaptctl.control import ReferencePoint, SlotineLi
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.dynamics.arrays import column
-from adaptctl.dynamics.momentum import momentum_terms
+from adaptctl.dynamics.recursion.momentum import momentum_terms
 from adaptctl.errors import FileError, InputError, NotFoundError
 from adaptctl.identifiability import (
     Constraints,
@@ -28,7 +28,7 @@ from adaptctl.identifiability import (
     fundamental_basis,
     random_states,
 )
-from adaptctl.mechanism.pose import Array
+from adaptctl.scalars import column
 
 HEAD = 'schema = "adaptctl/parameter-constraints/1"\n'
 

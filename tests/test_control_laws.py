@@ -26,6 +26,7 @@ from sampled_loops import (
     swinging,
 )
 
+from adaptctl.arrays import Array
 from adaptctl.control import (
     AdaptiveComputedTorque,
     Composite,
@@ -40,10 +41,9 @@ from adaptctl.control import (
     TaskSpaceSlotineLi,
 )
 from adaptctl.control.controller import leaves
-from adaptctl.dynamics.arrays import column
-from adaptctl.dynamics.kinematics import link_poses
+from adaptctl.dynamics.recursion.kinematics import link_poses
 from adaptctl.errors import GainError, InputError
-from adaptctl.mechanism.pose import Array
+from adaptctl.scalars import column
 
 ARMS = ["puma560_arm3", "semi_direct_drive"]
 BOTH = ["puma560_geared", "semi_direct_drive"]

@@ -12,11 +12,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from adaptctl.description import Description, JointKind, Pose, read_denavit_hartenberg, to_pinocchio
+from adaptctl.description.drive import Drive
+from adaptctl.description.inertia import from_center_of_mass, inertia_tensor, transformed
+from adaptctl.description.pose import exact_right_angles, roll_pitch_yaw, rotation_about
 from adaptctl.errors import FileError
-from adaptctl.mechanism import Description, JointKind, Pose, read_denavit_hartenberg, to_pinocchio
-from adaptctl.mechanism.drive import Drive
-from adaptctl.mechanism.inertia import from_center_of_mass, inertia_tensor, transformed
-from adaptctl.mechanism.pose import exact_right_angles, roll_pitch_yaw, rotation_about
 
 HEAD = 'schema = "adaptctl/denavit-hartenberg/1"\nconvention = "standard"\n'
 PLAIN = HEAD + "links = [{ alpha = 0 }]\n"

@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_trees import random_tree
 
+from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.drive import SLOW
+from adaptctl.dynamics.recursion.drive import SLOW
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
-from adaptctl.mechanism.drive import Drive
 
 DRIVES = [Drive(0.5, 2.0, 3.0), Drive(viscous=1.0), Drive(), Drive(rotor_inertia=0.2, coulomb=4.0)]
 
@@ -74,7 +74,7 @@ def test_columns_and_the_tick_know_the_drives(seed: int, links: int, data: st.Da
     mechanism = driven(random_tree(seed, links))
     total = len(mechanism.parameter_names)
     columns = sorted(data.draw(st.sets(st.integers(0, total - 1), min_size=3)))
-    from adaptctl.dynamics.arrays import column
+    from adaptctl.scalars import column
 
     p, v, v_r, a_r = states(links, seed)
     s = np.random.default_rng(seed).normal(size=links)

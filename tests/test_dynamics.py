@@ -10,13 +10,12 @@ from hypothesis import strategies as st
 from random_trees import random_tree
 from robot_files import urdf
 
+from adaptctl.arrays import Array
+from adaptctl.description.drive import DriveParameter
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.dynamics.arrays import column
-from adaptctl.dynamics.drive import SLOW
+from adaptctl.dynamics.recursion.drive import SLOW
 from adaptctl.errors import InputError, NonFiniteError
-from adaptctl.mechanism.drive import DriveParameter
-from adaptctl.mechanism.pose import Array
-from adaptctl.scalars import Column, Dual
+from adaptctl.scalars import Column, Dual, column
 
 SAMPLES = 1000
 seeds = st.integers(0, 2**32 - 1)

@@ -13,14 +13,14 @@ from hypothesis import strategies as st
 from random_trees import random_chain, random_tree
 from scipy.integrate import solve_ivp
 
+from adaptctl.arrays import Array
 from adaptctl.compilation import compile_step
 from adaptctl.control import ComputedTorque
+from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.dynamics.drive import SLOW
+from adaptctl.dynamics.recursion.drive import SLOW
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import InputError, NotFoundError
-from adaptctl.mechanism.drive import Drive
-from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column
 from adaptctl.simulation import Plant, rollout
 from adaptctl.simulation.effects import (

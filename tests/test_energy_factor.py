@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.identifiability import States, essential_space, random_states
 from adaptctl.identifiability.energy_factor import EnergyFactor
@@ -16,7 +17,6 @@ from adaptctl.identifiability.numerical_rank import singular_values
 from adaptctl.identifiability.sampled_regressors import energies, energy_blocks, energy_differences
 from adaptctl.identifiability.sampling import random_halves
 from adaptctl.identifiability.scaled_regressor import ScaledRegressor
-from adaptctl.mechanism.pose import Array
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,9 @@ from hypothesis import strategies as st
 from random_trees import random_tree
 from robot_files import urdf
 
+from adaptctl.arrays import Array
 from adaptctl.control import MinimumJerk, ReferencePoint
+from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs import (
     Payload,
@@ -32,8 +34,6 @@ from adaptctl.envs.torque_limits import finite_torque_limits
 from adaptctl.envs.tracking import OPTIONS
 from adaptctl.errors import InputError, NonFiniteError, NotFoundError, PhysicalConsistencyWarning
 from adaptctl.identifiability import Constraints, constrained
-from adaptctl.mechanism.inertia import from_center_of_mass
-from adaptctl.mechanism.pose import Array
 from adaptctl.simulation import SemiImplicitEuler
 from adaptctl.simulation.effects import PayloadHeld
 

@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm, solve_discrete_lyapunov
 
-from adaptctl.control.error_feedback import ErrorFeedback
-from adaptctl.control.gain_design import carried
-from adaptctl.control.margins import margins
+from adaptctl.arrays import Array
+from adaptctl.control.gains.error_feedback import ErrorFeedback
+from adaptctl.control.gains.gain_design import carried
+from adaptctl.control.gains.margins import margins
 from adaptctl.errors import GainError, InputError
-from adaptctl.mechanism.pose import Array
 
 periods = st.floats(1e-4, 1e-2)
 

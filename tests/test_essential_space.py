@@ -12,6 +12,10 @@ from hypothesis import strategies as st
 from random_trees import random_chain, random_tree
 from robot_files import urdf
 
+from adaptctl.arrays import Array
+from adaptctl.description import Description, Joint, JointKind, Limits, Link, Pose
+from adaptctl.description.inertia import transformed
+from adaptctl.description.pose import rotation_about
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError, NonFiniteError, RankError
 from adaptctl.identifiability import (
@@ -27,9 +31,6 @@ from adaptctl.identifiability.numerical_rank import NumericalRank, singular_valu
 from adaptctl.identifiability.right_angles import near_right_angles
 from adaptctl.identifiability.sampled_regressors import energy_differences
 from adaptctl.identifiability.sampling import characteristic_length
-from adaptctl.mechanism import Description, Joint, JointKind, Limits, Link, Pose
-from adaptctl.mechanism.inertia import transformed
-from adaptctl.mechanism.pose import Array, rotation_about
 
 seeds = st.integers(0, 2**32 - 1)
 

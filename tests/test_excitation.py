@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from random_trees import random_chain
 
+from adaptctl.arrays import Array
 from adaptctl.control import ComputedTorque, Sinusoids
 from adaptctl.control.controller import home
-from adaptctl.control.excitation import BLOCKS, persistent_excitation, regressor_of, scaled_regressor
-from adaptctl.control.exciting_reference import ExcitingReference, Limits, exciting_reference
+from adaptctl.control.excitation.exciting_reference import ExcitingReference, Limits, exciting_reference
+from adaptctl.control.excitation.measure import BLOCKS, persistent_excitation, regressor_of, scaled_regressor
+from adaptctl.description.drive import Drive
 from adaptctl.dynamics import load
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
-from adaptctl.mechanism.drive import Drive
-from adaptctl.mechanism.pose import Array
 from adaptctl.simulation import rollout
 
 

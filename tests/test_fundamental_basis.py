@@ -15,13 +15,13 @@ from hypothesis import strategies as st
 from random_trees import random_chain, random_tree
 from robot_files import urdf
 
+from adaptctl.arrays import Array
+from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import FileError, InputError, RankError
 from adaptctl.identifiability import EssentialSpace, FundamentalBasis, Priority, essential_space, fundamental_basis
-from adaptctl.identifiability.equations import regrouping_equations
+from adaptctl.identifiability.regrouping_equations import regrouping_equations
 from adaptctl.identifiability.selection import removable
-from adaptctl.mechanism.drive import Drive
-from adaptctl.mechanism.pose import Array
 
 
 @pytest.fixture(scope="module")

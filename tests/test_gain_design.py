@@ -11,8 +11,8 @@ from random_trees import random_chain
 
 from adaptctl.cli.main import main
 from adaptctl.control import ComputedTorque, sampled_gain
-from adaptctl.control.gain_design import GainDesign, by_bandwidth, by_lqr, by_poles
-from adaptctl.control.gains import sampled_configurations
+from adaptctl.control.gains.gain_design import GainDesign, by_bandwidth, by_lqr, by_poles
+from adaptctl.control.gains.gains import sampled_configurations
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import GainError, InputError

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from random_trees import random_chain
 
 from adaptctl.control import Gains, PriorRanges, sampled_gain, typical_inertia
-from adaptctl.control.gains import sampled_configurations
+from adaptctl.control.gains.gains import sampled_configurations
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import GainError, InputError
 
@@ -71,7 +71,7 @@ def test_a_massless_mechanism_can_be_given_no_gains() -> None:
     nothing = pendulum().with_parameters(np.zeros(10))
     with pytest.raises(InputError, match="positive inertia"):
         Gains.from_bandwidth(nothing, 5.0)
-    from adaptctl.control.gains import require_sampled_gain
+    from adaptctl.control.gains.gains import require_sampled_gain
 
     with pytest.raises(GainError, match="not positive definite"):
         require_sampled_gain(nothing, 1.0, 1e-3)

@@ -12,10 +12,10 @@ import pytest
 from adaptctl.compilation import Op, Routine, outlined, trace
 from adaptctl.control import Gradient, ReferencePoint, SlotineLi, adaptation_gain
 from adaptctl.control.adaptation.law import NoMemory, Period
+from adaptctl.description.pose import rotation_about
 from adaptctl.dynamics import load
 from adaptctl.errors import TraceError
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
-from adaptctl.mechanism.pose import rotation_about
 from adaptctl.scalars import Column, Dual, absolute, clip, cos, maximum, minimum, sin, sqrt, where
 
 Equation = Callable[..., Any]

@@ -13,6 +13,10 @@ from hypothesis import strategies as st
 from random_trees import random_chain, random_inertia, random_pose, random_tree
 from robot_files import urdf
 
+from adaptctl.arrays import Array
+from adaptctl.description import Description, Joint, JointKind, Link, Pose, with_floating_base
+from adaptctl.description.drive import Drive
+from adaptctl.description.inertia import inertia_tensor, pseudo_inertia, transformed
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError, RankError
 from adaptctl.identifiability import (
@@ -23,14 +27,10 @@ from adaptctl.identifiability import (
     essential_space,
     fundamental_basis,
 )
-from adaptctl.identifiability.inertia_functionals import functionals, transfer_rates, transfers
-from adaptctl.identifiability.inertial_transfers import inertial_transfers
-from adaptctl.identifiability.joint_frames import twist_entries, twist_matrices
-from adaptctl.identifiability.tree_regrouping import tree_regrouping
-from adaptctl.mechanism import Description, Joint, JointKind, Link, Pose, with_floating_base
-from adaptctl.mechanism.drive import Drive
-from adaptctl.mechanism.inertia import inertia_tensor, pseudo_inertia, transformed
-from adaptctl.mechanism.pose import Array
+from adaptctl.identifiability.tree.inertia_functionals import functionals, transfer_rates, transfers
+from adaptctl.identifiability.tree.joint_frames import twist_entries, twist_matrices
+from adaptctl.identifiability.tree.regrouping import tree_regrouping
+from adaptctl.identifiability.tree.unobservable_inertia import inertial_transfers
 
 seeds = st.integers(0, 2**32 - 1)
 UP, ACROSS = (0.0, 0.0, 1.0), (0.0, 1.0, 0.0)

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column, Dual
 from adaptctl.simulation import Integrator, Plant, RungeKutta4, SemiImplicitEuler
 

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from random_trees import random_tree
 
+from adaptctl.description import Pose
+from adaptctl.description.loops import Closure, ClosureKind, Loops
+from adaptctl.description.pose import rotation_about
+from adaptctl.description.transforms.joined import joined
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.dynamics.kinematics import link_poses
+from adaptctl.dynamics.recursion.kinematics import link_poses
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
-from adaptctl.mechanism import Pose
-from adaptctl.mechanism.joined import joined
-from adaptctl.mechanism.loops import Closure, ClosureKind, Loops
-from adaptctl.mechanism.pose import rotation_about
 
 ROD = Pose(rotation_about((1, 0, 0), np.pi), (0.0, 0.0, 0.3))
 """The right hand in the left: 0.3 m ahead, face to face."""

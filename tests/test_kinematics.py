@@ -9,11 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_trees import random_tree
 
+from adaptctl.arrays import Array
+from adaptctl.description import GROUND, Pose
+from adaptctl.description.pose import rotation_about
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.kinematics import joint_axes, link_poses
+from adaptctl.dynamics.recursion.kinematics import joint_axes, link_poses
 from adaptctl.errors import InputError, NonFiniteError
-from adaptctl.mechanism import GROUND, Pose
-from adaptctl.mechanism.pose import Array, rotation_about
 
 
 def pinocchio_model(mechanism: Mechanism) -> pinocchio.Model:

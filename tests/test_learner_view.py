@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from adaptctl.envs import Puma560VectorTrackingEnv
-from adaptctl.envs.learner_view import LearnerView
+from adaptctl.envs.many.learner_view import LearnerView
 from adaptctl.errors import InputError, MissingExtraError, NonFiniteError
 
 NOTHING: list[dict[str, Any]] = [{}, {}, {}]

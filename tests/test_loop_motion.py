@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
+from adaptctl.arrays import Array
 from adaptctl.control import (
     ComputedTorque,
     PriorRanges,
@@ -20,12 +21,11 @@ from adaptctl.control import (
 )
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.loop_equations import LoopEquations
-from adaptctl.dynamics.segment import placements
+from adaptctl.dynamics.recursion.segment import placements
 from adaptctl.envs import SemiDirectDriveTrackingEnv, TrackingEnv, random_sinusoids
 from adaptctl.envs.semi_direct_drive import REFERENCE
 from adaptctl.errors import SingularityError
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
-from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column
 from adaptctl.simulation import Plant, PlantState, Rollout, RungeKutta4, SemiImplicitEuler, rollout
 

@@ -15,15 +15,14 @@ from hypothesis import strategies as st
 from random_loops import RECIPES, gap_rates, gaps, random_loop
 from random_trees import random_inertia
 
+from adaptctl.arrays import Array
 from adaptctl.compilation import compile_function
+from adaptctl.description import Closure, Coupling, Description, Joint, JointKind, Link, Loops, Pose
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.dynamics.arrays import column
 from adaptctl.dynamics.loop_equations import LoopEquations
-from adaptctl.dynamics.segment import placements
+from adaptctl.dynamics.recursion.segment import placements
 from adaptctl.errors import InputError, SingularityError
-from adaptctl.mechanism import Closure, Coupling, Description, Joint, JointKind, Link, Loops, Pose
-from adaptctl.mechanism.pose import Array
-from adaptctl.scalars import Column, Dual
+from adaptctl.scalars import Column, Dual, column
 
 seeds = st.integers(0, 9)
 every_kind = pytest.mark.parametrize("name", sorted(RECIPES))

@@ -11,6 +11,7 @@ import pytest
 from random_trees import random_chain
 from sampled_loops import RANGES, arm, full, gains, posture, reduced
 
+from adaptctl.arrays import Array
 from adaptctl.control import (
     AdaptiveComputedTorque,
     BoundedGainForgetting,
@@ -28,7 +29,6 @@ from adaptctl.control import (
 )
 from adaptctl.control.controller import LARGEST_COMPILED, leaves, like
 from adaptctl.errors import InputError, NonFiniteError
-from adaptctl.mechanism.pose import Array
 
 PUMA, LOOP = "puma560_arm3", "semi_direct_drive"
 PERIOD = 1e-3

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from adaptctl.description import ClosureKind, Description, JointKind, Pose, read, read_mechanism_file
+from adaptctl.description.pose import roll_pitch_yaw
 from adaptctl.dynamics import load
 from adaptctl.errors import FileError, LoopError, NotFoundError
-from adaptctl.mechanism import ClosureKind, Description, JointKind, Pose, read, read_mechanism_file
-from adaptctl.mechanism.pose import roll_pitch_yaw
 
 HEAD = 'schema = "adaptctl/mechanism/1"\n'
 TREE = HEAD + 'links = [{ name = "a", joint = "one" }, { name = "b", parent = "a", joint = "two" }]\n'

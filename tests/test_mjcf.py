@@ -13,14 +13,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from adaptctl.arrays import Array
+from adaptctl.description import ClosureKind, Description, JointKind, Limits, read, read_mjcf
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.dynamics.arrays import column
-from adaptctl.dynamics.equations import TreeEquations
+from adaptctl.dynamics.tree_equations import TreeEquations
 from adaptctl.errors import FileError, LoopError, SimplificationWarning
 from adaptctl.files import MAX_BYTES
 from adaptctl.identifiability import essential_space
-from adaptctl.mechanism import ClosureKind, Description, JointKind, Limits, read, read_mjcf
-from adaptctl.mechanism.pose import Array
+from adaptctl.scalars import column
 
 BODY = '<inertial pos=".1 0 .2" mass="1" diaginertia=".1 .12 .09"/>'
 TILTED = '<inertial pos=".1 .2 .3" euler="10 20 30" mass="2" diaginertia=".1 .2 .25"/>'

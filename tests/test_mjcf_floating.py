@@ -9,10 +9,11 @@ import mujoco
 import numpy as np
 import pytest
 
+from adaptctl.arrays import Array
+from adaptctl.description.pose import rotation_about
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import FileError
 from adaptctl.identifiability import essential_space
-from adaptctl.mechanism.pose import Array, rotation_about
 
 INERTIA = '<inertial pos=".1 .2 .3" euler="10 20 30" mass="2" diaginertia=".1 .2 .25"/>'
 TEXT = f"""<mujoco>

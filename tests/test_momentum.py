@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 from sampled_loops import arm, gains, plant, posture, reduced, swinging
 
+from adaptctl.arrays import Array, stacked_rows
 from adaptctl.compilation import compile_function
 from adaptctl.control import SlotineLi
 from adaptctl.control.adaptation.law import Period
 from adaptctl.control.adaptation.prediction import Filtered, TorqueFilter
 from adaptctl.control.controller import home
-from adaptctl.dynamics.arrays import column, stacked_rows
-from adaptctl.dynamics.momentum import momentum_terms
-from adaptctl.mechanism.pose import Array
-from adaptctl.scalars import Column
+from adaptctl.dynamics.recursion.momentum import momentum_terms
+from adaptctl.scalars import Column, column
 
 ARMS = ["puma560_arm3", "puma560_friction", "semi_direct_drive"]
 

@@ -10,16 +10,15 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
+from adaptctl.arrays import Array, stacked
 from adaptctl.compilation import compile_function, compile_step, trace
 from adaptctl.control import PriorRanges, ReferencePoint, SlotineLi, Subspace, adaptation_gain
 from adaptctl.control.controller import home, leaves, like
 from adaptctl.dynamics import equation_costs, load
-from adaptctl.dynamics.arrays import column, stacked
-from adaptctl.dynamics.momentum import momentum_terms
+from adaptctl.dynamics.recursion.momentum import momentum_terms
 from adaptctl.errors import TraceError
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
-from adaptctl.mechanism.pose import Array
-from adaptctl.scalars import Column, Dual
+from adaptctl.scalars import Column, Dual, column
 
 ARMS = ["puma560_measured", "semi_direct_drive"]
 

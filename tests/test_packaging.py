@@ -23,8 +23,8 @@ import adaptctl
 import adaptctl.envs  # registers the environments
 from adaptctl.cli.basis import as_builtins
 from adaptctl.cli.main import app
+from adaptctl.description import builtin_names
 from adaptctl.experiments import EXPERIMENTS
-from adaptctl.mechanism import builtin_names
 from adaptctl.recording.summary import summary
 from adaptctl.recording.trace import quantities
 

@@ -13,8 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adaptctl.errors import InputError, SimplificationWarning
-from adaptctl.mechanism import (
+from adaptctl.description import (
     GROUND,
     Description,
     Joint,
@@ -26,9 +25,10 @@ from adaptctl.mechanism import (
     from_pinocchio,
     to_pinocchio,
 )
-from adaptctl.mechanism.drive import Drive
-from adaptctl.mechanism.inertia import from_center_of_mass, inertia_tensor, transformed
-from adaptctl.mechanism.pose import rotation_about
+from adaptctl.description.drive import Drive
+from adaptctl.description.inertia import from_center_of_mass, inertia_tensor, transformed
+from adaptctl.description.pose import rotation_about
+from adaptctl.errors import InputError, SimplificationWarning
 
 KINDS = tuple(JointKind)
 
@@ -271,5 +271,5 @@ def test_odd_inertias_survive_there_and_back(ten: list[float]) -> None:
 
 
 def test_reading_needs_no_pinocchio() -> None:
-    code = "import sys, adaptctl.mechanism as m; m.read('puma560_measured'); sys.exit('pinocchio' in sys.modules)"
+    code = "import sys, adaptctl.description as m; m.read('puma560_measured'); sys.exit('pinocchio' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -9,13 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from adaptctl.arrays import Array
 from adaptctl.control.controller import LARGEST_COMPILED
+from adaptctl.description import GROUND, Description, Joint, Link, Pose
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.dynamics.arrays import column
 from adaptctl.errors import InputError, NonFiniteError
-from adaptctl.mechanism import GROUND, Description, Joint, Link, Pose
-from adaptctl.mechanism.pose import Array
-from adaptctl.scalars import Column
+from adaptctl.scalars import Column, column
 from adaptctl.simulation import Integrator, Plant, PlantState, RungeKutta4, SemiImplicitEuler
 
 

@@ -11,11 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_trees import random_tree
 
+from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import FileError, InputError, NotFoundError
 from adaptctl.identifiability import Priority, essential_space, fundamental_basis
 from adaptctl.identifiability.priority import KINDS
-from adaptctl.mechanism.drive import Drive
 
 HEAD = 'schema = "adaptctl/priority/1"\n'
 

@@ -9,11 +9,11 @@ import pinocchio
 import pytest
 from robot_files import urdf
 
+from adaptctl.description import Description, read, read_urdf, with_floating_base
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.dynamics.kinematics import link_poses
+from adaptctl.dynamics.recursion.kinematics import link_poses
 from adaptctl.errors import FileError, InputError
 from adaptctl.identifiability import essential_space, fundamental_basis
-from adaptctl.mechanism import Description, read, read_urdf, with_floating_base
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore::adaptctl.errors.SimplificationWarning"),

@@ -18,11 +18,11 @@ from comparisons import PERIOD, comparison, rollout
 from rerun.chunk import RrdReader
 from robot_files import urdf
 
+from adaptctl.arrays import Array
+from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.dynamics.kinematics import joint_axes, link_poses
+from adaptctl.dynamics.recursion.kinematics import joint_axes, link_poses
 from adaptctl.errors import FileError, InputError
-from adaptctl.mechanism.drive import Drive
-from adaptctl.mechanism.pose import Array
 from adaptctl.recording import Comparison, prepare_folder, write_artifacts
 from adaptctl.recording.skeleton import Solid, skeleton
 from adaptctl.recording.wording import number, outcome, verdict

@@ -9,11 +9,11 @@ import pinocchio
 import pytest
 from robot_files import urdf
 
+from adaptctl.arrays import Array
+from adaptctl.description import Limits, Pose
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError
 from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
-from adaptctl.mechanism import Limits, Pose
-from adaptctl.mechanism.pose import Array
 
 
 @pytest.fixture(scope="module")

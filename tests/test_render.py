@@ -8,12 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_trees import random_tree
 
+from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.dynamics.kinematics import link_poses
+from adaptctl.dynamics.recursion.kinematics import link_poses
 from adaptctl.envs import Puma560TrackingEnv
-from adaptctl.envs.raycast import Camera, Solid, intersect
-from adaptctl.envs.render import Renderer
-from adaptctl.mechanism.pose import Array
+from adaptctl.envs.rendering.raycast import Camera, Solid, intersect
+from adaptctl.envs.rendering.render import Renderer
 from adaptctl.recording.palette import GOAL
 from adaptctl.recording.skeleton import skeleton, tip_path
 

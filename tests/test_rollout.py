@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from gymnasium.wrappers import TimeLimit
 
+from adaptctl.arrays import Array
 from adaptctl.control import ComputedTorque
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import InputError, NonFiniteError
-from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column
 from adaptctl.simulation import Rollout, rollout
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from five_bars import NARROW, WIDE, closes_everywhere, five_bar, spread
 
+from adaptctl.arrays import Array
+from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.dynamics import load
 from adaptctl.errors import SingularityError
 from adaptctl.identifiability import EssentialSpace, Priority, essential_space, fundamental_basis, states_within_limits
-from adaptctl.mechanism.inertia import from_center_of_mass
-from adaptctl.mechanism.pose import Array
 
 # Table 11: the order in which parameters are to be removed, by kind (rows) and link.
 TABLE_11 = ("m", "mc_x", "mc_y", "mc_z", "I_xy", "I_xz", "I_yz", "I_xx", "I_yy", "I_zz")

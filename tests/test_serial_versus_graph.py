@@ -14,9 +14,9 @@ from adaptctl.cli.main import main
 from adaptctl.control import Spline
 from adaptctl.dynamics import load
 from adaptctl.dynamics.inverse_kinematics import Tip
-from adaptctl.dynamics.kinematics import link_poses
+from adaptctl.dynamics.recursion.kinematics import link_poses
 from adaptctl.errors import InputError
-from adaptctl.experiments.serial_versus_graph import ARMS, SerialVersusGraph
+from adaptctl.experiments.serial_versus_graph.experiment import ARMS, SerialVersusGraph
 
 FIVE_BAR = ARMS[1]
 

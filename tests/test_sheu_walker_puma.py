@@ -11,6 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from adaptctl.arrays import Array
+from adaptctl.description import Pose
+from adaptctl.description.inertia import PARAMETERS
+from adaptctl.description.pose import rotation_about
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import RankError
 from adaptctl.identifiability import (
@@ -27,9 +31,6 @@ from adaptctl.identifiability.sampled_regressors import energies, energy_differe
 from adaptctl.identifiability.sampling import characteristic_length
 from adaptctl.identifiability.scaling import column_scales
 from adaptctl.identifiability.selection import removable
-from adaptctl.mechanism import Pose
-from adaptctl.mechanism.inertia import PARAMETERS
-from adaptctl.mechanism.pose import Array, rotation_about
 
 pytestmark = pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
 

@@ -15,6 +15,7 @@ from gymnasium.wrappers import RescaleAction, TimeLimit
 from random_trees import random_chain
 from sampled_loops import RANGES, arm, full, gains, reduced, swinging
 
+from adaptctl.arrays import Array
 from adaptctl.control import (
     AdaptationLaw,
     AdaptiveComputedTorque,
@@ -37,10 +38,9 @@ from adaptctl.control import (
     adaptation_gain,
 )
 from adaptctl.control.controller import LARGEST_COMPILED, ReferencePoint
+from adaptctl.description.drive import Drive
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import InputError, NonFiniteError, NotCompiledWarning, TraceError
-from adaptctl.mechanism.drive import Drive
-from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column, maximum
 from adaptctl.simulation import Integrator, Rollout, RungeKutta4, SemiImplicitEuler, rollout, simulate
 from adaptctl.simulation.effects import (

@@ -10,13 +10,13 @@ import pytest
 from random_trees import random_chain
 from sampled_loops import arm, gains, posture, reduced, swinging
 
+from adaptctl.arrays import Array
 from adaptctl.compilation import compile_step
 from adaptctl.control import ComputedTorque, MinimumJerk, Sinusoids, SlotineLi
 from adaptctl.control.controller import LARGEST_COMPILED, Controller, ReferencePoint
 from adaptctl.dynamics import Mechanism
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import InputError
-from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column
 from adaptctl.simulation import Plant, RealPlant, rollout, simulate_many
 from adaptctl.simulation.closed_loop import ClosedLoop

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from adaptctl.arrays import Array
 from adaptctl.compilation import compile_function, outlined
 from adaptctl.control import (
     Gains,
@@ -22,11 +23,9 @@ from adaptctl.control import (
 )
 from adaptctl.control.controller import leaves
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.dynamics.arrays import spread
 from adaptctl.errors import GainError, InputError, NonFiniteError, PhysicalConsistencyWarning
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
-from adaptctl.mechanism.pose import Array
-from adaptctl.scalars import Column
+from adaptctl.scalars import Column, spread
 
 REFERENCE = Sinusoids((0.0, -0.6, 0.8, 0.0, 0.5, 0.0), (0.4,) * 6, (0.5, 0.6, 0.7, 0.8, 0.9, 1.0), start_time=0.5)
 START = REFERENCE(0.0).p + 0.1

@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 from random_trees import random_tree
 from robot_files import urdf
 
+from adaptctl.description import Description, Joint, Link, Pose, read, snapped
+from adaptctl.description.pose import rotation_about
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.dynamics.kinematics import link_poses
+from adaptctl.dynamics.recursion.kinematics import link_poses
 from adaptctl.identifiability import essential_space
 from adaptctl.identifiability.right_angles import near_right_angles
-from adaptctl.mechanism import Description, Joint, Link, Pose, read, snapped
-from adaptctl.mechanism.pose import rotation_about
 
 
 @pytest.mark.filterwarnings("ignore::adaptctl.errors.SimplificationWarning")

@@ -23,8 +23,8 @@ UNUSED = {
     "adaptctl.control.task_space",
     "adaptctl.dynamics.loop_equations",
     "adaptctl.identifiability.consistency",
-    "adaptctl.mechanism.mjcf",
-    "adaptctl.mechanism.urdf",
+    "adaptctl.description.readers.mjcf",
+    "adaptctl.description.readers.urdf",
     "adaptctl.simulation",
     "xml",
 }

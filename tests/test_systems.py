@@ -9,12 +9,12 @@ from random_trees import random_chain
 
 from adaptctl.control import ComputedTorque, Controller, SlotineLi, adaptation_gain
 from adaptctl.control.controller import home
-from adaptctl.control.gains import typical_inertia
+from adaptctl.control.gains.gains import typical_inertia
+from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.mechanism.drive import Drive
 from adaptctl.simulation import Plant, rollout
 from adaptctl.simulation.systems import (
     closed_loop_system,

@@ -12,10 +12,10 @@ import pinocchio
 import pytest
 from robot_files import urdf
 
+from adaptctl.description import Description, JointKind, Limits, from_pinocchio, read_urdf, to_pinocchio
+from adaptctl.description.drive import Drive
 from adaptctl.errors import FileError, SimplificationWarning
 from adaptctl.files import MAX_BYTES
-from adaptctl.mechanism import Description, JointKind, Limits, from_pinocchio, read_urdf, to_pinocchio
-from adaptctl.mechanism.drive import Drive
 
 MOTIONLESS = ("quadrotor_base.urdf", "iris_simple.urdf", "ur3.urdf")
 ROBOTS = sorted(Path(str(f.locate())) for f in files("example-robot-data") or () if f.suffix == ".urdf")

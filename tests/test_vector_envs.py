@@ -15,15 +15,15 @@ from random_trees import random_chain, random_tree
 from sampled_loops import RANGES, arm, gains, reduced
 
 import adaptctl.envs
+from adaptctl.arrays import Array
 from adaptctl.compilation import compile_function
 from adaptctl.control import ComputedTorque, MinimumJerk, ReferencePoint, Sinusoids, SlotineLi, adaptation_gain
 from adaptctl.control.controller import LARGEST_COMPILED
-from adaptctl.dynamics.continuation import NEAREST
-from adaptctl.dynamics.determinant import determinant
+from adaptctl.dynamics.loops.continuation import NEAREST
+from adaptctl.dynamics.loops.determinant import determinant
 from adaptctl.envs import Payload, TrackingEnv, VectorTrackingEnv
-from adaptctl.envs.arm_streams import BLOCK, ArmStreams
+from adaptctl.envs.many.random_streams import BLOCK, ArmStreams
 from adaptctl.errors import InputError, NonFiniteError, NotFoundError
-from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column
 from adaptctl.simulation.effects import (
     ActuatorLag,

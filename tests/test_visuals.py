@@ -12,13 +12,13 @@ from comparisons import comparison
 from rerun.chunk import RrdReader
 from robot_files import urdf
 
+from adaptctl.description import GROUND, Description, Pose, read_urdf
+from adaptctl.description.readers import urdf_visuals as reader
+from adaptctl.description.transforms.floating_base import with_floating_base
+from adaptctl.description.transforms.joined import joined
+from adaptctl.description.visual import Box, Cylinder, Mesh, Sphere, Visual
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
-from adaptctl.mechanism import GROUND, Description, Pose, read_urdf
-from adaptctl.mechanism import urdf_visuals as reader
-from adaptctl.mechanism.floating_base import with_floating_base
-from adaptctl.mechanism.joined import joined
-from adaptctl.mechanism.visual import Box, Cylinder, Mesh, Sphere, Visual
 from adaptctl.recording import visuals as recorded
 from adaptctl.recording.rerun_recording import write_recording
 

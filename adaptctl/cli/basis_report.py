@@ -11,9 +11,9 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from adaptctl.description import Link
 from adaptctl.dynamics import Mechanism
 from adaptctl.identifiability import EssentialSpace, FundamentalBasis, Reduction
-from adaptctl.mechanism import Link
 
 ROWS = ("m", "mc_x", "mc_y", "mc_z", "I_xx", "I_yy", "I_zz", "I_xy", "I_xz", "I_yz")
 """Kinds of parameters in the order of Table 5 of Sheu and Walker (1991)."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 if TYPE_CHECKING:
-    from adaptctl.control.gain_design import GainDesign
+    from adaptctl.control.gains.gain_design import GainDesign
 
 SCHEMA = "adaptctl/gains/1"
 
@@ -35,7 +35,7 @@ def gains(
     json: Annotated[bool, Parameter(help="Print JSON instead of tables.")] = False,
 ) -> None:
     """Design the gains of a robot's tracking loop, and tell their margins."""
-    from adaptctl.control.gain_design import by_bandwidth, by_lqr, by_poles
+    from adaptctl.control.gains.gain_design import by_bandwidth, by_lqr, by_poles
     from adaptctl.dynamics import load
 
     mechanism = load(robot)

@@ -10,15 +10,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from adaptctl.arrays import Array, frozen_array
 from adaptctl.control.adaptation.gradient import Gradient
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
 from adaptctl.control.controller import Controller, home
-from adaptctl.control.gains import require_sampled_gain
-from adaptctl.dynamics.arrays import spread
+from adaptctl.control.gains.gains import require_sampled_gain
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.mechanism.pose import Array, frozen_array
-from adaptctl.scalars import Column
+from adaptctl.scalars import Column, spread
 
 
 class AdaptiveState(NamedTuple):

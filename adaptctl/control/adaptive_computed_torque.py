@@ -8,16 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from adaptctl.arrays import Array, stacked_rows
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory
 from adaptctl.control.adaptive import Adaptive, AdaptiveState
 from adaptctl.control.controller import ReferencePoint
-from adaptctl.control.gains import LARGEST_SAMPLED_GAIN, per_joint, sampled_configurations, typical_inertia
-from adaptctl.dynamics.arrays import column, stacked_rows
-from adaptctl.dynamics.mass_matrix import solve_symmetric
+from adaptctl.control.gains.gains import LARGEST_SAMPLED_GAIN, per_joint, sampled_configurations, typical_inertia
+from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.errors import GainError, InputError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.mechanism.pose import Array
-from adaptctl.scalars import Column
+from adaptctl.scalars import Column, column
 
 
 @dataclass(frozen=True, eq=False)

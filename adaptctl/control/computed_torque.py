@@ -8,13 +8,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from adaptctl.arrays import Array
 from adaptctl.control.controller import ReferencePoint
-from adaptctl.control.gains import per_joint
+from adaptctl.control.gains.gains import per_joint
 from adaptctl.control.model_based import Followed, ModelBased, embedded
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column
 
 

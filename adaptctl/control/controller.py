@@ -11,12 +11,11 @@ from typing import Any, Generic, NamedTuple, NoReturn, Protocol, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from adaptctl.arrays import Array, checked
 from adaptctl.compilation import Kernel, compile_function
 from adaptctl.control.many_arms import ManyArms
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.arrays import checked
 from adaptctl.errors import InputError, NonFiniteError
-from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column
 
 LARGEST_COMPILED = 48

@@ -9,10 +9,10 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
+from adaptctl.arrays import Array, frozen_array
 from adaptctl.errors import FileError
 from adaptctl.files import read_json, write_json
 from adaptctl.identifiability import ReducedModel
-from adaptctl.mechanism.pose import Array, frozen_array
 
 SCHEMA = "adaptctl/estimate/1"
 

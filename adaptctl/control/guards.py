@@ -10,9 +10,9 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from adaptctl.arrays import Array
 from adaptctl.control.controller import Controller, ReferencePoint, leaves
 from adaptctl.errors import InputError
-from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column, Scalar, absolute, clip, maximum, where
 from adaptctl.scalars.scalar import Condition
 

@@ -6,11 +6,11 @@ from typing import Protocol
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.control.run import Followed
 from adaptctl.control.slotine_li import SlotineLi
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
-from adaptctl.mechanism.pose import Array
 
 
 class Run(Followed, Protocol):

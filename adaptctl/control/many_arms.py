@@ -8,9 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
+from adaptctl.arrays import Array, stacked
 from adaptctl.compilation import Ensemble, Stepper, compile_step
-from adaptctl.dynamics.arrays import stacked
-from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column
 
 Columns = Mapping[str, Array]

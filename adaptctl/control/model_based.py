@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from adaptctl.arrays import Array, frozen_array
 from adaptctl.control.controller import Controller, home
 from adaptctl.dynamics import Mechanism
 from adaptctl.identifiability import ReducedModel
-from adaptctl.mechanism.pose import Array, frozen_array
 from adaptctl.scalars import Column
 
 

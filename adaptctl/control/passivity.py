@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
+from adaptctl.arrays import Array
 from adaptctl.control.adaptation.law import AdaptationLaw
 from adaptctl.control.adaptive import Adaptive, AdaptiveState
 from adaptctl.control.controller import ReferencePoint
-from adaptctl.control.gains import per_joint
+from adaptctl.control.gains.gains import per_joint
 from adaptctl.identifiability import ReducedModel
-from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column
 
 

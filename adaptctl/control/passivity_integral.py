@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.control.adaptive import AdaptiveState
 from adaptctl.control.controller import ReferencePoint
 from adaptctl.control.passivity import PassivityBased, Wanted
-from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column
 
 

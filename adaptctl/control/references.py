@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from adaptctl.arrays import Array, frozen_array
 from adaptctl.control.controller import ReferencePoint
 from adaptctl.errors import InputError
-from adaptctl.mechanism.pose import Array, frozen_array
 from adaptctl.scalars import Column, Scalar, clip, cos, sin, where
 
 DEGREE = 5

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from adaptctl.mechanism.pose import Array
+from adaptctl.arrays import Array
 
 
 class Followed(Protocol):

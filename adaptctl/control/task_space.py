@@ -9,17 +9,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from adaptctl.arrays import Array, frozen_array, stacked_rows
 from adaptctl.control.adaptation.law import NoMemory
 from adaptctl.control.adaptive import AdaptiveState
 from adaptctl.control.controller import ReferencePoint
-from adaptctl.control.gains import sampled_configurations
+from adaptctl.control.gains.gains import sampled_configurations
 from adaptctl.control.passivity import PassivityBased, Wanted
-from adaptctl.dynamics.arrays import column, stacked_rows
-from adaptctl.dynamics.jacobian import moving_point
-from adaptctl.dynamics.mass_matrix import solve_symmetric
+from adaptctl.dynamics.recursion.jacobian import moving_point
+from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.errors import InputError
-from adaptctl.mechanism.pose import Array, frozen_array
-from adaptctl.scalars import Column, Dual, Vec
+from adaptctl.scalars import Column, Dual, Vec, column
 
 UNREACHED = 1e-6
 """A Jacobian's smallest singular value over its largest, below which it is singular everywhere."""

@@ -6,9 +6,8 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from adaptctl.compilation import trace
-from adaptctl.dynamics.arrays import spread
 from adaptctl.dynamics.mechanism import Mechanism
-from adaptctl.scalars import Column
+from adaptctl.scalars import Column, spread
 
 
 class EquationCosts(NamedTuple):

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.dynamics.arrays import column, stacked, stacked_rows
-from adaptctl.dynamics.jacobian import moving_point
+from adaptctl.arrays import Array, frozen_array, stacked, stacked_rows
 from adaptctl.dynamics.mechanism import Mechanism
+from adaptctl.dynamics.recursion.jacobian import moving_point
 from adaptctl.errors import InputError, SingularityError
-from adaptctl.mechanism.pose import Array, frozen_array
-from adaptctl.scalars import Column, Vec
+from adaptctl.scalars import Column, Vec, column
 
 LARGEST_STEP = 0.02
 """m a point is moved between two of Newton's steps: small enough to stay on one branch"""

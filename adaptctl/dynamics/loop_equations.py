@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import islice
 
-from adaptctl.dynamics.constraint import Closing
-from adaptctl.dynamics.equations import TreeEquations
-from adaptctl.dynamics.least_squares import Factored
 from adaptctl.dynamics.loop_motion import LoopMotion
-from adaptctl.dynamics.mass_matrix import solve_symmetric
-from adaptctl.dynamics.posture import Following, Posture
-from adaptctl.dynamics.segment import Segment, placements
+from adaptctl.dynamics.loops.constraint import Closing
+from adaptctl.dynamics.loops.least_squares import Factored
+from adaptctl.dynamics.loops.posture import Following, Posture
+from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
+from adaptctl.dynamics.recursion.segment import Segment, placements
+from adaptctl.dynamics.tree_equations import TreeEquations
 from adaptctl.scalars import Column, Scalar
 
 NEWTON_STEPS = 3

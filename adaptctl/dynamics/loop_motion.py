@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from adaptctl.dynamics.posture import Following
+from adaptctl.dynamics.loops.posture import Following
 from adaptctl.dynamics.tree_motion import TreeMotion
 from adaptctl.scalars import Column
 

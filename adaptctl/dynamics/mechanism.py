@@ -10,21 +10,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.dynamics.arrays import checked, column, same_samples, stacked, stacked_rows
-from adaptctl.dynamics.equations import TreeEquations
-from adaptctl.dynamics.segment import segments
+from adaptctl.arrays import Array, checked, same_samples, stacked, stacked_rows
+from adaptctl.description import Description, Joint, Link
+from adaptctl.description.drive import Drive
+from adaptctl.dynamics.recursion.segment import segments
+from adaptctl.dynamics.tree_equations import TreeEquations
 from adaptctl.errors import InputError, LoopError
-from adaptctl.mechanism import Description, Joint, Link
-from adaptctl.mechanism.drive import Drive
-from adaptctl.mechanism.pose import Array
-from adaptctl.scalars import Column
+from adaptctl.scalars import Column, column
 
 if TYPE_CHECKING:
     import pinocchio
 
-    from adaptctl.dynamics.continuation import Continuation
+    from adaptctl.dynamics.constrained_equations import RelatedEquations
     from adaptctl.dynamics.loop_equations import LoopEquations
-    from adaptctl.dynamics.related_equations import RelatedEquations
+    from adaptctl.dynamics.loops.continuation import Continuation
 
 
 class Mechanism:
@@ -53,8 +52,8 @@ class Mechanism:
         loops = self.description.loops
         if loops is None:
             return None
-        from adaptctl.dynamics.assembly import assembled
         from adaptctl.dynamics.loop_equations import LoopEquations
+        from adaptctl.dynamics.loops.assembly import assembled
 
         closing, reference = assembled(self.description, loops, segments(self.description))
         return LoopEquations(TreeEquations.of(self.description), closing), reference
@@ -64,7 +63,7 @@ class Mechanism:
         """The branch of closed configurations through the reference; None for a tree."""
         if self._looped is None:
             return None
-        from adaptctl.dynamics.continuation import Continuation
+        from adaptctl.dynamics.loops.continuation import Continuation
 
         return Continuation(*self._looped)
 
@@ -184,7 +183,7 @@ class Mechanism:
 
     def to_pinocchio(self) -> pinocchio.Model:
         """The same mechanism as a Pinocchio model, built depth first; with loops, its tree's, loops left open."""
-        from adaptctl.mechanism.pinocchio_model import to_pinocchio
+        from adaptctl.description.readers.pinocchio_model import to_pinocchio
 
         return to_pinocchio(self.description)
 
@@ -193,14 +192,14 @@ class Mechanism:
 
         Raises `InputError` where joints follow others, for which Pinocchio has no such model.
         """
-        from adaptctl.mechanism.pinocchio_constraints import to_pinocchio_constraints
+        from adaptctl.description.readers.pinocchio_constraints import to_pinocchio_constraints
 
         return to_pinocchio_constraints(self.description, self.to_pinocchio())
 
     @classmethod
     def from_pinocchio(cls, model: pinocchio.Model) -> Mechanism:
         """A mechanism from a Pinocchio model, whatever order it was built in."""
-        from adaptctl.mechanism.pinocchio_model import from_pinocchio
+        from adaptctl.description.readers.pinocchio_model import from_pinocchio
 
         return cls(from_pinocchio(model))
 
@@ -234,7 +233,7 @@ def load(source: str | Path, *, floating_base: bool = False, snap: bool = False)
     Raises `FileError` or `NotFoundError` with what was wrong and what would be right, `LoopError` where loops do
     not fit together.
     """
-    from adaptctl.mechanism.sources import read
+    from adaptctl.description.readers.registry import read
 
     mechanism = Mechanism(read(source, floating_base=floating_base, snap=snap))
     try:

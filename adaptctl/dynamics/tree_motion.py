@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from adaptctl.dynamics.motion import Motion
-from adaptctl.dynamics.newton_euler import joint_torques, powers, torque_regressor
-from adaptctl.dynamics.segment import Placement
+from adaptctl.dynamics.recursion.motion import Motion
+from adaptctl.dynamics.recursion.newton_euler import joint_torques, powers, torque_regressor
+from adaptctl.dynamics.recursion.segment import Placement
 from adaptctl.scalars import Column, Scalar
 
 if TYPE_CHECKING:
-    from adaptctl.dynamics.equations import TreeEquations
+    from adaptctl.dynamics.tree_equations import TreeEquations
 
 
 class TreeMotion:

@@ -8,10 +8,10 @@ from typing import Literal
 import msgspec
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.errors import FileError, InputError
 from adaptctl.files import read_json, write_json
 from adaptctl.identifiability.fundamental_basis import FundamentalBasis
-from adaptctl.mechanism.pose import Array
 
 
 class _Robot(msgspec.Struct, forbid_unknown_fields=True):

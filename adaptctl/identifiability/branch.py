@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
-from adaptctl.mechanism.pose import Array
 
 REGULAR = 0.2
 """Share of its reference value that the loops' smallest singular value keeps: nearer to a singularity, dependent

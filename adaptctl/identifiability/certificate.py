@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.errors import RankError
 from adaptctl.identifiability.right_angles import NearRightAngle
-from adaptctl.mechanism.pose import Array
 
 SMALLEST_GAP = 1e6
 SMALLEST_SINGULAR_VALUE = 1e-9

@@ -7,18 +7,18 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
 from adaptctl.identifiability.certificate import ROUND_OFF, Certificate, leftovers
 from adaptctl.identifiability.energy_factor import EnergyFactor
-from adaptctl.identifiability.inertial_transfers import FELT
 from adaptctl.identifiability.null_space import null_residual, unscaled_bases
 from adaptctl.identifiability.right_angles import near_right_angles
 from adaptctl.identifiability.sampled_regressors import energetic_names, energy_blocks, torque_rows
 from adaptctl.identifiability.sampling import random_halves, random_states, whereabouts
 from adaptctl.identifiability.scaled_regressor import ScaledRegressor
-from adaptctl.identifiability.transfer_evidence import energy_changes, transfer_evidence
-from adaptctl.identifiability.transferred_null_space import TransferredNullSpace
-from adaptctl.mechanism.pose import Array
+from adaptctl.identifiability.tree.null_space import TransferredNullSpace
+from adaptctl.identifiability.tree.unobservable_inertia import FELT
+from adaptctl.identifiability.tree.verification import energy_changes, transfer_evidence
 
 NullSpace: TypeAlias = ScaledRegressor | TransferredNullSpace
 

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from adaptctl.arrays import Array, frozen_array
+from adaptctl.description.inertia import PARAMETERS, pseudo_inertia
 from adaptctl.errors import AdaptctlError, InputError, MissingExtraError
 from adaptctl.identifiability.reduced_model import ReducedModel
-from adaptctl.mechanism.inertia import PARAMETERS, pseudo_inertia
-from adaptctl.mechanism.pose import Array, frozen_array
 
 if TYPE_CHECKING:
     import cvxpy

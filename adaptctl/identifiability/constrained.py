@@ -7,15 +7,15 @@ from difflib import get_close_matches
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.related_mechanism import Parametrisation, RelatedMechanism
+from adaptctl.dynamics.constrained_mechanism import Parametrisation, RelatedMechanism
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.identifiability.constraints import Constraints, Relation
 from adaptctl.identifiability.priority import Priority
 from adaptctl.identifiability.sampling import characteristic_length
 from adaptctl.identifiability.scaling import length_scales
 from adaptctl.identifiability.selection import removable
-from adaptctl.mechanism.pose import Array
 
 INDEPENDENT = 1e-9
 """What of a relation must be its own, beside those before it."""

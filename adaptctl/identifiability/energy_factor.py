@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.identifiability.numerical_rank import triangle
-from adaptctl.mechanism.pose import Array
 
 
 @dataclass(frozen=True, eq=False)

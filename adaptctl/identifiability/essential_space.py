@@ -11,8 +11,9 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
+from adaptctl.arrays import Array, frozen_array
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.related_mechanism import RelatedMechanism
+from adaptctl.dynamics.constrained_mechanism import RelatedMechanism
 from adaptctl.errors import InputError, RankError
 from adaptctl.identifiability.certificate import Certificate
 from adaptctl.identifiability.certified_null_space import CertifiedNullSpace, NullSpace, by_decomposition, by_transfers
@@ -21,7 +22,6 @@ from adaptctl.identifiability.null_space import unscaled_bases
 from adaptctl.identifiability.numerical_rank import right_vectors, singular_values
 from adaptctl.identifiability.sampled_regressors import energetic_names, energy_blocks
 from adaptctl.identifiability.sampling import States
-from adaptctl.mechanism.pose import Array, frozen_array
 
 Method = Literal["automatic", "svd", "transfers"]
 METHODS: tuple[str, ...] = get_args(Method)

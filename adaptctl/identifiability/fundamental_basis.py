@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from adaptctl.arrays import Array, frozen_array
 from adaptctl.errors import InputError, RankError
-from adaptctl.identifiability.equations import regrouping_equations
 from adaptctl.identifiability.essential_space import EssentialSpace
 from adaptctl.identifiability.priority import Priority
 from adaptctl.identifiability.regrouping import LARGEST_CONDITION, Regrouping, condition
+from adaptctl.identifiability.regrouping_equations import regrouping_equations
 from adaptctl.identifiability.selection import TOLERANCE
-from adaptctl.mechanism.pose import Array, frozen_array
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.identifiability.numerical_rank import triangle
-from adaptctl.mechanism.pose import Array
 
 
 def unscaled_bases(scaled_null_basis: Array, scales: Array) -> tuple[Array, Array]:

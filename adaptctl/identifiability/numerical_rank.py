@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from adaptctl.arrays import Array
 from adaptctl.errors import InputError
 from adaptctl.identifiability.one_thread import one_thread
-from adaptctl.mechanism.pose import Array
 
 FLOOR = 1e-15
 """Of the largest: singular values below are round-off and say nothing by their ratios."""

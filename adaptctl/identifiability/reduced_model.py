@@ -8,11 +8,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from adaptctl.arrays import Array, frozen_array
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.related_mechanism import RelatedMechanism
+from adaptctl.dynamics.constrained_mechanism import RelatedMechanism
 from adaptctl.errors import InputError
 from adaptctl.identifiability.fundamental_basis import FundamentalBasis
-from adaptctl.mechanism.pose import Array, frozen_array
 
 
 @dataclass(frozen=True, eq=False)

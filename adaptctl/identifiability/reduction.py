@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from adaptctl.arrays import Array, frozen_array
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identifiability.essential_space import EssentialSpace
-from adaptctl.mechanism.pose import Array, frozen_array
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.identifiability.selection import removable
-from adaptctl.mechanism.pose import Array
 
 EXACT_ZERO = 1e-11
 """Regrouping coefficients below are round-off: left in, they would leak large parameters into small ones."""

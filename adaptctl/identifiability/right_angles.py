@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from adaptctl.mechanism import Description
-from adaptctl.mechanism.snapping import meeting_axes
+from adaptctl.description import Description
+from adaptctl.description.transforms.snapping import meeting_axes
 
 NEAR = 1e-3
 """rad: closer to a multiple of 90 degrees than this is suspicious"""

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
 from adaptctl.identifiability.sampling import (
     States,
@@ -13,7 +14,6 @@ from adaptctl.identifiability.sampling import (
     random_accelerations,
     random_states,
 )
-from adaptctl.mechanism.pose import Array
 
 BLOCK = 1024
 """states at once, or four times as many as there are parameters"""

@@ -8,12 +8,13 @@ from functools import partial
 
 import numpy as np
 
+from adaptctl.arrays import Array
+from adaptctl.description import GROUND
+from adaptctl.description.description import STANDARD_GRAVITY
+from adaptctl.description.pose import Pose
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identifiability.branch import positions_on_branch, reachable_positions
-from adaptctl.mechanism import GROUND
-from adaptctl.mechanism.description import STANDARD_GRAVITY
-from adaptctl.mechanism.pose import Array, Pose
 
 MOST = 4096
 """states drawn at a time"""

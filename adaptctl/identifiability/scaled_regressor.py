@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
 from adaptctl.identifiability.energy_factor import EnergyFactor
 from adaptctl.identifiability.numerical_rank import NumericalRank, right_vectors, triangle
@@ -15,7 +16,6 @@ from adaptctl.identifiability.regrouping import Regrouping, by_null_vectors
 from adaptctl.identifiability.sampled_regressors import energetic_names
 from adaptctl.identifiability.sampling import characteristic_length
 from adaptctl.identifiability.scaling import comparable
-from adaptctl.mechanism.pose import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from adaptctl.mechanism.inertia import PARAMETERS
-from adaptctl.mechanism.pose import Array
+from adaptctl.arrays import Array
+from adaptctl.description.inertia import PARAMETERS
 
 LENGTH_POWERS = dict(zip((*PARAMETERS, "rotor_inertia"), (0, 1, 1, 1, 2, 2, 2, 2, 2, 2, 2), strict=True))
 """Mass, first moment and inertia are kg times this power of a length."""

@@ -6,8 +6,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.errors import InputError
-from adaptctl.mechanism.pose import Array
 
 TOLERANCE = 1e-3
 """Of the scaled null vectors' rows. Real robots leave nothing between 1e-4 and 0.1; tighter ones take a

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identifiability import EssentialSpace, FundamentalBasis, ReducedModel
-from adaptctl.mechanism.pose import Array
 from adaptctl.simulation.rollout import Rollout
 
 if TYPE_CHECKING:

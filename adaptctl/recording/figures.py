@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from adaptctl.mechanism.pose import Array
+from adaptctl.arrays import Array
 from adaptctl.recording.comparison import Comparison
 from adaptctl.recording.drawing import DOTS, WIDTH, Drawing, write_drawings
 from adaptctl.recording.palette import MUTED, PAPER, joint_color, run_color

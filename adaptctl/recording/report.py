@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from adaptctl.description.inertia import PARAMETERS
 from adaptctl.files import write_text
-from adaptctl.mechanism.inertia import PARAMETERS
 from adaptctl.recording.comparison import Comparison, Finding, Run
 from adaptctl.recording.figures import drawings
 from adaptctl.recording.page import embedded, rendered

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 import rerun as rr
 
+from adaptctl.arrays import Array
+from adaptctl.description import GROUND
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.kinematics import LinkPoses, link_poses
-from adaptctl.mechanism import GROUND
-from adaptctl.mechanism.pose import Array
+from adaptctl.dynamics.recursion.kinematics import LinkPoses, link_poses
 from adaptctl.recording.palette import BASE, BODY, GOAL, Color
 from adaptctl.recording.skeleton import Shape, Skeleton, Solid, tip_path
 from adaptctl.recording.visuals import log_visuals, visuals

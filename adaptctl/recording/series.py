@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import rerun as rr
 
-from adaptctl.mechanism.pose import Array
+from adaptctl.arrays import Array
 from adaptctl.recording.palette import Color
 from adaptctl.recording.scene import TIMELINE
 

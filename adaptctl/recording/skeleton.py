@@ -9,9 +9,9 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from adaptctl.arrays import Array
+from adaptctl.description import GROUND, Description, Link
 from adaptctl.dynamics import Mechanism
-from adaptctl.mechanism import GROUND, Description, Link
-from adaptctl.mechanism.pose import Array
 
 SHORTEST = 1e-6
 """Lengths (m) below this are not drawn."""

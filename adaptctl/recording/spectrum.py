@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from adaptctl.mechanism.pose import Array
+from adaptctl.arrays import Array
 
 if TYPE_CHECKING:
     from adaptctl.identifiability import EssentialSpace

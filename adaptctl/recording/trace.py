@@ -11,9 +11,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
 from adaptctl.files import replacing
-from adaptctl.mechanism.pose import Array
 from adaptctl.recording.comparison import Comparison, Run
 
 SCHEMA = "adaptctl/trace/1"

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.kinematics import link_poses
-from adaptctl.mechanism.pose import Array
+from adaptctl.dynamics.recursion.kinematics import link_poses
 from adaptctl.recording.skeleton import Skeleton
 
 POSITIONS = 200

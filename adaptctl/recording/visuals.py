@@ -8,8 +8,8 @@ from pathlib import Path
 
 import rerun as rr
 
-from adaptctl.mechanism import Description
-from adaptctl.mechanism.visual import Box, Cylinder, Mesh, Visual
+from adaptctl.description import Description
+from adaptctl.description.visual import Box, Cylinder, Mesh, Visual
 from adaptctl.recording.palette import Color
 
 MEDIA = {

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
+from adaptctl.arrays import Array
 from adaptctl.scalars.scalar import Scalar
 
 
@@ -49,3 +50,18 @@ class Column:
 
     def __len__(self) -> int:
         return len(self.of)
+
+
+def column(array: Array) -> Column:
+    """The entries along the last axis: floats for one sample, arrays of samples otherwise."""
+    if array.ndim == 1:
+        return Column(array.tolist())
+    return Column(array[..., i] for i in range(array.shape[-1]))
+
+
+def spread(values: Column, columns: Sequence[int], size: int) -> Column:
+    """Values at their columns, exact zeros elsewhere, so that the rest is never computed once traced."""
+    entries: list[Any] = [0.0] * size
+    for column, value in zip(columns, values, strict=True):
+        entries[column] = value
+    return Column(entries)

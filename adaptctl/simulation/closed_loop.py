@@ -8,11 +8,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from adaptctl.arrays import Array, checked
 from adaptctl.compilation import Ensemble, Stepper, compile_step
 from adaptctl.control.controller import Controller, Reference, ReferencePoint, leaves, like
-from adaptctl.dynamics.arrays import checked
 from adaptctl.errors import InputError
-from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column
 from adaptctl.simulation.plant import PlantState
 from adaptctl.simulation.real_plant import RealPlant, RealPlantState

@@ -8,8 +8,8 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from adaptctl.arrays import Array
 from adaptctl.control.controller import Reference, ReferencePoint
-from adaptctl.mechanism.pose import Array
 from adaptctl.simulation.plant import PlantState
 from adaptctl.simulation.real_plant import RealPlant, RealPlantState
 

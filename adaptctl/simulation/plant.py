@@ -11,13 +11,12 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from adaptctl.arrays import Array, checked
 from adaptctl.compilation import compile_function, outlined
 from adaptctl.control.controller import LARGEST_COMPILED
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.arrays import checked
-from adaptctl.dynamics.continuation import NEAREST
+from adaptctl.dynamics.loops.continuation import NEAREST
 from adaptctl.errors import InputError, NonFiniteError
-from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column, Scalar, clip
 from adaptctl.simulation.effects import JointEffect
 from adaptctl.simulation.integrator import Integrator, RungeKutta4

@@ -11,12 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from adaptctl.arrays import Array, stacked
 from adaptctl.compilation import Kernel, compile_function
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.arrays import column, stacked
 from adaptctl.errors import InputError
-from adaptctl.mechanism.pose import Array
-from adaptctl.scalars import Column, Scalar, absolute, maximum, where
+from adaptctl.scalars import Column, Scalar, absolute, column, maximum, where
 from adaptctl.simulation.effects import PlantEffects
 from adaptctl.simulation.plant import Plant, PlantState
 

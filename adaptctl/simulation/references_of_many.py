@@ -9,12 +9,11 @@ from typing import TypeAlias
 
 import numpy as np
 
+from adaptctl.arrays import Array, stacked
 from adaptctl.control.controller import Reference, ReferencePoint
 from adaptctl.control.references import SinusoidNumbers, Sinusoids, sinusoids_at
-from adaptctl.dynamics.arrays import column, stacked
 from adaptctl.errors import InputError
-from adaptctl.mechanism.pose import Array
-from adaptctl.scalars import Column
+from adaptctl.scalars import Column, column
 from adaptctl.simulation.closed_loop import REFERENCE, sampled
 
 

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.errors import InputError
-from adaptctl.mechanism.pose import Array
 
 if TYPE_CHECKING:
     import gymnasium

@@ -12,11 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from adaptctl.arrays import Array, checked
 from adaptctl.compilation import Stepper, compile_step
 from adaptctl.control.controller import LARGEST_COMPILED, Controller, Reference, leaves
-from adaptctl.dynamics.arrays import checked
 from adaptctl.errors import InputError
-from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column, absolute, maximum
 from adaptctl.simulation.closed_loop import ClosedLoop
 from adaptctl.simulation.effects import PlantEffects

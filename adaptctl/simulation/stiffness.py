@@ -7,11 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from adaptctl.control.gains import sampled_configurations
+from adaptctl.arrays import Array
+from adaptctl.control.gains.gains import sampled_configurations
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.drive import SLOW
+from adaptctl.dynamics.recursion.drive import SLOW
 from adaptctl.errors import InputError
-from adaptctl.mechanism.pose import Array
 from adaptctl.simulation.effects import JointEffect
 
 STABLE = 2.5

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.compilation import compile_function
 from adaptctl.control.controller import LARGEST_COMPILED, Controller, ReferencePoint, leaves, like
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
-from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column
 from adaptctl.simulation.plant import Plant, PlantState
 

@@ -7,12 +7,12 @@ from functools import cached_property
 
 import numpy as np
 
+from adaptctl.arrays import Array, stacked, stacked_rows
+from adaptctl.description import Pose
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.dynamics.arrays import column, stacked, stacked_rows
 from adaptctl.experiments.replication.printed import printed
 from adaptctl.identifiability import EssentialSpace, essential_space
-from adaptctl.mechanism import Pose
-from adaptctl.mechanism.pose import Array
+from adaptctl.scalars import column
 
 GRID = 65
 """Closed configurations over the loop's whole range, from which any other is one short step away."""

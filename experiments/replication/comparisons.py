@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
 from adaptctl.experiments.replication.arms import Arm
 from adaptctl.experiments.replication.printed import printed
@@ -17,7 +18,6 @@ from adaptctl.identifiability import essential_space
 from adaptctl.identifiability.numerical_rank import NumericalRank, singular_values
 from adaptctl.identifiability.sampled_regressors import energies
 from adaptctl.identifiability.sampling import random_states
-from adaptctl.mechanism.pose import Array
 
 
 def table13(study: Study) -> Item:

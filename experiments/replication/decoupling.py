@@ -8,10 +8,10 @@ from itertools import combinations
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
 from adaptctl.experiments.replication.arms import Arm
 from adaptctl.identifiability import FundamentalBasis
-from adaptctl.mechanism.pose import Array
 
 STATES = 200
 NEGLIGIBLE = 1e-9

@@ -9,10 +9,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from adaptctl.arrays import Array
 from adaptctl.experiments.replication.arms import Motion
 from adaptctl.experiments.replication.ensemble import Ensemble
 from adaptctl.experiments.replication.printed import Table
-from adaptctl.mechanism.pose import Array
 from adaptctl.recording.drawing import DOTS, WIDTH, Drawing
 from adaptctl.recording.palette import INK, MUTED, PAPER, Color, joint_color, run_color
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from adaptctl.arrays import Array
 from adaptctl.experiments.replication.ensemble import Ensemble
 from adaptctl.experiments.replication.study import Study
-from adaptctl.mechanism.pose import Array
 from adaptctl.recording.trace import Quantity, write_columns
 
 SCHEMA = "adaptctl/replication-draws/1"

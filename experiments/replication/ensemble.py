@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.experiments.replication.arms import Arm, Motion
 from adaptctl.identifiability import Reduction, reduce
-from adaptctl.mechanism.pose import Array
 
 
 @dataclass(frozen=True, eq=False)

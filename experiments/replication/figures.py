@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.experiments.replication import drawings
 from adaptctl.experiments.replication.arms import Motion
 from adaptctl.experiments.replication.ensemble import Ensemble
@@ -11,7 +12,6 @@ from adaptctl.experiments.replication.printed import Table, printed
 from adaptctl.experiments.replication.study import Study
 from adaptctl.experiments.replication.torque_tables import ENERGY
 from adaptctl.experiments.replication.verdict import Check, Claim, Item, Scene, Verdict, drawn, evidence, percent
-from adaptctl.mechanism.pose import Array
 
 SLOPE, REAL = 0.5, np.array([3.0, 2.5])
 """c and D_R of the drawn example."""

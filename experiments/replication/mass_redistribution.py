@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from adaptctl.arrays import Array
+from adaptctl.description.inertia import from_center_of_mass, inertia_tensor, pseudo_inertia
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.experiments.replication.arms import Arm, semi_direct_drive
 from adaptctl.experiments.replication.decoupling import Decoupling
@@ -13,8 +15,6 @@ from adaptctl.experiments.replication.printed import printed
 from adaptctl.experiments.replication.study import Study
 from adaptctl.experiments.replication.verdict import Claim, Evidence, Item, Relations, Verdict, compared, evidence
 from adaptctl.identifiability import fundamental_basis
-from adaptctl.mechanism.inertia import from_center_of_mass, inertia_tensor, pseudo_inertia
-from adaptctl.mechanism.pose import Array
 
 THREE = 3
 """Relations that the paper counts, one for each off-diagonal term."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.experiments.replication.arms import Arm
 from adaptctl.experiments.replication.paper_layout import index, sign
-from adaptctl.mechanism.pose import Array
 
 NULL_COMBINATIONS = (
     "I_y1 - I_x3 - I_z3",

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from adaptctl.arrays import Array
+from adaptctl.description.inertia import PARAMETERS
 from adaptctl.experiments.replication.printed import BLANK, MARK, Table
-from adaptctl.mechanism.inertia import PARAMETERS
-from adaptctl.mechanism.pose import Array
 
 NAMES = {"I_x": "I_xx", "I_y": "I_yy", "I_z": "I_zz"}
 """The paper's moments of inertia; its other names are ours."""

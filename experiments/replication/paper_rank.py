@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.experiments.replication.printed import printed
 from adaptctl.experiments.replication.verdict import Claim, Verdict, percent
-from adaptctl.mechanism.pose import Array
 
 THRESHOLD = float(np.sqrt(np.finfo(np.float64).eps))
 """The square root of the machine precision."""

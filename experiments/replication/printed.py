@@ -12,9 +12,9 @@ from typing import Literal
 import msgspec
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.errors import InputError
 from adaptctl.files import read_toml
-from adaptctl.mechanism.pose import Array
 
 BLANK, MARK = ".", "x"
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import linprog
 
+from adaptctl.arrays import Array
 from adaptctl.experiments.replication.paper_layout import index, parameters
 from adaptctl.experiments.replication.printed import Number, Table
 from adaptctl.identifiability import EssentialSpace
-from adaptctl.mechanism.pose import Array
 
 
 def half_units(table: Table) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.experiments.replication import drawings
 from adaptctl.experiments.replication.arms import FASTEST, FROM, TO
 from adaptctl.experiments.replication.ensemble import Ensemble
@@ -23,7 +24,6 @@ from adaptctl.experiments.replication.verdict import (
     percent,
     vanishing,
 )
-from adaptctl.mechanism.pose import Array
 
 FIRST = 34
 """The singular values that the paper calls almost equally significant."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from adaptctl.description.inertia import pseudo_inertia
 from adaptctl.experiments.replication.null_combinations import NULL_COMBINATIONS, combination, torque_share
 from adaptctl.experiments.replication.paper_layout import index, kept, name, parameters, sign
 from adaptctl.experiments.replication.printed import BLANK, printed
@@ -24,7 +25,6 @@ from adaptctl.experiments.replication.verdict import (
 from adaptctl.identifiability.numerical_rank import NumericalRank, singular_values
 from adaptctl.identifiability.sampled_regressors import energy_differences
 from adaptctl.identifiability.sampling import random_states
-from adaptctl.mechanism.inertia import pseudo_inertia
 
 REPORTED = "3.14159/2"
 """The rounded right angle whose vector stands beside Table 8."""

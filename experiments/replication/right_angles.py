@@ -6,11 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from adaptctl.arrays import Array
+from adaptctl.description import Pose
+from adaptctl.description.pose import rotation_about
 from adaptctl.dynamics import Mechanism
 from adaptctl.identifiability import EssentialSpace, Priority, essential_space
 from adaptctl.identifiability.selection import removable
-from adaptctl.mechanism import Pose
-from adaptctl.mechanism.pose import Array, rotation_about
 
 TIGHT = 1e-8
 """A tolerance that takes what a rounded right angle leaves for independence."""

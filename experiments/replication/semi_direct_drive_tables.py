@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.dynamics import load
 from adaptctl.experiments.replication import drawings
 from adaptctl.experiments.replication.arms import Arm, near_parallelogram, semi_direct_drive
@@ -24,7 +25,6 @@ from adaptctl.experiments.replication.verdict import (
     marked,
     percent,
 )
-from adaptctl.mechanism.pose import Array
 
 AT_LEAST = 20
 """Components that the paper finds necessary."""

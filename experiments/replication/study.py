@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.experiments.replication.arms import Arm, Motion, near_parallelogram, puma560, semi_direct_drive
 from adaptctl.experiments.replication.ensemble import Ensemble
@@ -17,7 +18,6 @@ from adaptctl.identifiability import (
     essential_space,
     fundamental_basis,
 )
-from adaptctl.mechanism.pose import Array
 
 
 @dataclass(frozen=True)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.experiments.replication.arms import Motion
 from adaptctl.experiments.replication.ensemble import Ensemble
 from adaptctl.experiments.replication.printed import Table, printed
 from adaptctl.experiments.replication.verdict import Check, Claim, Relations, Verdict, drawn, percent, vanishing
-from adaptctl.mechanism.pose import Array
 
 ENERGY = "energy error [%]"
 ROUND_OFF = 1e-15

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.experiments.replication.printed import MARK, Number, Saying
-from adaptctl.mechanism.pose import Array
 
 if TYPE_CHECKING:
     from adaptctl.dynamics import Mechanism

@@ -8,14 +8,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from adaptctl.arrays import Array, frozen_array
 from adaptctl.compilation import outlined
 from adaptctl.control.adaptation.gain import numbers, require_size
 from adaptctl.control.adaptation.law import AdaptationLaw, Period
 from adaptctl.control.adaptation.prediction import Filtered, TorqueFilter, require_cutoff
-from adaptctl.control.gains import per_joint
+from adaptctl.control.gains.gains import per_joint
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.mechanism.pose import Array, frozen_array
 from adaptctl.scalars import Column, Scalar
 
 

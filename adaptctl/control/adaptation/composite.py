@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.control.adaptation.gain import Descent
 from adaptctl.control.adaptation.law import Period
 from adaptctl.control.adaptation.prediction import Filtered, TorqueFilter, require_cutoff
-from adaptctl.control.gains import per_joint
-from adaptctl.dynamics.mass_matrix import solve_symmetric
+from adaptctl.control.gains.gains import per_joint
+from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.identifiability import ReducedModel
-from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column, Scalar
 
 

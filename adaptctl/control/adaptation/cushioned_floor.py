@@ -9,15 +9,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from adaptctl.arrays import Array, frozen_array
 from adaptctl.control.adaptation.composite import residual
 from adaptctl.control.adaptation.gain import numbers, require_size
 from adaptctl.control.adaptation.law import AdaptationLaw, Period
 from adaptctl.control.adaptation.prediction import Filtered, TorqueFilter, require_cutoff
-from adaptctl.control.gains import per_joint
-from adaptctl.dynamics.mass_matrix import solve_symmetric
+from adaptctl.control.gains.gains import per_joint
+from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.mechanism.pose import Array, frozen_array
 from adaptctl.scalars import Column, Scalar
 
 

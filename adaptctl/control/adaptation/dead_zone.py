@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from adaptctl.arrays import Array
 from adaptctl.control.adaptation.gain import Descent, numbers
 from adaptctl.control.adaptation.law import NoMemory, Period
-from adaptctl.control.gains import per_joint
+from adaptctl.control.gains.gains import per_joint
 from adaptctl.identifiability import ReducedModel
-from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column, where
 
 

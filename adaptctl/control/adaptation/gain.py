@@ -9,11 +9,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from adaptctl.arrays import Array, frozen_array
 from adaptctl.control.adaptation.law import AdaptationLaw
 from adaptctl.control.controller import Memory
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.mechanism.pose import Array, frozen_array
 from adaptctl.scalars import Column
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from adaptctl.arrays import Array
 from adaptctl.control.adaptation.gain import Descent
 from adaptctl.control.adaptation.law import NoMemory, Period
 from adaptctl.identifiability import ReducedModel
-from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column
 
 

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from adaptctl.arrays import Array, frozen_array
 from adaptctl.control.adaptation.gain import Descent, numbers, require_size
 from adaptctl.control.adaptation.law import NoMemory, Period
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.mechanism.pose import Array, frozen_array
 from adaptctl.scalars import Column, sqrt
 
 

@@ -8,13 +8,13 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.control.adaptation.gain import numbers
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
-from adaptctl.dynamics.mass_matrix import solve_symmetric
+from adaptctl.description.inertia import pseudo_inertia
+from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.mechanism.inertia import pseudo_inertia
-from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column, Scalar, sqrt
 
 Matrix: TypeAlias = list[list[Any]]

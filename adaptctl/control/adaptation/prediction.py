@@ -9,14 +9,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from adaptctl.arrays import Array, stacked
 from adaptctl.compilation import trace
 from adaptctl.control.adaptation.law import Period
-from adaptctl.dynamics.arrays import column, spread, stacked
-from adaptctl.dynamics.momentum import momentum_terms
+from adaptctl.dynamics.recursion.momentum import momentum_terms
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.mechanism.pose import Array
-from adaptctl.scalars import Column
+from adaptctl.scalars import Column, column, spread
 
 
 class Filtered(NamedTuple):

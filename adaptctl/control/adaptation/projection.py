@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.control.adaptation.gain import numbers, require_size
 from adaptctl.control.adaptation.law import AdaptationLaw, Period
 from adaptctl.control.controller import Memory
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column, maximum, minimum
 
 

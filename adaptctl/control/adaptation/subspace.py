@@ -7,11 +7,11 @@ from functools import cached_property
 
 import numpy as np
 
+from adaptctl.arrays import Array, frozen_array
 from adaptctl.control.adaptation.gain import numbers, require_size
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.mechanism.pose import Array, frozen_array
 from adaptctl.scalars import Column
 
 INDEPENDENT = 1e-10

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from adaptctl.mechanism.pose import Array
+from adaptctl.arrays import Array
 from adaptctl.scalars import Column
 from adaptctl.simulation.effects.effect import ActuatorEffect, require_positive
 

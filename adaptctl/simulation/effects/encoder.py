@@ -8,8 +8,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from adaptctl.arrays import Array
 from adaptctl.errors import InputError
-from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column, Scalar
 from adaptctl.simulation.effects.effect import SensorEffect, per_joint
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.dynamics.drive import SLOW
+from adaptctl.arrays import Array
+from adaptctl.dynamics.recursion.drive import SLOW
 from adaptctl.errors import InputError
-from adaptctl.mechanism.pose import Array
 from adaptctl.scalars import Column, Scalar, sqrt
 from adaptctl.simulation.effects.effect import JointEffect, per_joint, require_positive
 

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from adaptctl.arrays import Array, frozen_array
+from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.errors import InputError, NotFoundError
-from adaptctl.mechanism.inertia import from_center_of_mass
-from adaptctl.mechanism.pose import Array, frozen_array
 
 
 @dataclass(frozen=True, eq=False)

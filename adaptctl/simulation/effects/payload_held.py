@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from adaptctl.arrays import Array
 from adaptctl.errors import InputError, NotFoundError
-from adaptctl.mechanism.pose import Array
 from adaptctl.simulation.effects.effect import LoadEffect
 from adaptctl.simulation.effects.payload import Payload
 

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.mechanism.pose import Array
+from adaptctl.arrays import Array
 from adaptctl.scalars import Column, clip
 from adaptctl.simulation.effects.effect import ActuatorEffect, per_joint
 

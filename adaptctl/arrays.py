@@ -1,0 +1,85 @@
+"""Arrays of numbers from outside: checked, frozen, one number or one a joint; and scalars gathered into arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from adaptctl.errors import InputError, NonFiniteError
+
+Array = NDArray[np.float64]
+
+
+def frozen(array: Array) -> Array:
+    """The same array, read-only from now on."""
+    array.flags.writeable = False
+    return array
+
+
+def frozen_array(values: ArrayLike, shape: tuple[int, ...], what: str) -> Array:
+    """A read-only float64 copy. Raises `InputError` when its shape is wrong or an entry is not finite."""
+    array = numbers(values, what, f"of shape {shape}").copy()
+    if array.shape != shape:
+        raise InputError(f"{what}: expected shape {shape}, got {array.shape}")
+    if not np.all(np.isfinite(array)):
+        raise InputError(f"{what}: expected finite numbers, got {array.tolist()}")
+    return frozen(array)
+
+
+def numbers(values: ArrayLike, what: str, kind: str = "") -> Array:
+    """A float64 array. Raises `InputError` for what holds no numbers, such as strings or numbers beyond a double."""
+    try:
+        return np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InputError(f"{what}: expected numbers {kind}".rstrip() + f", got {values!r}") from error
+
+
+def checked(values: ArrayLike, size: int, what: str) -> Array:
+    """A finite float64 array (..., size). Raises `InputError` on a wrong shape and `NonFiniteError` on NaN or infinity,
+    saying what was expected and what came."""
+    array = numbers(values, what, f"of shape (..., {size})")
+    if array.ndim == 0 or array.shape[-1] != size:
+        raise InputError(f"{what}: expected shape (..., {size}), got {array.shape}")
+    if not np.isfinite(array).all():
+        place = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        raise NonFiniteError(f"{what}: expected finite numbers, got {array[place]} at index {place}")
+    return array
+
+
+def per_joint(values: ArrayLike, dof: int, what: str) -> Array:
+    """One number a joint (dof,), from one for all joints or one each: a read-only copy. Infinity is allowed.
+
+    Raises `InputError` on a wrong shape and on NaN.
+    """
+    array = numbers(values, what)
+    if array.shape not in ((), (dof,)):
+        raise InputError(f"{what}: expected a number or {dof} of them, got shape {array.shape}")
+    if np.isnan(array).any():
+        raise InputError(f"{what}: expected numbers, got {array.tolist()}")
+    return frozen(np.broadcast_to(array, (dof,)).copy())
+
+
+def same_samples(**arrays: Array) -> tuple[int, ...]:
+    """The common sample axes, broadcast, of arrays (..., n)."""
+    try:
+        return np.broadcast_shapes(*(array.shape[:-1] for array in arrays.values()))
+    except ValueError as error:
+        shapes = ", ".join(f"{name} {array.shape}" for name, array in arrays.items())
+        raise InputError(f"sample axes do not fit together: {shapes}") from error
+
+
+def stacked(entries: Sequence[Any], samples: tuple[int, ...]) -> Array:
+    """Scalars gathered along a new last axis; constants are repeated over the samples."""
+    out = np.empty((*samples, len(entries)))
+    for i, entry in enumerate(entries):
+        out[..., i] = entry
+    return out
+
+
+def stacked_rows(rows: Sequence[Iterable[Any]], samples: tuple[int, ...]) -> Array:
+    """Rows of scalars gathered as (..., rows, columns)."""
+    flat = [entry for row in rows for entry in row]
+    return stacked(flat, samples).reshape(*samples, len(rows), len(flat) // max(len(rows), 1))

@@ -1,0 +1,25 @@
+from adaptctl.control.adaptation import *
+from adaptctl.control.adaptive import Adaptive as Adaptive
+from adaptctl.control.adaptive import AdaptiveState as AdaptiveState
+from adaptctl.control.adaptive_computed_torque import AdaptiveComputedTorque as AdaptiveComputedTorque
+from adaptctl.control.computed_torque import ComputedTorque as ComputedTorque
+from adaptctl.control.controller import Controller as Controller
+from adaptctl.control.controller import Reference as Reference
+from adaptctl.control.controller import ReferencePoint as ReferencePoint
+from adaptctl.control.estimates import load_estimate as load_estimate
+from adaptctl.control.estimates import save_estimate as save_estimate
+from adaptctl.control.gains.gains import Gains as Gains
+from adaptctl.control.gains.gains import sampled_gain as sampled_gain
+from adaptctl.control.gains.gains import typical_inertia as typical_inertia
+from adaptctl.control.guards import Guarded as Guarded
+from adaptctl.control.guards import GuardedState as GuardedState
+from adaptctl.control.lyapunov import lyapunov as lyapunov
+from adaptctl.control.lyapunov import sliding_variable as sliding_variable
+from adaptctl.control.passivity import PassivityBased as PassivityBased
+from adaptctl.control.passivity_integral import PassivityIntegral as PassivityIntegral
+from adaptctl.control.pd_gravity import PDGravity as PDGravity
+from adaptctl.control.references import MinimumJerk as MinimumJerk
+from adaptctl.control.references import Sinusoids as Sinusoids
+from adaptctl.control.references import Spline as Spline
+from adaptctl.control.slotine_li import SlotineLi as SlotineLi
+from adaptctl.control.task_space import TaskSpaceSlotineLi as TaskSpaceSlotineLi

@@ -1,0 +1,269 @@
+"""References that tell as much of the parameters as an arm's limits allow."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import minimize
+
+from adaptctl.arrays import Array, frozen_array
+from adaptctl.control.adaptation import PriorRanges
+from adaptctl.control.excitation.measure import regressor_of
+from adaptctl.control.references import Sinusoids
+from adaptctl.errors import InputError
+from adaptctl.identifiability import ReducedModel
+
+SAMPLES = 40
+"""A period of the highest harmonic: how densely limits are looked at is this over the harmonics."""
+FULL = 3.0
+"""Of a logistic that stands for a share: where a search begins, with 95 % of what is allowed."""
+RANDOM = 10
+"""references at random, to compare with"""
+SMALL_PRODUCT = 200_000
+"""multiplications below which OpenBLAS starts no threads"""
+BISECTIONS = 20
+PENALTY = 30.0
+"""of the square of a torque beyond its limit, against the logarithm of the condition number"""
+
+
+@dataclass(frozen=True, eq=False)
+class ExcitingReference:
+    """A reference that was optimised, and what it is worth."""
+
+    reference: Sinusoids
+    condition: float
+    """of the stacked, scaled regressor over a period"""
+    random_conditions: Array
+    """(10,) the same of references drawn at random within the same limits"""
+    torque_share: float
+    """the largest torque over its limit, with the model's parameters"""
+    iterations: int
+    complete: bool
+    """False when it was interrupted: the best that was found is kept."""
+
+    @property
+    def gain(self) -> float:
+        """How many times better conditioned it is than the median of the random ones."""
+        return float(np.median(self.random_conditions)) / self.condition
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """What a reference may use: positions (r,) from `lower` to `upper`, greatest speeds and torques (r,)."""
+
+    lower: Array
+    upper: Array
+    velocity: Array
+    torque: Array
+
+    @classmethod
+    def of(cls, model: ReducedModel, share: float) -> Limits:
+        """A share of the joints' own limits about their middle; without any, of a half turn or a metre each way."""
+        joints = model.mechanism.primary_joints
+        wide = np.array([np.pi if joint.kind.turns else 1.0 for joint in joints])
+        lower, upper = (np.array([getattr(j.limits, name) for j in joints]) for name in ("lower", "upper"))
+        lower = np.where(np.isfinite(lower), lower, np.minimum(-wide, upper - 2.0 * wide))
+        upper = np.where(np.isfinite(upper), upper, np.maximum(wide, lower + 2.0 * wide))
+        middle, half = 0.5 * (lower + upper), 0.5 * share * (upper - lower)
+        velocity = share * np.array([joint.limits.velocity for joint in joints])
+        return cls(middle - half, middle + half, velocity, share * model.mechanism.effort_limits)
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """References of a band, as vectors without bounds: coefficients, how much of the limits is used, and where."""
+
+    model: ReducedModel
+    limits: Limits
+    frequency: float
+    harmonics: int
+    scale: Array
+
+    @property
+    def dof(self) -> int:
+        return self.model.mechanism.dof
+
+    @property
+    def size(self) -> int:
+        return self.dof * (2 * self.harmonics + 2)
+
+    def random(self, rng: np.random.Generator) -> Array:
+        """A reference at random, using nearly all that the limits allow."""
+        coefficients = rng.normal(size=2 * self.harmonics * self.dof)
+        return np.concatenate((coefficients, np.full(self.dof, FULL), rng.normal(size=self.dof)))
+
+    def motion(self, x: Array, factor: float = 1.0) -> tuple[Array, Array, Array]:
+        """Positions, velocities and accelerations (n, r) over a period of what a vector stands for."""
+        y, rate, bend = self._swing(*self._coefficients(x))
+        used, center = self._fitted(x, y, rate, factor)
+        return center + used * y, used * rate, used * bend
+
+    def reference(self, x: Array, factor: float = 1.0) -> Sinusoids:
+        """The same as a reference: positions and speeds are within their limits by construction."""
+        sine, cosine = self._coefficients(x)
+        y, rate, _ = self._swing(sine, cosine)
+        used, center = self._fitted(x, y, rate, factor)
+        amplitude, phase = used * np.hypot(sine, cosine), np.arctan2(cosine, sine)
+        frequency = np.broadcast_to(self.frequency * self._order, sine.shape)
+        return Sinusoids(center, amplitude, frequency, phase, start_time=0.0)
+
+    def judged(self, x: Array, factor: float = 1.0) -> tuple[float, float]:
+        """The condition number of its regressor, and its largest torque over the limit."""
+        p, v, a = self.motion(x, factor)
+        Y = self._regressor(p, v, v, a)
+        torque = Y @ self.model.fundamental_parameters
+        share = float((np.abs(torque) / self.limits.torque).max())
+        eigenvalues = np.linalg.eigvalsh(_gram(Y * self.scale))
+        smallest = max(float(eigenvalues[0]), 1e-30 * float(eigenvalues[-1]))
+        return float(np.sqrt(eigenvalues[-1] / smallest)), share
+
+    def cost(self, x: Array) -> float:
+        """What is minimised."""
+        condition, share = self.judged(x)
+        return float(np.log(condition) + PENALTY * max(0.0, share - 1.0) ** 2)
+
+    def within(self, x: Array) -> tuple[Sinusoids, float, float]:
+        """The reference, with smaller swings where torques would pass their limits; its condition and its torque."""
+        factor = 1.0
+        if self.judged(x)[1] > 1.0:
+            if self.judged(x, 0.0)[1] > 1.0:
+                raise InputError(
+                    f"{self.model.mechanism.name}: even at rest torques pass their limits within the joints' ranges: "
+                    "narrow the ranges, or raise the torque limits"
+                )
+            low, high = 0.0, 1.0
+            for _ in range(BISECTIONS):
+                factor = 0.5 * (low + high)
+                low, high = (factor, high) if self.judged(x, factor)[1] <= 1.0 else (low, factor)
+            factor = low
+        return self.reference(x, factor), *self.judged(x, factor)
+
+    def _coefficients(self, x: Array) -> tuple[Array, Array]:
+        """Of the sines and cosines (h, r); higher harmonics begin with smaller swings."""
+        sine, cosine = x[: -2 * self.dof].reshape(2, self.harmonics, self.dof) / self._order
+        return sine, cosine
+
+    def _swing(self, sine: Array, cosine: Array) -> tuple[Array, Array, Array]:
+        """The swing (n, r) about the centre, its rate and its rate's, before any limit."""
+        S, C = self._waves
+        omega = 2.0 * np.pi * self.frequency * self._order
+        y, bend = S @ sine + C @ cosine, -(S @ (omega**2 * sine) + C @ (omega**2 * cosine))
+        return y, C @ (omega * sine) - S @ (omega * cosine), bend
+
+    def _fitted(self, x: Array, y: Array, rate: Array, factor: float) -> tuple[Array, Array]:
+        """How much of the swing is used (r,), and about what centre (r,)."""
+        reach, speed = np.ptp(y, axis=0), np.abs(rate).max(axis=0)
+        room = self.limits.upper - self.limits.lower
+        use, place = (_logistic(part) for part in x[-2 * self.dof :].reshape(2, -1))
+        used = factor * use * np.minimum(room / reach, self.limits.velocity / speed)
+        return used, self.limits.lower - used * y.min(axis=0) + place * (room - used * reach)
+
+    @cached_property
+    def _order(self) -> Array:
+        return np.arange(1.0, self.harmonics + 1.0)[:, None]
+
+    @cached_property
+    def _waves(self) -> tuple[Array, Array]:
+        """Sines and cosines (n, h) over a period."""
+        turns = np.arange(SAMPLES * self.harmonics)[:, None] / (SAMPLES * self.harmonics)
+        angle = 2.0 * np.pi * turns * self._order.T
+        return np.sin(angle), np.cos(angle)
+
+    @cached_property
+    def _regressor(self) -> Callable[[Array, Array, Array, Array], Array]:
+        return regressor_of(self.model)
+
+
+def exciting_reference(
+    model: ReducedModel,
+    *,
+    frequency: float = 0.1,
+    harmonics: int = 5,
+    share: float = 0.8,
+    scale: ArrayLike | None = None,
+    limits: Limits | None = None,
+    iterations: int = 100,
+    seed: int = 0,
+    progress: Callable[[float], object] | None = None,
+) -> ExcitingReference:
+    """A periodic reference of `harmonics` times `frequency` (Hz) that conditions the regressor best.
+
+    Fourier series within positions, speeds and torques (Swevers, Ganseman, Tukel, De Schutter and Van Brussel
+    1997): a `share` of the joints' own limits, or `limits`. Torques are those of the model's own parameters; where
+    they are only guessed, leave them room. `scale` (k,) are the parameters' prior ranges. The search (L-BFGS)
+    begins at the best of ten random references; equal seeds find equal ones.
+
+    `progress` is called with the share done. Ctrl-C keeps the best so far, marked incomplete.
+    """
+    search = _checked(model, frequency, harmonics, share, scale, limits)
+    rng = np.random.default_rng(seed)
+    starts = [search.random(rng) for _ in range(RANDOM)]
+    random_conditions = np.array([search.within(x)[1] for x in starts])
+    best = _Best(search, starts[int(np.argmin([search.cost(x) for x in starts]))], iterations, progress)
+    complete = True
+    try:
+        options = {"maxiter": iterations, "maxfun": 100 * iterations * search.size}
+        minimize(best.cost, best.x, method="L-BFGS-B", callback=best.iterated, options=options)  # type: ignore[call-overload]
+    except KeyboardInterrupt:
+        complete = False
+    reference, condition, torque_share = search.within(best.x)
+    return ExcitingReference(reference, condition, random_conditions, torque_share, best.iterations, complete)
+
+
+class _Best:
+    """The best that a search has met, and how far it is."""
+
+    def __init__(self, search: _Search, x: Array, most: int, progress: Callable[[float], object] | None) -> None:
+        self.search, self.x, self.lowest = search, x, search.cost(x)
+        self.iterations, self._most, self._progress = 0, most, progress
+
+    def cost(self, x: Array) -> float:
+        """The search's, remembered where it is the lowest."""
+        value = self.search.cost(x)
+        if value < self.lowest:
+            self.x, self.lowest = x.copy(), value
+        return value
+
+    def iterated(self, x: Array) -> None:
+        """Called after an iteration."""
+        self.iterations += 1
+        if self._progress is not None:
+            self._progress(min(1.0, self.iterations / self._most))
+
+
+def _checked(
+    model: ReducedModel,
+    frequency: float,
+    harmonics: int,
+    share: float,
+    scale: ArrayLike | None,
+    limits: Limits | None,
+) -> _Search:
+    if not (np.isfinite(frequency) and frequency > 0.0):
+        raise InputError(f"frequency: expected a positive one in Hz, got {frequency}")
+    if harmonics != int(harmonics) or harmonics < 1:
+        raise InputError(f"harmonics: expected a whole number of at least 1, got {harmonics}")
+    if not 0.0 < share <= 1.0:
+        raise InputError(f"share: expected a share of the limits above 0 and up to 1, got {share}")
+    k = len(model.columns)
+    ranges = PriorRanges().of(model.names) if scale is None else np.asarray(scale, dtype=np.float64)
+    ranges = frozen_array(np.broadcast_to(ranges, (k,)) if ranges.ndim == 0 else ranges, (k,), "scale")
+    return _Search(model, limits or Limits.of(model, share), frequency, harmonics, ranges)
+
+
+def _gram(Y: Array) -> Array:
+    """Y'Y (k, k) of all samples of Y (n, r, k), in products too small for threads, which would cost more to start."""
+    samples, rows, k = Y.shape
+    together = max(1, SMALL_PRODUCT // (rows * k * k))
+    whole = samples // together * together
+    parts = Y[:whole].reshape(-1, together * rows, k)
+    rest = Y[whole:].reshape(-1, k)
+    return np.asarray(np.sum(np.swapaxes(parts, 1, 2) @ parts, axis=0) + rest.T @ rest)
+
+
+def _logistic(x: Array) -> Array:
+    return 1.0 / (1.0 + np.exp(-x))

@@ -1,0 +1,143 @@
+"""How much a motion tells of the parameters: persistent excitation, measured."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.arrays import Array, frozen_array
+from adaptctl.compilation import compile_function
+from adaptctl.control.adaptation import PriorRanges
+from adaptctl.control.controller import LARGEST_COMPILED
+from adaptctl.control.run import Followed
+from adaptctl.errors import InputError
+from adaptctl.identifiability import ReducedModel
+from adaptctl.scalars import Column
+
+DOUBLINGS = 4
+BLOCKS = 2**DOUBLINGS
+"""Into which a window is divided, and by which it moves."""
+
+
+class Run(Followed, Protocol):
+    """A run, how its reference accelerated, and how often it was sampled."""
+
+    @property
+    def reference_a(self) -> Array:
+        """The reference's accelerations (T, r)."""
+        ...
+
+    @property
+    def control_period(self) -> float:
+        """Time between samples, s."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Excitation:
+    """Of windows along a run: the extreme eigenvalues of the Gram matrix, the integral of (Y S)'(Y S) over each.
+
+    Y is the law's regressor on the model's k parameters and S their prior ranges, so that a kilogram and a kilogram
+    square metre can be compared; eigenvalues are in (N m)^2 s. A motion excites persistently when the smallest
+    stays above a positive bound, for some window length (Ioannou and Sun 1996, section 4.3): only then do estimates
+    converge.
+    """
+
+    time: Array
+    """(w,) s, the end of each window"""
+    smallest: Array
+    """(w,)"""
+    largest: Array
+    """(w,)"""
+    weakest: Array
+    """(k,) what is told least of over the whole run, as a direction of scaled parameters"""
+    window: float
+    """s"""
+
+    @property
+    def level(self) -> float:
+        """The least smallest eigenvalue of all windows."""
+        return float(self.smallest.min())
+
+    @property
+    def condition(self) -> Array:
+        """Condition number (w,) of the stacked regressor of each window: the root of the eigenvalues' ratio."""
+        with np.errstate(divide="ignore"):
+            return np.sqrt(self.largest / self.smallest)
+
+
+def persistent_excitation(
+    model: ReducedModel, run: Run, window: float, *, bandwidth: ArrayLike = 0.0, scale: ArrayLike | None = None
+) -> Excitation:
+    """Measure the excitation of a run in windows of a length (s), in whole sixteenths of which they move.
+
+    The regressor is Slotine and Li's, at v_r = v_d - bandwidth e, which is that of inverse dynamics along the
+    reference where the bandwidth (1/s) is zero. `scale` (k,) are ranges of the parameters, by default those of
+    `PriorRanges`. Eigenvalues come from singular values of triangular factors, so that they are true to the square
+    of what those of the Gram matrix itself would be.
+    """
+    count, k = len(run.p), len(model.columns)
+    samples = round(window / run.control_period) if np.isfinite(window) else 0
+    if not BLOCKS <= samples <= count:
+        shortest, longest = BLOCKS * run.control_period, count * run.control_period
+        raise InputError(f"window: expected a time from {shortest:g} s to the run's {longest:g} s, got {window}")
+    rows = scaled_regressor(model, *_followed(run, np.asarray(bandwidth, dtype=np.float64)), scale)
+    size = samples // BLOCKS
+    blocks = rows[: count // size * size].reshape(count // size, -1, k) * np.sqrt(run.control_period)
+    factors = _triangular(blocks)
+    for level in range(DOUBLINGS):
+        # A factor of twice as many blocks from two that meet: small matrices throughout, whatever the window.
+        factors = _triangular(np.concatenate((factors[: -(2**level)], factors[2**level :]), axis=1))
+    values: Array = np.asarray(np.linalg.svd(factors, compute_uv=False), dtype=np.float64)
+    end = (np.arange(len(values), dtype=np.float64) + BLOCKS) * size * run.control_period
+    weakest = np.asarray(np.linalg.svd(_triangular(blocks.reshape(1, -1, k))[0])[2][-1])
+    return Excitation(end, values[:, -1] ** 2, values[:, 0] ** 2, weakest, BLOCKS * size * run.control_period)
+
+
+def _triangular(rows: Array) -> Array:
+    """The triangular factors (n, k, k) of matrices (n, m, k), by parts of 2k rows."""
+    n, _, k = rows.shape
+    while rows.shape[1] > k:
+        parts = -(-rows.shape[1] // (2 * k))
+        padded = np.pad(rows, ((0, 0), (0, parts * 2 * k - rows.shape[1]), (0, 0)))
+        factors: Array = np.asarray(np.linalg.qr(padded.reshape(n, parts, 2 * k, k), mode="r"))
+        rows = factors.reshape(n, parts * k, k)
+    return np.asarray(np.pad(rows, ((0, 0), (0, k - rows.shape[1]), (0, 0))))
+
+
+def scaled_regressor(
+    model: ReducedModel, p: Array, v: Array, v_r: Array, a_r: Array, scale: ArrayLike | None = None
+) -> Array:
+    """Y_r S (T, r, k) along a motion (T, r), in native code where the mechanism is short enough."""
+    ranges = PriorRanges().of(model.names) if scale is None else np.asarray(scale, dtype=np.float64)
+    ranges = np.broadcast_to(ranges, (len(model.columns),)) if ranges.ndim == 0 else ranges
+    return regressor_of(model)(p, v, v_r, a_r) * frozen_array(ranges, (len(model.columns),), "scale")
+
+
+def regressor_of(model: ReducedModel) -> Callable[[Array, Array, Array, Array], Array]:
+    """Slotine and Li's regressor (T, r, k) as a function of p, v, v_r and a_r (T, r)."""
+    mechanism, r = model.mechanism, model.mechanism.dof
+    if len(mechanism.links) > LARGEST_COMPILED:
+        return model.slotine_li_regressor
+    equations = mechanism.equations
+
+    def rows(q: Column, v: Column, v_r: Column, a_r: Column) -> Column:
+        found = equations.torque_regressor(q, v, v_r, a_r, model.columns)
+        return Column(entry for row in found for entry in row)
+
+    kernel = compile_function(rows, {"q": equations.joints, "v": r, "v_r": r, "a_r": r}, name="regressor")
+
+    def regressor(p: Array, v: Array, v_r: Array, a_r: Array) -> Array:
+        found: Array = kernel.map(mechanism.configuration(p), v, v_r, a_r)
+        return found.reshape(len(p), r, len(model.columns))
+
+    return regressor
+
+
+def _followed(run: Run, bandwidth: Array) -> tuple[Array, Array, Array, Array]:
+    e, rate = run.p - run.reference_p, run.v - run.reference_v
+    return run.p, run.v, run.reference_v - bandwidth * e, run.reference_a - bandwidth * rate

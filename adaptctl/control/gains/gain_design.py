@@ -1,0 +1,180 @@
+"""Gains of a whole arm, and how far they can be trusted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import brentq
+
+from adaptctl.arrays import Array
+from adaptctl.control.gains.error_feedback import ErrorFeedback
+from adaptctl.control.gains.gains import (
+    LARGEST_SAMPLED_GAIN,
+    Gains,
+    per_joint,
+    sampled_configurations,
+    sampled_gain,
+    typical_inertia,
+)
+from adaptctl.control.gains.margins import Margins, margins
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import GainError, InputError
+
+SEARCHED = (1e-3, 30.0)
+"""rad a period: where the fastest pole is sought that a period carries"""
+
+
+@dataclass(frozen=True, eq=False)
+class GainDesign:
+    """Feedback of every joint's error, for a mechanism, a control period (s) and a delay in periods.
+
+    The loops are designed for each joint's typical inertia; the margins are those of each loop alone, with the
+    delay. `least_inertia` (r,) is, over random configurations, what a joint alone has when all others are free,
+    over what is typical: the inverse is how much a loop's gain grows there, and its gain margin must be above.
+    """
+
+    mechanism: Mechanism
+    method: str
+    feedback: tuple[ErrorFeedback, ...]
+    inertia: Array
+    """(r,) typical, kg m^2 or kg"""
+    least_inertia: Array
+    """(r,) over the typical one"""
+    margins: tuple[Margins, ...]
+    period: float
+    delay: int = 0
+
+    @property
+    def gains(self) -> Gains:
+        """Slotine and Li's Lambda and K. Raises `InputError` where the poles are complex."""
+        rates = np.array([feedback.cascaded for feedback in self.feedback])
+        return Gains(rates[:, 0], rates[:, 1] * self.inertia)
+
+    @property
+    def damped_enough(self) -> bool:
+        """Whether `gains` exist."""
+        return all(feedback.is_cascade for feedback in self.feedback)
+
+    @property
+    def bandwidth(self) -> Array:
+        """Undamped natural frequencies (r,), 1/s: those of `ComputedTorque`."""
+        return np.array([feedback.bandwidth for feedback in self.feedback])
+
+    @property
+    def damping_ratio(self) -> Array:
+        """Of each joint (r,)."""
+        return np.array([feedback.damping_ratio for feedback in self.feedback])
+
+    @property
+    def damping(self) -> Array:
+        """What the loops feed back of velocity, at typical inertia (r,), N m s/rad."""
+        return self.inertia * np.array([feedback.rate for feedback in self.feedback])
+
+    @property
+    def sampled_gain(self) -> float:
+        """T_c max lambda(M^-1 K) over random configurations: stable below 2, and below 1 with a delay of one."""
+        return sampled_gain(self.mechanism, self.damping, self.period)
+
+    @property
+    def largest_sampled_gain(self) -> float:
+        """What is carried, with a margin: 1.5 without delay, less with."""
+        return carried(self.delay)
+
+    @property
+    def highest(self) -> float:
+        """The magnitude of the fastest pole of all, 1/s."""
+        return max(abs(pole) for feedback in self.feedback for pole in feedback.poles)
+
+    @property
+    def fastest(self) -> float:
+        """By what factor all poles may be moved out, or must be moved in, for the period to carry the gains.
+
+        Infinity where it carries even those of a deadbeat loop.
+        """
+
+        def excess(logarithm: float) -> float:
+            rates = np.array([feedback.faster(float(np.exp(logarithm))).rate for feedback in self.feedback])
+            return sampled_gain(self.mechanism, self.inertia * rates, self.period) - self.largest_sampled_gain
+
+        slowest, quickest = (float(np.log(angle / (self.highest * self.period))) for angle in SEARCHED)
+        if excess(quickest) <= 0.0:
+            return np.inf
+        return float(np.exp(brentq(excess, slowest, quickest, xtol=1e-6)))
+
+    def require_carried(self) -> GainDesign:
+        """Itself. Raises `GainError` where the period cannot carry the gains, saying the largest that it can."""
+        if not self.sampled_gain <= self.largest_sampled_gain:
+            late = f" and a delay of {self.delay} periods" if self.delay else ""
+            raise GainError(
+                f"{self.mechanism.name}: the gains are too stiff for a control period of {self.period:g} s{late}: "
+                f"T_c lambda_max(M^-1 K) = {self.sampled_gain:.3g}, at most {self.largest_sampled_gain:.3g} is "
+                f"allowed. The largest gains that it carries have all poles at {self.fastest:.3g} times these, the "
+                f"fastest at {self.fastest * self.highest:.4g} 1/s instead of {self.highest:.4g}; or shorten the period"
+            )
+        return self
+
+
+def carried(delay: int) -> float:
+    """The largest T_c lambda_max(M^-1 K) that is allowed with a delay in periods: three quarters of the limit.
+
+    A velocity held and fed back d periods late, z^(d+1) - z^d + g = 0, is stable for g below
+    2 sin(pi/(2(2d + 1))): 2, 1, 0.62, ... (Levin and May 1976).
+    """
+    limit = 2.0 * float(np.sin(np.pi / (2.0 * (2.0 * delay + 1.0))))
+    return 0.5 * LARGEST_SAMPLED_GAIN * limit
+
+
+def by_bandwidth(
+    mechanism: Mechanism, bandwidth: ArrayLike, damping_ratio: ArrayLike = 1.0, *, period: float = 1e-3, delay: int = 0
+) -> GainDesign:
+    """Both poles of every joint at a bandwidth (1/s) with a damping ratio; one number, or one a joint."""
+    rates, ratios = (
+        per_joint(values, mechanism.dof, what)
+        for values, what in ((bandwidth, "bandwidth"), (damping_ratio, "damping ratio"))
+    )
+    pairs = zip(rates.tolist(), ratios.tolist(), strict=True)
+    feedback = [ErrorFeedback.from_bandwidth(rate, ratio, period) for rate, ratio in pairs]
+    return _design(mechanism, "bandwidth", feedback, period, delay)
+
+
+def by_poles(mechanism: Mechanism, poles: Sequence[complex], *, period: float = 1e-3, delay: int = 0) -> GainDesign:
+    """The same two poles (1/s) at every joint, real or a conjugate pair."""
+    feedback = ErrorFeedback.from_poles(poles, period)
+    return _design(mechanism, "poles", [feedback] * mechanism.dof, period, delay)
+
+
+def by_lqr(
+    mechanism: Mechanism,
+    position: float,
+    velocity: float = 0.0,
+    effort: float = 1.0,
+    *,
+    period: float = 1e-3,
+    delay: int = 0,
+) -> GainDesign:
+    """The linear-quadratic regulator at every joint, with weights of e^2, e'^2 and e''^2."""
+    feedback = ErrorFeedback.from_lqr(position, velocity, effort, period)
+    return _design(mechanism, "lqr", [feedback] * mechanism.dof, period, delay)
+
+
+def _design(
+    mechanism: Mechanism, method: str, feedback: Sequence[ErrorFeedback], period: float, delay: int
+) -> GainDesign:
+    if delay != int(delay) or delay < 0:
+        raise InputError(f"delay: expected a whole number of control periods of at least 0, got {delay}")
+    inertia = typical_inertia(mechanism)
+    if np.any(inertia <= 0.0):
+        raise InputError(f"{mechanism.name}: gains need a positive inertia at every joint, got {inertia}")
+    free = 1.0 / np.diagonal(np.linalg.inv(mechanism.mass_matrix(sampled_configurations(mechanism))), axis1=1, axis2=2)
+    least = free.min(axis=0) / inertia
+    found = _once(lambda one: margins(one.loop(delay)), feedback)
+    return GainDesign(mechanism, method, tuple(feedback), inertia, least, found, period, delay)
+
+
+def _once(of: Callable[[ErrorFeedback], Margins], feedback: Sequence[ErrorFeedback]) -> tuple[Margins, ...]:
+    """Of each, and of equal ones once."""
+    known = {one: of(one) for one in dict.fromkeys(feedback)}
+    return tuple(known[one] for one in feedback)

@@ -1,0 +1,309 @@
+"""What moves, as data: a tree of links, each behind one joint."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from adaptctl.arrays import Array, frozen_array
+from adaptctl.description.drive import Drive, DriveParameter
+from adaptctl.description.inertia import is_physically_consistent, parameter_names
+from adaptctl.description.loops import Loops
+from adaptctl.description.pose import Pose
+from adaptctl.description.visual import Visual
+from adaptctl.errors import InputError
+
+GROUND = -1
+"""The parent index of a link that hangs on the ground."""
+
+STANDARD_GRAVITY = (0.0, 0.0, -9.81)
+
+
+class JointKind(Enum):
+    """How a joint moves. A continuous joint is a revolute one without position limits."""
+
+    REVOLUTE = "revolute"
+    CONTINUOUS = "continuous"
+    PRISMATIC = "prismatic"
+
+    @property
+    def turns(self) -> bool:
+        """Whether the coordinate is an angle (rad) rather than a length (m)."""
+        return self is not JointKind.PRISMATIC
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Position range (rad or m), greatest speed (rad/s or m/s) and greatest effort (N m or N)."""
+
+    lower: float = -math.inf
+    upper: float = math.inf
+    velocity: float = math.inf
+    effort: float = math.inf
+
+    def __post_init__(self) -> None:
+        if not self.lower < self.upper:
+            raise InputError(f"position limits: expected lower < upper, got {self.lower} and {self.upper}")
+        if not (self.velocity > 0.0 and self.effort > 0.0):
+            raise InputError(f"limits: expected positive velocity and effort, got {self.velocity}, {self.effort}")
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """A joint with one coordinate, about or along `axis` (3,), a unit vector in the joint's frame."""
+
+    name: str
+    kind: JointKind = JointKind.REVOLUTE
+    axis: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    limits: Limits = Limits()
+    drive: Drive = field(default_factory=Drive)
+
+    def __post_init__(self) -> None:
+        axis = frozen_array(self.axis, (3,), f"joint {self.name!r}: axis")
+        norm = float(np.linalg.norm(axis))
+        if norm < 1e-9:
+            raise InputError(f"joint {self.name!r}: axis must not be zero")
+        # Dividing a unit vector by its own rounded norm would spoil exact entries such as 0 and 1.
+        unit = axis if abs(norm - 1.0) <= 1e-15 else axis / norm
+        object.__setattr__(self, "axis", frozen_array(unit, (3,), "axis"))
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """A rigid body behind one joint.
+
+    `near` is the joint's frame in the parent link's frame at zero, `far` the link's frame in the joint's
+    moved frame: the identity for URDF, a Denavit-Hartenberg step for frames at the far end.
+    `inertia` holds the ten of `mechanism.inertia.PARAMETERS` in the link's frame. A `massless` link only joins two
+    joints, like the first five of a floating base: its ten are zero for good and no parameters of the mechanism.
+    """
+
+    name: str
+    parent: int
+    joint: Joint
+    near: Pose
+    far: Pose
+    inertia: Array = field(default_factory=lambda: np.zeros(10))
+    massless: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "inertia", frozen_array(self.inertia, (10,), f"link {self.name!r}: inertia"))
+        if self.massless and np.any(self.inertia):
+            raise InputError(f"link {self.name!r}: a massless link has no inertia, got {self.inertia.tolist()}")
+
+
+@dataclass(frozen=True, eq=False)
+class Description:
+    """A mechanism as immutable data, its links in depth-first order.
+
+    The order matters to others: Pinocchio gives wrong mass and Coriolis matrices, silently, on models that
+    were not built depth first. `depth_first` puts links in order.
+    """
+
+    name: str
+    links: tuple[Link, ...]
+    gravity: Array = field(default_factory=lambda: np.array(STANDARD_GRAVITY))
+    source: str = ""
+    loops: Loops | None = None
+    """None for a tree, whose joints are all primary."""
+    visuals: tuple[Visual, ...] = ()
+    """What it looks like, where a file says so. No hash counts it."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "links", tuple(self.links))
+        object.__setattr__(self, "gravity", frozen_array(self.gravity, (3,), f"{self.name}: gravity"))
+        if not self.links:
+            raise InputError(f"{self.name}: a mechanism needs at least one movable link")
+        _require_unique([link.name for link in self.links], f"{self.name}: link")
+        _require_unique([link.joint.name for link in self.links], f"{self.name}: joint")
+        _require_depth_first(self.name, self.parents)
+        object.__setattr__(self, "visuals", tuple(self.visuals))
+        for visual in self.visuals:
+            if not GROUND <= visual.link < len(self.links):
+                raise InputError(f"{self.name}: a visual is fixed to link {visual.link} of {len(self.links)}")
+        if self.loops is not None:
+            self.loops.require_known([link.name for link in self.links], self.joint_names)
+
+    @cached_property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the tree's joints, one a link."""
+        return tuple(link.joint.name for link in self.links)
+
+    @cached_property
+    def primary(self) -> tuple[int, ...]:
+        """The primary joints among the tree's, in the order of the primary coordinates p."""
+        names = self.joint_names if self.loops is None else self.loops.primary
+        return tuple(self.joint_names.index(name) for name in names)
+
+    @property
+    def parents(self) -> tuple[int, ...]:
+        """The parent's index of every link, -1 for the ground."""
+        return tuple(link.parent for link in self.links)
+
+    def within_conditions(self, p: ArrayLike) -> NDArray[np.bool_]:
+        """Which of the primary positions p (..., r) keep the loops' conditions (...)."""
+        p = np.asarray(p, dtype=np.float64)
+        inside = np.ones(p.shape[:-1], dtype=np.bool_)
+        for condition in self.loops.conditions if self.loops is not None else ():
+            weights = [condition.weights.get(self.joint_names[i], 0.0) for i in self.primary]
+            inside &= (p @ np.array(weights) > condition.lower) & (p @ np.array(weights) < condition.upper)
+        return inside
+
+    @property
+    def bodies(self) -> tuple[int, ...]:
+        """The links that own ten parameters each: all but the massless ones."""
+        return tuple(i for i, link in enumerate(self.links) if not link.massless)
+
+    @cached_property
+    def body_names(self) -> tuple[str, ...]:
+        """The names of these links."""
+        return tuple(self.links[i].name for i in self.bodies)
+
+    @property
+    def drive_parameters(self) -> tuple[tuple[int, DriveParameter], ...]:
+        """The parameters of the joints' drives that are modelled, by link: all rotors, then all friction."""
+        drives = [link.joint.drive for link in self.links]
+        return tuple((i, kind) for kind in DriveParameter for i, d in enumerate(drives) if d.value(kind) is not None)
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the P parameters: ten a link, ``link3.I_xx``, then the drives', ``joint2.viscous``."""
+        joints = self.joint_names
+        driven = tuple(f"{joints[i]}.{kind.value}" for i, kind in self.drive_parameters)
+        return parameter_names([self.links[i].name for i in self.bodies]) + driven
+
+    @property
+    def energetic(self) -> int:
+        """How many of the parameters enter the energy: all but friction, which comes last."""
+        rotors = sum(not kind.is_friction for _, kind in self.drive_parameters)
+        return 10 * len(self.bodies) + rotors
+
+    @property
+    def inertial_parameters(self) -> Array:
+        """The P parameters' values, read-only."""
+        driven = [self.links[i].joint.drive.value(kind) for i, kind in self.drive_parameters]
+        tens = [self.links[i].inertia for i in self.bodies]
+        stacked = np.concatenate([*tens, np.array(driven, dtype=np.float64)])
+        stacked.flags.writeable = False
+        return stacked
+
+    @property
+    def inconsistent_links(self) -> tuple[str, ...]:
+        """Names of the links whose ten no rigid body can have."""
+        bodies = [self.links[i] for i in self.bodies]
+        return tuple(body.name for body in bodies if not is_physically_consistent(body.inertia))
+
+    def with_parameters(self, parameters: ArrayLike) -> Description:
+        """The same mechanism with other parameters (P,)."""
+        values = frozen_array(parameters, (len(self.parameter_names),), f"{self.name}: parameters")
+        links, tens = list(self.links), 10 * len(self.bodies)
+        for i, ten in zip(self.bodies, values[:tens].reshape(-1, 10), strict=True):
+            links[i] = replace(links[i], inertia=ten)
+        for value, (i, kind) in zip(values[tens:].tolist(), self.drive_parameters, strict=True):
+            drive = replace(links[i].joint.drive, **{kind.value: value})
+            links[i] = replace(links[i], joint=replace(links[i].joint, drive=drive))
+        return replace(self, links=tuple(links))
+
+    def with_drives(self, drives: Drive | Sequence[Drive]) -> Description:
+        """The same mechanism with other rotors and friction in its tree's joints, one drive for all or one each."""
+        each = [drives] * len(self.links) if isinstance(drives, Drive) else list(drives)
+        if len(each) != len(self.links):
+            raise InputError(f"{self.name}: expected one drive for each of {len(self.links)} joints, got {len(each)}")
+        pairs = zip(self.links, each, strict=True)
+        links = tuple(replace(link, joint=replace(link.joint, drive=drive)) for link, drive in pairs)
+        return replace(self, links=links)
+
+    @property
+    def sha256(self) -> str:
+        """A hash of everything that moves: equal mechanisms, equal hashes. Where it came from does not count."""
+        content: dict[str, object] = {"name": self.name, "gravity": self.gravity.tolist()}
+        content["links"] = [_plain(link) for link in self.links]
+        if self.drive_parameters:
+            drives = [(i, kind, self.links[i].joint.drive.value(kind)) for i, kind in self.drive_parameters]
+            content["drives"] = [[i, kind.value, repr(value)] for i, kind, value in drives]
+        if len(self.bodies) < len(self.links):
+            content["bodies"] = list(self.bodies)
+        if self.loops is not None:
+            content["loops"] = self.loops.plain()
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+    @property
+    def geometry_sha256(self) -> str:
+        """A hash of what decides which parameters matter: gravity, the tree, its joints and frames, link names.
+
+        Inertial values, limits and the mechanism's name do not count. Numbers count to 1e-12, so that another
+        machine's sine gives the same hash.
+        """
+        content: list[object] = [_rounded(self.gravity), [_geometry(link) for link in self.links]]
+        if self.drive_parameters:
+            content.append([[i, kind.value] for i, kind in self.drive_parameters])
+        if len(self.bodies) < len(self.links):
+            content.append(list(self.bodies))
+        if self.loops is not None:
+            content.append(self.loops.plain())
+        return hashlib.sha256(json.dumps(content).encode()).hexdigest()
+
+    def __eq__(self, other: object) -> bool:
+        return self.sha256 == other.sha256 if isinstance(other, Description) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self.sha256)
+
+
+def depth_first(links: Iterable[Link]) -> tuple[Link, ...]:
+    """The same tree with every subtree contiguous and parents before children; siblings keep their order."""
+    given = tuple(links)
+    order: list[int] = []
+    pending = [i for i, link in enumerate(given) if link.parent == GROUND][::-1]
+    while pending:
+        order.append(pending.pop())
+        pending += [i for i, link in enumerate(given) if link.parent == order[-1]][::-1]
+    if len(order) != len(given):
+        missing = sorted(set(range(len(given))) - set(order))
+        raise InputError(f"link {given[missing[0]].name!r} does not hang on the ground through its parents")
+    place = {GROUND: GROUND} | {old: new for new, old in enumerate(order)}
+    return tuple(replace(given[i], parent=place[given[i].parent]) for i in order)
+
+
+def _require_unique(names: Sequence[str], what: str) -> None:
+    repeated = sorted({name for name in names if names.count(name) > 1})
+    if repeated:
+        raise InputError(f"{what} names must be unique, got {repeated[0]!r} more than once")
+    if not all(names):
+        raise InputError(f"{what} names must not be empty")
+
+
+def _require_depth_first(name: str, parents: Sequence[int]) -> None:
+    branch: list[int] = []
+    for i, parent in enumerate(parents):
+        while branch and branch[-1] != parent:
+            branch.pop()
+        if not branch and parent != GROUND:
+            raise InputError(f"{name}: links must be in depth-first order (use depth_first), link {i} is not")
+        branch.append(i)
+
+
+def _plain(link: Link) -> list[object]:
+    joint, limits = link.joint, link.joint.limits
+    arrays = (joint.axis, link.near.rotation, link.near.translation, link.far.rotation, link.far.translation)
+    bounds = [limits.lower, limits.upper, limits.velocity, limits.effort]
+    moving = [[float(x) + 0.0 for x in np.ravel(array)] for array in (*arrays, link.inertia)]
+    return [link.name, link.parent, joint.name, joint.kind.value, [repr(float(b)) for b in bounds], moving]
+
+
+def _geometry(link: Link) -> list[object]:
+    poses = (link.near.rotation, link.near.translation, link.far.rotation, link.far.translation)
+    frames = [_rounded(array) for array in (link.joint.axis, *poses)]
+    return [link.name, link.parent, link.joint.kind.turns, frames]
+
+
+def _rounded(array: Array) -> list[float]:
+    return [round(x, 12) + 0.0 for x in np.ravel(array).tolist()]

@@ -1,0 +1,70 @@
+"""The ten inertial parameters of a link, and when a rigid body can have them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.arrays import Array
+from adaptctl.description.pose import Pose
+
+PARAMETERS = ("m", "mc_x", "mc_y", "mc_z", "I_xx", "I_xy", "I_yy", "I_xz", "I_yz", "I_zz")
+"""Names and order of a link's ten, about its frame's origin (kg, kg m, kg m^2); Pinocchio's order and sign."""
+
+_TENSOR = np.array([[4, 5, 7], [5, 6, 8], [7, 8, 9]])
+_LOWER = (0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2)
+
+
+def inertia_tensor(ten: ArrayLike) -> Array:
+    """The tensor (3, 3) about the frame's origin; off-diagonal entries are -integral xy dm."""
+    return np.asarray(ten, dtype=np.float64)[_TENSOR]
+
+
+def from_tensor(mass: float, first_moment: ArrayLike, tensor: ArrayLike) -> Array:
+    """The ten from a mass, a first moment (3,) and a tensor (3, 3), all about the frame's origin."""
+    entries = np.asarray(tensor, dtype=np.float64)
+    return np.array([mass, *np.asarray(first_moment, dtype=np.float64), *(entries[index] for index in _LOWER)])
+
+
+def from_center_of_mass(mass: float, center: ArrayLike, tensor_at_center: ArrayLike) -> Array:
+    """The ten from a mass, its centre (3,) and the tensor (3, 3) about that centre (Huygens and Steiner)."""
+    c = np.asarray(center, dtype=np.float64)
+    shift = mass * (np.dot(c, c) * np.eye(3) - np.outer(c, c))
+    return from_tensor(mass, mass * c, np.asarray(tensor_at_center, dtype=np.float64) + shift)
+
+
+def pseudo_inertia(ten: ArrayLike) -> Array:
+    """The pseudo-inertia matrix (4, 4): [[Sigma, mc], [mc', m]] with Sigma = tr(I)/2 1 - I.
+
+    A mass density can produce the ten exactly when it is positive definite (Wensing, Kim and Slotine 2018).
+    """
+    values, tensor = np.asarray(ten, dtype=np.float64), inertia_tensor(ten)
+    second_moments = 0.5 * np.trace(tensor) * np.eye(3) - tensor
+    moment = values[1:4, None]
+    return np.block([[second_moments, moment], [moment.T, values[:1, None]]])
+
+
+def from_pseudo_inertia(matrix: ArrayLike) -> Array:
+    """The ten of a pseudo-inertia matrix (4, 4)."""
+    values = np.asarray(matrix, dtype=np.float64)
+    second_moments = values[:3, :3]
+    return from_tensor(values[3, 3], values[:3, 3], np.trace(second_moments) * np.eye(3) - second_moments)
+
+
+def transformed(ten: ArrayLike, pose: Pose) -> Array:
+    """The ten in a parent frame of a body whose ten are given in the frame that stands there at `pose`."""
+    homogeneous = np.eye(4)
+    homogeneous[:3, :3], homogeneous[:3, 3] = pose.rotation, pose.translation
+    return from_pseudo_inertia(homogeneous @ pseudo_inertia(ten) @ homogeneous.T)
+
+
+def is_physically_consistent(ten: ArrayLike) -> bool:
+    """Whether some rigid body of positive density has these ten."""
+    return bool(np.linalg.eigvalsh(pseudo_inertia(ten))[0] > 0.0)
+
+
+def parameter_names(link_names: Sequence[str]) -> tuple[str, ...]:
+    """Names such as ``link3.I_xx``, ten a link."""
+    return tuple(f"{link}.{name}" for link in link_names for name in PARAMETERS)

@@ -1,0 +1,165 @@
+"""What closes a tree into loops: coinciding frames, and joints that follow others."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+from types import MappingProxyType
+
+import numpy as np
+
+from adaptctl.description.pose import Pose
+from adaptctl.errors import InputError, NotFoundError
+
+
+class ClosureKind(Enum):
+    """What two frames share: their origin, their origin and z axis (a hinge), or their whole pose."""
+
+    POINT = "point"
+    AXIS = "axis"
+    WELD = "weld"
+
+    @property
+    def rows(self) -> int:
+        """Number of scalar constraints, dependent ones included."""
+        return {"point": 3, "axis": 5, "weld": 6}[self.value]
+
+
+@dataclass(frozen=True)
+class Closure:
+    """A joint that was cut to make a tree: a frame on one link coincides with a frame on another.
+
+    Links are named, None being the ground; the frames are poses in their links.
+    """
+
+    name: str
+    first: str | None
+    second: str | None
+    first_frame: Pose = field(default_factory=Pose.identity)
+    second_frame: Pose = field(default_factory=Pose.identity)
+    kind: ClosureKind = ClosureKind.POINT
+
+    def __post_init__(self) -> None:
+        if self.first == self.second:
+            raise InputError(f"closure {self.name!r}: a link cannot be closed onto itself ({self.first or 'ground'})")
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """A joint that follows another through gears or a mimic: follower = ratio leader + offset."""
+
+    name: str
+    follower: str
+    leader: str
+    ratio: float = 1.0
+    offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.follower == self.leader:
+            raise InputError(f"coupling {self.name!r}: joint {self.follower!r} cannot follow itself")
+        if not (np.isfinite(self.ratio) and np.isfinite(self.offset)) or self.ratio == 0.0:
+            raise InputError(
+                f"coupling {self.name!r}: expected a finite ratio other than zero and a finite offset, "
+                f"got {self.ratio} and {self.offset}"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Condition:
+    """Where a mechanism may work: lower < sum of weight times primary coordinate < upper (rad or m).
+
+    Sampling and environments keep to it; the semi-direct-drive arm's 0.5236 < p2 - p3 < 2.618 is one.
+    """
+
+    name: str
+    weights: Mapping[str, float]
+    lower: float = -np.inf
+    upper: float = np.inf
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "weights", MappingProxyType(dict(self.weights)))
+        if not self.weights or not all(np.isfinite(w) for w in self.weights.values()):
+            raise InputError(f"condition {self.name!r}: expected finite weights of at least one joint")
+        if not self.lower < self.upper:
+            raise InputError(f"condition {self.name!r}: expected lower < upper, got {self.lower} and {self.upper}")
+
+
+@dataclass(frozen=True, eq=False)
+class Loops:
+    """What makes a tree a mechanism with loops.
+
+    `primary` names the joints that are driven and whose coordinates describe the motion; the others follow.
+    `reference` gives the configuration (rad or m by joint name, zero where not given) from which the motion is
+    followed, so that the assembly branch is its; its dependent joints need only be near enough to close.
+    `conditions` say where the mechanism may work.
+    """
+
+    primary: tuple[str, ...]
+    closures: tuple[Closure, ...] = ()
+    couplings: tuple[Coupling, ...] = ()
+    reference: Mapping[str, float] = field(default_factory=dict)
+    conditions: tuple[Condition, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("primary", "closures", "couplings", "conditions"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
+        object.__setattr__(self, "reference", MappingProxyType(dict(self.reference)))
+        names = [c.name for c in self.closures] + [c.name for c in self.couplings]
+        _require_unique("closure or coupling", names)
+        _require_unique("follower", [c.follower for c in self.couplings])
+        self._require_plain_couplings()
+        if not self.primary:
+            raise InputError("loops: at least one joint must be primary")
+        _require_unique("primary joint", self.primary)
+        for condition in self.conditions:
+            for joint in condition.weights:
+                if joint not in self.primary:
+                    raise InputError(f"condition {condition.name!r}: joint {joint!r} is not primary")
+
+    def _require_plain_couplings(self) -> None:
+        followers = {c.follower for c in self.couplings}
+        for c in self.couplings:
+            if c.leader in followers:
+                raise InputError(
+                    f"coupling {c.name!r}: joint {c.follower!r} follows {c.leader!r}, which itself follows another "
+                    "joint: let both follow the first"
+                )
+            if c.follower in self.primary:
+                raise InputError(f"coupling {c.name!r}: joint {c.follower!r} follows another, so it cannot be primary")
+
+    def require_known(self, links: Collection[str], joints: Collection[str]) -> None:
+        """Refuse names of links and joints that the tree does not have."""
+        named_links = {link: c.name for c in self.closures for link in (c.first, c.second) if link is not None}
+        named_joints = {joint: c.name for c in self.couplings for joint in (c.follower, c.leader)}
+        named_joints |= dict.fromkeys(self.primary, "primary") | dict.fromkeys(self.reference, "reference")
+        for what, named, known in (("link", named_links, links), ("joint", named_joints, joints)):
+            for name, where in named.items():
+                if name not in known:
+                    raise NotFoundError(f"{where}: there is no {what} {name!r}; there are {', '.join(sorted(known))}")
+
+    def plain(self) -> list[object]:
+        """Everything that moves, in JSON's types, for hashing."""
+        closures = [
+            [c.name, c.first, c.second, _plain(c.first_frame), _plain(c.second_frame), c.kind.value]
+            for c in self.closures
+        ]
+        couplings = [[c.name, c.follower, c.leader, repr(c.ratio), repr(c.offset)] for c in self.couplings]
+        conditions = [[sorted(c.weights.items()), repr(c.lower), repr(c.upper)] for c in self.conditions]
+        return [
+            list(self.primary),
+            closures,
+            couplings,
+            conditions,
+            sorted((k, repr(float(x))) for k, x in self.reference.items()),
+        ]
+
+
+def _plain(pose: Pose) -> list[list[float]]:
+    return [[float(x) + 0.0 for x in np.ravel(array)] for array in (pose.rotation, pose.translation)]
+
+
+def _require_unique(what: str, names: Sequence[str]) -> None:
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"loops: {what} {name!r} is given more than once")

@@ -1,0 +1,76 @@
+"""Rigid placements of one frame in another."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.arrays import Array, frozen_array
+from adaptctl.errors import InputError
+
+
+def rotation_about(axis: ArrayLike, angle: float) -> Array:
+    """Rotation matrix (3, 3) about a unit axis by Rodrigues' formula.
+
+    Entries within 1e-15 of 0 and of +-1 are made exact, so that a right angle stays one in every product;
+    an angle that is truly off by more (3.1416 / 2, say) is kept as it is.
+    """
+    x, y, z = np.asarray(axis, dtype=np.float64)
+    hat = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    rotation = np.eye(3) + np.sin(angle) * hat + (1.0 - np.cos(angle)) * (hat @ hat)
+    return exact_right_angles(rotation)
+
+
+def exact_right_angles(rotation: Array, tolerance: float = 1e-15) -> Array:
+    """The same rotation (3, 3) with entries within `tolerance` of -1, 0 and 1 made exact."""
+    rounded = np.round(rotation)
+    return np.where(np.abs(rotation - rounded) <= tolerance, rounded + 0.0, rotation)
+
+
+def roll_pitch_yaw(angles: ArrayLike) -> Array:
+    """Rotation matrix of URDF's fixed-axis roll, pitch and yaw (rad)."""
+    roll, pitch, yaw = np.asarray(angles, dtype=np.float64)
+    product = rotation_about((0, 0, 1), yaw) @ rotation_about((0, 1, 0), pitch) @ rotation_about((1, 0, 0), roll)
+    return exact_right_angles(product)
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """A child frame in a parent frame: `rotation` (3, 3) turns child coordinates into the parent's,
+    `translation` (3,) is the child's origin in the parent (m). Both are read-only."""
+
+    rotation: Array
+    translation: Array
+
+    def __post_init__(self) -> None:
+        rotation = frozen_array(self.rotation, (3, 3), "rotation")
+        if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-9 or np.linalg.det(rotation) < 0.0:
+            raise InputError(f"rotation: expected a proper orthogonal matrix, got {rotation.tolist()}")
+        object.__setattr__(self, "rotation", rotation)
+        object.__setattr__(self, "translation", frozen_array(self.translation, (3,), "translation"))
+
+    @classmethod
+    def identity(cls) -> Pose:
+        """The parent frame itself."""
+        return cls(np.eye(3), np.zeros(3))
+
+    def __matmul__(self, inner: Pose) -> Pose:
+        """The pose of `inner`'s child in this pose's parent."""
+        rotation = exact_right_angles(self.rotation @ inner.rotation)
+        return Pose(rotation, self.rotation @ inner.translation + self.translation)
+
+    @property
+    def inverse(self) -> Pose:
+        """The parent frame in the child."""
+        return Pose(self.rotation.T, -self.rotation.T @ self.translation + 0.0)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Pose):
+            return NotImplemented
+        same_turn = np.array_equal(self.rotation, other.rotation)
+        return same_turn and np.array_equal(self.translation, other.translation)
+
+    def __hash__(self) -> int:
+        return hash((self.rotation.tobytes(), self.translation.tobytes()))

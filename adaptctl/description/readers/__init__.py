@@ -1,0 +1,1 @@
+"""Readers of robots' files: TOML, URDF, MJCF, and Pinocchio's models."""

@@ -1,0 +1,96 @@
+"""Reader of serial chains in Denavit-Hartenberg parameters, from TOML."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+import numpy as np
+
+from adaptctl.description.description import GROUND, STANDARD_GRAVITY, Description, Link
+from adaptctl.description.pose import Pose, roll_pitch_yaw, rotation_about
+from adaptctl.description.readers.entries import MAX_ENTRIES, LinkEntry, Triple
+from adaptctl.errors import FileError, InputError
+from adaptctl.files import read_toml
+
+SCHEMA = "adaptctl/denavit-hartenberg/1"
+
+X, Z = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+
+
+class Base(msgspec.Struct, forbid_unknown_fields=True):
+    """Where the chain's first frame stands in the world: a place (m) and fixed-axis roll, pitch, yaw (rad)."""
+
+    xyz: Triple = (0.0, 0.0, 0.0)
+    rpy: Triple = (0.0, 0.0, 0.0)
+
+
+class Step(LinkEntry, kw_only=True):
+    """One link with the joint before it; `theta` of a turning joint and `d` of a prismatic one are added to the
+    coordinate."""
+
+    a: float = 0.0
+    d: float = 0.0
+    alpha: float | None = None
+    alpha_deg: float | None = None
+    theta: float | None = None
+    theta_deg: float | None = None
+
+
+class Chain(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
+    """A whole file; `source` says where the numbers come from."""
+
+    schema: Literal["adaptctl/denavit-hartenberg/1"]
+    convention: Literal["standard", "modified"]
+    links: Annotated[list[Step], msgspec.Meta(min_length=1, max_length=MAX_ENTRIES)]
+    name: str | None = None
+    source: str = ""
+    gravity: Triple = STANDARD_GRAVITY
+    base: Base = msgspec.field(default_factory=Base)
+
+
+def read_denavit_hartenberg(path: str | Path) -> Description:
+    """The chain that a TOML file describes, named after the file unless it says otherwise.
+
+    ``convention = "standard"`` puts a link's frame at its far end: Rz(theta) Tz(d) Tx(a) Rx(alpha) leads from
+    the link before (Denavit and Hartenberg 1955). ``"modified"`` puts it at its joint:
+    Rx(alpha) Tx(a) Rz(theta) Tz(d), a and alpha being those before the joint (Craig 1986).
+    Raises FileError.
+    """
+    chain = read_toml(path, Chain)
+    try:
+        links = tuple(_link(i, step, chain) for i, step in enumerate(chain.links))
+        return Description(chain.name or Path(path).stem, links, np.array(chain.gravity), chain.source.strip())
+    except InputError as error:
+        raise FileError(f"{path}: {error}") from error
+
+
+def _link(index: int, step: Step, chain: Chain) -> Link:
+    try:
+        near, far = _poses(step, chain.convention == "standard")
+        if index == 0:
+            near = Pose(roll_pitch_yaw(chain.base.rpy), np.array(chain.base.xyz)) @ near
+        joint = step.moving(step.joint or f"joint{index + 1}", Z)
+        name = step.name or f"link{index + 1}"
+        return Link(name, index - 1 if index else GROUND, joint, near, far, step.ten())
+    except InputError as error:
+        raise InputError(f"$.links[{index}]: {error}") from error
+
+
+def _poses(step: Step, standard: bool) -> tuple[Pose, Pose]:
+    """The joint's frame in the link before, and the link's in the joint's."""
+    alpha = _angle("alpha", step.alpha, step.alpha_deg)
+    if alpha is None:
+        raise InputError("the twist is missing: give alpha (rad) or alpha_deg")
+    theta = _angle("theta", step.theta, step.theta_deg) or 0.0
+    twist = Pose(rotation_about(X, alpha), np.array([step.a, 0.0, 0.0]))
+    turn, shift = Pose(rotation_about(Z, theta), np.zeros(3)), Pose(np.eye(3), np.array([0.0, 0.0, step.d]))
+    return (turn, shift @ twist) if standard else (twist @ turn @ shift, Pose.identity())
+
+
+def _angle(name: str, radians: float | None, degrees: float | None) -> float | None:
+    if radians is not None and degrees is not None:
+        raise InputError(f"{name} is given twice: keep {name} (rad) or {name}_deg")
+    return math.radians(degrees) if degrees is not None else radians

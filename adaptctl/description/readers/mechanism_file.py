@@ -1,0 +1,185 @@
+"""Reader of any mechanism from our TOML: a tree of links, and what closes it into loops."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Annotated, Literal, TypeVar
+
+import msgspec
+import numpy as np
+
+from adaptctl.description.description import GROUND, STANDARD_GRAVITY, Description, Link, depth_first
+from adaptctl.description.loops import Closure, ClosureKind, Condition, Coupling, Loops
+from adaptctl.description.readers.entries import MAX_ENTRIES, FrameEntry, LinkEntry, Name, Triple
+from adaptctl.errors import FileError, InputError, NotFoundError
+from adaptctl.files import read_toml
+
+SCHEMA = "adaptctl/mechanism/1"
+
+Entry = TypeVar("Entry")
+Part = TypeVar("Part")
+
+
+class TreeLink(LinkEntry, kw_only=True):
+    """One link with the joint before it.
+
+    `parent` names the link that carries it, the ground when left out. `position` and `rpy` place the joint's
+    frame in the parent link's frame; `axis` is in the joint's frame. `far` places the link's frame in the
+    joint's moved frame, where the two are not the same. A `massless` link only joins two joints: it has no inertia
+    and owns no parameters.
+    """
+
+    parent: Name | None = None
+    axis: Triple = (0.0, 0.0, 1.0)
+    position: Triple = (0.0, 0.0, 0.0)
+    rpy: Triple | None = None
+    rpy_deg: Triple | None = None
+    far: FrameEntry = msgspec.field(default_factory=FrameEntry)
+    massless: bool = False
+
+
+class LinkFrame(FrameEntry, kw_only=True):
+    """A frame on a link; on the ground, where no link is named."""
+
+    link: Name | None = None
+
+
+class ClosureEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
+    """Two frames that coincide: in their origins, their origins and z axes, or as a whole."""
+
+    name: Name
+    first: LinkFrame
+    second: LinkFrame
+    kind: Literal["point", "axis", "weld"] = "point"
+
+
+class CouplingEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
+    """follower = ratio leader + offset (rad or m)."""
+
+    follower: Name
+    leader: Name
+    ratio: float = 1.0
+    offset: float = 0.0
+    name: Name | None = None
+
+
+class ConditionEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
+    """Where the mechanism may work: lower < sum of weight times primary coordinate < upper (rad or m)."""
+
+    name: Name
+    weights: dict[Name, float]
+    lower: float | None = None
+    upper: float | None = None
+
+
+class MechanismFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
+    """A whole file; `source` says where the numbers come from."""
+
+    schema: Literal["adaptctl/mechanism/1"]
+    links: Annotated[list[TreeLink], msgspec.Meta(min_length=1, max_length=MAX_ENTRIES)]
+    name: Name | None = None
+    source: str = ""
+    gravity: Triple = STANDARD_GRAVITY
+    closures: Annotated[list[ClosureEntry], msgspec.Meta(max_length=MAX_ENTRIES)] = []
+    couplings: Annotated[list[CouplingEntry], msgspec.Meta(max_length=MAX_ENTRIES)] = []
+    primary: Annotated[list[Name], msgspec.Meta(max_length=MAX_ENTRIES)] | None = None
+    reference: dict[Name, float] = {}
+    conditions: Annotated[list[ConditionEntry], msgspec.Meta(max_length=MAX_ENTRIES)] = []
+
+
+def read_mechanism_file(path: str | Path) -> Description:
+    """The mechanism that a TOML file describes, named after the file unless it says otherwise.
+
+    Links may come in any order. `primary` names the driven joints; without closures it may be left out, and all
+    joints that follow no other are primary. `reference` gives the configuration from which the loops are
+    followed. Raises FileError, naming the element; whether the loops close is decided with the equations.
+    """
+    content = read_toml(path, MechanismFile)
+    try:
+        links = _links(content.links)
+        name, gravity = content.name or Path(path).stem, np.array(content.gravity)
+        return Description(name, links, gravity, content.source.strip(), _loops(content, links))
+    except InputError as error:
+        raise FileError(f"{path}: {error}") from error
+
+
+def _links(entries: Sequence[TreeLink]) -> tuple[Link, ...]:
+    names = [entry.name or f"link{i + 1}" for i, entry in enumerate(entries)]
+    _require_parents(entries, names)
+
+    def link(entry: TreeLink, place: int) -> Link:
+        joint = entry.moving(entry.joint or f"joint{place + 1}", entry.axis)
+        near = FrameEntry(position=entry.position, rpy=entry.rpy, rpy_deg=entry.rpy_deg).pose()
+        parent = GROUND if entry.parent is None else names.index(entry.parent)
+        return Link(names[place], parent, joint, near, entry.far.pose(), entry.ten(), entry.massless)
+
+    return depth_first(_built("links", entries, link))
+
+
+def _require_parents(entries: Sequence[TreeLink], names: Sequence[str]) -> None:
+    for i, entry in enumerate(entries):
+        if names.count(names[i]) > 1:
+            raise InputError(f"$.links[{i}]: the name {names[i]!r} is given more than once")
+        if entry.parent is not None and entry.parent not in names:
+            known = ", ".join(names)
+            raise NotFoundError(
+                f"$.links[{i}] ({names[i]}): there is no link {entry.parent!r} to be its parent; there are {known}; "
+                "leave parent out for the ground"
+            )
+
+
+def _loops(content: MechanismFile, links: Sequence[Link]) -> Loops | None:
+    closures = _built("closures", content.closures, _closure)
+    couplings = _built("couplings", content.couplings, _coupling)
+    if not closures and not couplings:
+        _require_nothing_of_loops(content)
+        return None
+    conditions = _built("conditions", content.conditions, _condition)
+    return Loops(_primary(content, couplings, links), closures, couplings, content.reference, conditions)
+
+
+def _require_nothing_of_loops(content: MechanismFile) -> None:
+    for name in ("primary", "reference", "conditions"):
+        if getattr(content, name):
+            raise InputError(f"$.{name}: belongs to loops, and there are no closures and no couplings; remove it")
+
+
+def _primary(content: MechanismFile, couplings: Sequence[Coupling], links: Sequence[Link]) -> tuple[str, ...]:
+    joints = [link.joint.name for link in links]
+    if content.primary is not None:
+        return tuple(content.primary)
+    if content.closures:
+        raise InputError(f"$.primary is missing: name the joints that are driven, among {', '.join(joints)}")
+    followers = {coupling.follower for coupling in couplings}
+    return tuple(name for name in joints if name not in followers)
+
+
+def _closure(entry: ClosureEntry, place: int) -> Closure:
+    first, second = _in_context("first", entry.first.pose), _in_context("second", entry.second.pose)
+    return Closure(entry.name, entry.first.link, entry.second.link, first, second, ClosureKind(entry.kind))
+
+
+def _coupling(entry: CouplingEntry, place: int) -> Coupling:
+    name = entry.name or f"{entry.follower} follows {entry.leader}"
+    return Coupling(name, entry.follower, entry.leader, entry.ratio, entry.offset)
+
+
+def _condition(entry: ConditionEntry, place: int) -> Condition:
+    lower = -math.inf if entry.lower is None else entry.lower
+    return Condition(entry.name, entry.weights, lower, math.inf if entry.upper is None else entry.upper)
+
+
+def _built(what: str, entries: Sequence[Entry], build: Callable[[Entry, int], Part]) -> tuple[Part, ...]:
+    def one(entry: Entry, place: int) -> Part:
+        return _in_context(f"$.{what}[{place}]", lambda: build(entry, place))
+
+    return tuple(one(entry, place) for place, entry in enumerate(entries))
+
+
+def _in_context(where: str, make: Callable[[], Part]) -> Part:
+    try:
+        return make()
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error

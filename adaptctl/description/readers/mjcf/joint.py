@@ -1,0 +1,145 @@
+"""An MJCF joint: a hinge or a slide, its limits, its drive, and what its actuators can exert."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from adaptctl.description.description import Joint, JointKind, Limits
+from adaptctl.description.drive import Drive
+from adaptctl.description.pose import Pose, rotation_about
+from adaptctl.description.readers.mjcf.settings import MAIN, Settings
+from adaptctl.description.readers.xml_elements import named, number, numbers
+from adaptctl.description.transforms.floating_base import JOINTS
+from adaptctl.errors import InputError
+
+_ATTRIBUTES = (
+    *("name", "class", "type", "group", "pos", "axis", "springdamper", "solreflimit", "solimplimit", "solreffriction"),
+    *("solimpfriction", "stiffness", "range", "limited", "actuatorfrcrange", "actuatorfrclimited", "actuatorgravcomp"),
+    *("margin", "ref", "springref", "armature", "damping", "frictionloss", "user"),
+)
+_FREE_ATTRIBUTES = ("name", "group", "align")
+_KINDS = ("hinge", "slide")
+
+
+def joint_of(joint: Element, name: str, settings: Settings, effort: float | None) -> Joint:
+    """The joint, its axis in the frame it stands in; `effort` is its actuators' bound, None without actuators."""
+    where = f"joint {name!r}"
+    _require_known(joint, _ATTRIBUTES, where)
+    kind = joint.get("type", "hinge")
+    if kind == "ball":
+        raise InputError(f"{where}: type 'ball' is not read: build it of hinges")
+    if kind not in _KINDS:
+        raise InputError(f"{where}: unknown type {kind!r}; expected one of {', '.join(_KINDS)}")
+    axis = numbers(joint, "axis", 3, where) if "axis" in joint.attrib else [0.0, 0.0, 1.0]
+    limits = _limits(joint, kind == "hinge", settings, effort, where)
+    turning = JointKind.REVOLUTE if math.isfinite(limits.lower) else JointKind.CONTINUOUS
+    try:
+        moving = turning if kind == "hinge" else JointKind.PRISMATIC
+        return Joint(name, moving, np.array(axis), limits, _drive(joint, where))
+    except InputError as error:
+        raise InputError(str(error) if str(error).startswith(where) else f"{where}: {error}") from error
+
+
+def is_free(joint: Element) -> bool:
+    """Whether it lets a body float."""
+    return joint.tag == "freejoint" or joint.get("type") == "free"
+
+
+def unfolded(joint: Element, body: str) -> list[Element]:
+    """The slides and hinges that a free joint is made of, named after it or else after its body.
+
+    MuJoCo gives it a quaternion, and ignores its place, axis and range. Its damping and armature would act on the
+    angular velocity, not on the hinges' rates, so they are refused.
+    """
+    name = joint.get("name") or body
+    where = f"joint {name!r}"
+    _require_known(joint, _ATTRIBUTES if joint.tag == "joint" else _FREE_ATTRIBUTES, where)
+    for kind in ("armature", "damping", "frictionloss", "stiffness"):
+        if kind in joint.attrib and any(numbers(joint, kind, range(1, 4), where)):
+            raise InputError(f"{where}: {kind} of a free joint is not read: expected 0, got {joint.attrib[kind]!r}")
+    kinds = {True: "hinge", False: "slide"}
+    return [
+        Element("joint", name=f"{name}_{suffix}", type=kinds[kind.turns], axis=" ".join(map(str, axis)))
+        for suffix, kind, axis in JOINTS
+    ]
+
+
+def offset_of(joint: Element, moving: Joint, settings: Settings) -> tuple[float, Pose]:
+    """The coordinate at which the joint stands as the file draws it, and the motion back from there to zero."""
+    where = f"joint {moving.name!r}"
+    ref = number(joint, "ref", where) if "ref" in joint.attrib else 0.0
+    if moving.kind.turns:
+        ref = settings.angle(ref)
+        return ref, Pose(rotation_about(moving.axis, -ref), np.zeros(3))
+    return ref, Pose(np.eye(3), -ref * moving.axis)
+
+
+def is_sprung(joint: Element, name: str) -> bool:
+    """Whether a spring pulls at it."""
+    return "stiffness" in joint.attrib and any(numbers(joint, "stiffness", range(1, 4), f"joint {name!r}"))
+
+
+def motor_efforts(root: Element, settings: Settings) -> dict[str, float]:
+    """The joints that actuators drive, and the greatest effort of all of a joint's actuators (N m or N)."""
+    efforts: dict[str, float] = {}
+    for section in root.findall("actuator"):
+        for actuator in section:
+            full = settings.full(actuator, MAIN)
+            joint = full.get("joint") or full.get("jointinparent")
+            if joint is not None:
+                efforts[joint] = efforts.get(joint, 0.0) + _effort(full)
+    return efforts
+
+
+def _require_known(joint: Element, known: Sequence[str], where: str) -> None:
+    for attribute in joint.attrib:
+        if attribute not in known:
+            raise InputError(f"{where}: unknown attribute {attribute!r}; expected one of {', '.join(known)}")
+
+
+def _effort(actuator: Element) -> float:
+    """The bound of one actuator on its joint: of its force, or, for a motor, of its control."""
+    where = named(actuator)
+    gear = abs(numbers(actuator, "gear", range(1, 7), where)[0]) if "gear" in actuator.attrib else 1.0
+    bounds = [_largest(actuator, "forcerange", where)]
+    if actuator.tag == "motor":
+        bounds.append(_largest(actuator, "ctrlrange", where))
+    return gear * min(bounds) if gear else 0.0
+
+
+def _largest(element: Element, name: str, where: str) -> float:
+    limited = element.get(name.replace("range", "limited"), "auto")
+    if name not in element.attrib or limited == "false":
+        return math.inf
+    return max(map(abs, numbers(element, name, 2, where)))
+
+
+def _limits(joint: Element, turns: bool, settings: Settings, effort: float | None, where: str) -> Limits:
+    lower, upper = -math.inf, math.inf
+    limited = joint.get("limited", "auto" if settings.autolimits else "false")
+    if limited == "true" and "range" not in joint.attrib:
+        raise InputError(f"{where}: limited, but no range is given")
+    if limited != "false" and "range" in joint.attrib:
+        lower, upper = (settings.angle(x) if turns else x for x in numbers(joint, "range", 2, where))
+    bound = min(_largest(joint, "actuatorfrcrange", where), math.inf if effort is None else effort)
+    try:
+        return Limits(lower, upper, effort=bound or math.inf)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
+
+
+def _drive(joint: Element, where: str) -> Drive:
+    """Armature, damping and dry friction; zero is not modelled. Damping may be a polynomial's coefficients."""
+    values = {
+        name: numbers(joint, name, range(1, 4), where) if name in joint.attrib else [0.0]
+        for name in ("armature", "damping", "frictionloss")
+    }
+    for name, numbers_given in values.items():
+        if any(numbers_given[1:]):
+            raise InputError(f"{where}: {name}: only the first coefficient is understood, got {joint.attrib[name]!r}")
+    armature, damping, friction = (given[0] or None for given in values.values())
+    return Drive(armature, damping, friction)

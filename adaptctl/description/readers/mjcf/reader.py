@@ -1,0 +1,233 @@
+"""Reader of MJCF, MuJoCo's format: its tree of bodies, their inertias, joints, and equalities that close loops.
+
+Read here rather than by Pinocchio 4.1, whose reader leaves out in silence all root bodies but the first, <frame>
+elements, gravity, and joint equalities, keeps inactive equalities, and misplaces those of bodies without joints.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.description.description import GROUND, STANDARD_GRAVITY, Description, Joint, Link
+from adaptctl.description.inertia import transformed
+from adaptctl.description.pose import Pose
+from adaptctl.description.readers.mjcf.equality import Places, Site, Standing, equalities
+from adaptctl.description.readers.mjcf.frames import placed
+from adaptctl.description.readers.mjcf.inertia import body_inertia
+from adaptctl.description.readers.mjcf.joint import is_free, is_sprung, joint_of, motor_efforts, offset_of, unfolded
+from adaptctl.description.readers.mjcf.settings import MAIN, Settings
+from adaptctl.description.readers.xml_elements import named, numbers, only, parsed
+from adaptctl.errors import FileError, InputError, SimplificationWarning
+from adaptctl.files import read_text
+
+_SECTIONS = (
+    *("compiler", "option", "size", "visual", "statistic", "default", "asset", "worldbody", "contact", "equality"),
+    *("tendon", "actuator", "sensor", "keyframe", "custom", "extension"),
+)
+_IN_BODIES = ("body", "frame", "joint", "freejoint", "inertial", "geom", "site", "camera", "light")
+_BODY = ("name", "childclass", "pos", "quat", "axisangle", "xyaxes", "zaxis", "euler", "mocap", "gravcomp", "user")
+
+
+def read_mjcf(path: str | Path) -> Description:
+    """The mechanism that moves in an MJCF file, and the loops that its equalities close.
+
+    Link frames stand at the joints, turned as their bodies; a link is named after its body. Of several joints of
+    one body, the links between are massless. Bodies without joints become part of the one that carries them.
+    <connect>, <weld> and <joint> equalities become closures and couplings; the joints that actuators drive are
+    then primary, or, where nothing is driven and only joints are coupled, all that follow no other. Armature,
+    damping and dry friction become the joint's drive; where they are zero they are not modelled. Efforts are the
+    actuators' limits. A free joint becomes three slides and three hinges (see `floating`), primary too. Raises
+    FileError, naming the element, for whatever moves otherwise than is read here, ball joints and more than one root
+    body that moves among it. Warns (SimplificationWarning) of springs,
+    tendons and gravity compensation, which are left out.
+    """
+    try:
+        return _Reader(parsed(read_text(path), "mujoco"), path).description()
+    except FileError:
+        raise
+    except InputError as error:
+        raise FileError(f"{path}: {error}") from error
+
+
+@dataclass
+class _Body:
+    """A body yet to be read: its element, the link that carries it and its parent's place there and in the world."""
+
+    element: Element
+    carrier: int
+    place: Pose
+    home: Pose
+    childclass: str
+
+
+@dataclass
+class _Reader:
+    """Walks the bodies from the root outward, parents before children and branch by branch."""
+
+    root: Element
+    path: str | Path
+    links: list[Link] = field(default_factory=list)
+    sums: list[Array] = field(default_factory=list)
+    places: Places = field(default_factory=Places)
+    sprung: list[str] = field(default_factory=list)
+    lifted: list[str] = field(default_factory=list)
+    floating: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        for element in self.root.iter():
+            if element.tag == "include":
+                raise InputError("<include> is not read: put the other file's content in its place")
+        for section in self.root:
+            if section.tag not in _SECTIONS:
+                raise InputError(f"<{section.tag}> is not read; sections that are: {', '.join(_SECTIONS)}")
+        self.settings = Settings.of(self.root)
+        self.efforts = motor_efforts(self.root, self.settings)
+
+    def description(self) -> Description:
+        """The whole mechanism."""
+        moving: list[str] = []
+        for element, pose, name in self._roots():
+            before, root = len(self.links), len(self.places.bodies)
+            pending = [_Body(element, GROUND, pose, pose, name)]
+            while pending:
+                pending += self._read(pending.pop())[::-1]
+            if len(self.links) > before:
+                moving.append(list(self.places.bodies)[root])
+        _require_one(moving)
+        pairs = zip(self.links, self.sums, strict=True)
+        links = tuple(Link(x.name, x.parent, x.joint, x.near, x.far, ten, x.massless) for x, ten in pairs)
+        names = [link.name for link in links]
+        driven = [*self.floating, *self.efforts] if self.efforts else []
+        loops = equalities(self.root, self.settings, self.places, names, driven)
+        self._warn()
+        name = self.root.get("model") or Path(self.path).stem
+        return Description(name, links, _gravity(self.root), f"MJCF file {Path(self.path).name}", loops)
+
+    def _roots(self) -> Iterator[tuple[Element, Pose, str]]:
+        for world in self.root.findall("worldbody"):
+            if world.find("inertial") is not None or world.find("joint") is not None:
+                raise InputError("<worldbody>: the world has no joint and no inertia")
+            self._note_sites(world, "world", MAIN)
+            yield from ((x, pose, name) for x, pose, name in self._inside(world, MAIN) if x.tag == "body")
+
+    def _inside(self, body: Element, childclass: str) -> Iterator[tuple[Element, Pose, str]]:
+        """What stands in a body, also within frames: elements, the frames they stand in, their default class."""
+        pending = [(child, Pose.identity(), childclass) for child in body][::-1]
+        while pending:
+            child, pose, name = pending.pop()
+            if child.tag not in _IN_BODIES:
+                raise InputError(f"{named(body)}: <{child.tag}> is not read; what is: {', '.join(_IN_BODIES)}")
+            if child.tag != "frame":
+                yield child, pose, name
+                continue
+            within = pose @ placed(child, self.settings, named(body))
+            pending += [(inner, within, child.get("childclass", name)) for inner in child][::-1]
+
+    def _read(self, body: _Body) -> list[_Body]:
+        """A body's joints, inertia and sites; returns the bodies on it."""
+        element, name = body.element, self._name(body.element)
+        where = f"body {name!r}"
+        childclass = element.get("childclass", body.childclass)
+        own = placed(element, self.settings, where)
+        carrier, place, home = body.carrier, body.place @ own, body.home @ own
+        inside = list(self._inside(element, childclass))
+        joints = [self._full(x, at, cls) for x, at, cls in inside if x.tag in ("joint", "freejoint")]
+        if any(is_free(joint) for joint, _ in joints):
+            joints = self._free(joints, body, name)
+        for k, (joint, at) in enumerate(joints):
+            carrier, place = self._add(joint, at, carrier, place, name, last=k == len(joints) - 1)
+        if any(x.tag == "inertial" and at != Pose.identity() for x, at, _ in inside):
+            raise InputError(f"{where}: <inertial> within a <frame> is not read: put it into the body")
+        geoms = [self._full(x, at, cls) for x, at, cls in inside if x.tag == "geom"]
+        if carrier != GROUND:
+            ten = body_inertia(only(element, "inertial", where), geoms, self.settings, where)
+            self.sums[carrier] = self.sums[carrier] + transformed(ten, place)
+        self.places.bodies[name] = Standing(carrier, place, home)
+        self._note_sites(element, name, childclass)
+        return [_Body(x, carrier, place @ at, home @ at, cls) for x, at, cls in inside if x.tag == "body"]
+
+    def _free(self, joints: Sequence[tuple[Element, Pose]], body: _Body, name: str) -> list[tuple[Element, Pose]]:
+        """The joints of a body that floats."""
+        if len(joints) > 1 or body.carrier != GROUND:
+            raise InputError(f"body {name!r}: a free joint stands alone, and nothing that moves carries its body")
+        parts = unfolded(joints[0][0], name)
+        self.floating += [part.attrib["name"] for part in parts]
+        return [(part, Pose.identity()) for part in parts]
+
+    def _add(self, joint: Element, at: Pose, carrier: int, place: Pose, body: str, last: bool) -> tuple[int, Pose]:
+        """One more link; returns its index and the body's place on it."""
+        name = joint.get("name") or (body if last else f"{body}_{len(self.links)}")
+        moving = joint_of(joint, name, self.settings, self.efforts.get(name))
+        moving = Joint(name, moving.kind, at.rotation @ moving.axis, moving.limits, moving.drive)
+        anchor = np.array(numbers(joint, "pos", 3, f"joint {name!r}")) if "pos" in joint.attrib else np.zeros(3)
+        to_joint = Pose(np.eye(3), at.rotation @ anchor + at.translation)
+        offset, back = offset_of(joint, moving, self.settings)
+        near, called = place @ to_joint @ back, body if last else f"{body}/{name}"
+        self.links.append(Link(called, carrier, moving, near, Pose.identity(), massless=not last))
+        self.sums.append(np.zeros(10))
+        self.places.joints[name] = offset
+        if is_sprung(joint, name):
+            self.sprung.append(name)
+        return len(self.links) - 1, to_joint.inverse
+
+    def _full(self, element: Element, at: Pose, childclass: str) -> tuple[Element, Pose]:
+        return self.settings.full(element, childclass), at
+
+    def _name(self, element: Element) -> str:
+        name = element.get("name") or f"body{len(self.places.bodies) + 1}"
+        where = f"body {name!r}"
+        if name in self.places.bodies or name == "world":
+            raise InputError(f"two bodies are named {name!r}: names must be unique")
+        for attribute in element.attrib:
+            if attribute not in _BODY:
+                raise InputError(f"{where}: unknown attribute {attribute!r}; expected one of {', '.join(_BODY)}")
+        if element.get("mocap") == "true":
+            raise InputError(f"{where}: a mocap body is moved by hand: leave it out")
+        if element.get("gravcomp", "0") not in ("0", "0.0"):
+            self.lifted.append(name)
+        return name
+
+    def _note_sites(self, element: Element, body: str, childclass: str) -> None:
+        for site, at, cls in self._inside(element, childclass):
+            if site.tag == "site" and site.get("name"):
+                full = self.settings.full(site, cls)
+                pose = at @ placed(full, self.settings, f"site {site.attrib['name']!r}")
+                self.places.sites[site.attrib["name"]] = Site(body, pose)
+
+    def _warn(self) -> None:
+        tendons = [named(t) for section in self.root.findall("tendon") for t in section]
+        for text, names in (
+            ("springs of joints are left out", self.sprung),
+            ("gravity compensation is left out", self.lifted),
+            ("tendons are left out", tendons),
+        ):
+            if names:
+                warnings.warn(f"{self.path}: {text}: {', '.join(names)}", SimplificationWarning, stacklevel=5)
+
+
+def _require_one(moving: Sequence[str]) -> None:
+    """One root body, and no more, has joints on it; Pinocchio and others would read the first alone."""
+    if not moving:
+        raise InputError("no joint moves: expected a hinge or a slide")
+    if len(moving) > 1:
+        raise InputError(
+            f"more than one root body moves, {moving[0]!r} and {moving[1]!r}: each is a mechanism of its own; keep "
+            "them in files of their own, and join them if they hang together"
+        )
+
+
+def _gravity(root: Element) -> Array:
+    gravity = np.array(STANDARD_GRAVITY)
+    for option in root.findall("option"):
+        if "gravity" in option.attrib:
+            gravity = np.array(numbers(option, "gravity", 3, "<option>"))
+        if any(flag.get("gravity") == "disable" for flag in option.findall("flag")):
+            return np.zeros(3)
+    return gravity

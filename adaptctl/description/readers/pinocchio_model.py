@@ -1,0 +1,181 @@
+"""To Pinocchio's models and back."""
+
+from __future__ import annotations
+
+import math
+import re
+import warnings
+
+import numpy as np
+import pinocchio
+
+from adaptctl.arrays import Array
+from adaptctl.description.description import GROUND, Description, Joint, JointKind, Limits, Link, depth_first
+from adaptctl.description.drive import Drive
+from adaptctl.description.inertia import inertia_tensor, transformed
+from adaptctl.description.pose import Pose
+from adaptctl.errors import InputError, SimplificationWarning
+
+_ONE_COORDINATE = re.compile(r"JointModel(R[XYZ]|RUB[XYZ]|P[XYZ]|(Revolute|RevoluteUnbounded|Prismatic)Unaligned)")
+_UNLIMITED = 1e300
+"""Pinocchio writes the largest double for a limit that is not there."""
+
+
+def to_pinocchio(description: Description) -> pinocchio.Model:
+    """Pinocchio's model: the same coordinates in the same order, the same limits, gravity and drives.
+
+    A rotor is Pinocchio's armature, which its algorithms use; viscous friction is its damping and Coulomb friction
+    its dry friction, which it holds but its inverse dynamics leaves out.
+    Joints stand at the joints' frames and carry the links' names as body frames at the links' frames.
+    Continuous joints become revolute ones without limits, so that q keeps one number a joint.
+    Raises InputError for a link without mass that has a first moment, which Pinocchio cannot hold.
+    """
+    model = pinocchio.Model()
+    model.name = description.name
+    model.gravity.linear = np.array(description.gravity)
+    for link in description.links:
+        _append(model, link, description.links)
+    drives = [link.joint.drive for link in description.links]
+    model.armature = np.array([drive.rotor_inertia or 0.0 for drive in drives])
+    model.damping = np.array([drive.viscous or 0.0 for drive in drives])
+    model.friction = np.array([drive.coulomb or 0.0 for drive in drives])
+    return model
+
+
+def from_pinocchio(model: pinocchio.Model, name: str | None = None) -> Description:
+    """The mechanism of a Pinocchio model, its joints put in depth-first order.
+
+    Link frames are the joints' frames, and the ten parameters are expressed there. A link has the name of the
+    first body frame on its joint, or the joint's. The coordinates follow the joints of the description: look
+    up a joint's place in the model by its name (``model.getJointId``). An unbounded revolute joint, which has
+    (cos, sin) in Pinocchio's q, becomes a continuous one, with the angle. Bodies fixed to the universe do not
+    move and are left out. Armature, damping and dry friction become the joint's drive; where they are zero they
+    are not modelled. Raises InputError for joints with more than one coordinate, helical or mimic ones; warns
+    (SimplificationWarning) of limits of zero, taken as no limits.
+    """
+    if np.any(model.gravity.angular):
+        raise InputError(f"{model.name}: gravity must be linear, got {model.gravity}")
+    links = [_link(model, i) for i in range(1, model.njoints)]
+    _warn(model, "limits of zero are taken as no limits", _zero_limited(model))
+    return Description(name or model.name or "mechanism", depth_first(links), np.array(model.gravity.linear))
+
+
+def _append(model: pinocchio.Model, link: Link, links: tuple[Link, ...]) -> None:
+    at = Pose.identity() if link.parent == GROUND else links[link.parent].far
+    joint, limits = link.joint, link.joint.limits
+    bounds = [np.array([b]) for b in (limits.effort, limits.velocity, limits.lower, limits.upper)]
+    index = model.addJoint(link.parent + 1, _joint_model(joint), _placement(at @ link.near), joint.name, *bounds)
+    model.appendBodyToJoint(index, _inertia(link), pinocchio.SE3.Identity())
+    frame = model.addJointFrame(index)
+    model.addBodyFrame(link.name, index, _placement(link.far), frame)
+
+
+def _joint_model(joint: Joint) -> pinocchio.JointModel:
+    letter = "R" if joint.kind.turns else "P"
+    for axis, unit in zip("XYZ", np.eye(3), strict=True):
+        if np.array_equal(joint.axis, unit):
+            return getattr(pinocchio, f"JointModel{letter}{axis}")()
+    unaligned = pinocchio.JointModelRevoluteUnaligned if joint.kind.turns else pinocchio.JointModelPrismaticUnaligned
+    return unaligned(np.array(joint.axis))
+
+
+def _placement(pose: Pose) -> pinocchio.SE3:
+    return pinocchio.SE3(np.array(pose.rotation), np.array(pose.translation))
+
+
+def _inertia(link: Link) -> pinocchio.Inertia:
+    """Pinocchio's inertia in the joint's frame; it divides by the mass to store the centre."""
+    ten = transformed(link.inertia, link.far)
+    if ten[0] != 0.0:
+        return pinocchio.Inertia.FromDynamicParameters(ten)
+    if np.any(ten[1:4]):
+        raise InputError(f"link {link.name!r}: Pinocchio holds no first moment without mass, got {ten[1:4].tolist()}")
+    inertia = pinocchio.Inertia.Zero()
+    inertia.inertia = inertia_tensor(ten)
+    return inertia
+
+
+def _link(model: pinocchio.Model, index: int) -> Link:
+    placement = model.jointPlacements[index]
+    near = Pose(np.array(placement.rotation), np.array(placement.translation))
+    inertia = model.inertias[index]
+    ten = inertia.toDynamicParameters() if inertia.mass != 0.0 else _massless(inertia)
+    parent = int(model.parents[index]) - 1
+    return Link(_body_name(model, index), parent, _joint(model, index), near, Pose.identity(), ten)
+
+
+def _massless(inertia: pinocchio.Inertia) -> Array:
+    tensor = inertia.inertia
+    return np.array([0.0] * 4 + [tensor[k] for k in ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))])
+
+
+def _body_name(model: pinocchio.Model, index: int) -> str:
+    for frame in model.frames:
+        if frame.type == pinocchio.FrameType.BODY and frame.parentJoint == index:
+            return str(frame.name)
+    return str(model.names[index])
+
+
+def _joint(model: pinocchio.Model, index: int) -> Joint:
+    joint, name = model.joints[index], str(model.names[index])
+    shortname = joint.shortname()
+    if not _ONE_COORDINATE.fullmatch(shortname):
+        raise InputError(
+            f"{model.name}: joint {name!r} is a {shortname}; only revolute and prismatic joints are understood "
+            "(for a floating base, use three prismatic and three revolute joints)"
+        )
+    axis, turns = _axis(model, index)
+    limits = _limits(model, index)
+    unbounded = joint.nq == 2 or (limits.lower == -math.inf and limits.upper == math.inf)
+    kind = JointKind.PRISMATIC if not turns else JointKind.CONTINUOUS if unbounded else JointKind.REVOLUTE
+    return Joint(name, kind, axis, limits, _drive(model, index))
+
+
+def _axis(model: pinocchio.Model, index: int) -> tuple[Array, bool]:
+    """The joint's axis, and whether it turns, from its motion subspace (linear part, then angular)."""
+    joint = model.joints[index]
+    data = joint.createData()
+    joint.calc(data, pinocchio.neutral(model))
+    subspace = np.ravel(data.S)
+    turns = bool(np.any(subspace[3:]))
+    return subspace[3:] if turns else subspace[:3], turns
+
+
+def _limits(model: pinocchio.Model, index: int) -> Limits:
+    lower, upper, velocity, effort = _bounds(model, index)
+    if lower == upper == 0.0:
+        lower, upper = -math.inf, math.inf
+    try:
+        return Limits(lower, upper, velocity or math.inf, effort or math.inf)
+    except InputError as error:
+        raise InputError(f"{model.name}: joint {model.names[index]!r}: {error}") from error
+
+
+def _drive(model: pinocchio.Model, index: int) -> Drive:
+    """What sits in the joint; Pinocchio has zeros where nothing is modelled."""
+    v = model.joints[index].idx_v
+    values = (float(numbers[v]) or None for numbers in (model.armature, model.damping, model.friction))
+    try:
+        return Drive(*values)
+    except InputError as error:
+        raise InputError(f"{model.name}: joint {model.names[index]!r}: {error}") from error
+
+
+def _bounds(model: pinocchio.Model, index: int) -> list[float]:
+    """Lower, upper, velocity and effort as the model has them, for the last two those of the positive direction."""
+    v, q = model.joints[index].idx_v, model.joints[index].idx_q
+    lower, upper = -math.inf, math.inf
+    if model.joints[index].nq == 1:
+        lower, upper = model.lowerPositionLimit[q], model.upperPositionLimit[q]
+    values = (lower, upper, model.velocityLimit[v], model.effortLimit[v])
+    return [math.copysign(math.inf, x) if abs(x) > _UNLIMITED else float(x) for x in values]
+
+
+def _zero_limited(model: pinocchio.Model) -> list[str]:
+    bounds = {model.names[i]: _bounds(model, i) for i in range(1, model.njoints)}
+    return [name for name, (a, b, velocity, effort) in bounds.items() if a == b == 0.0 or not velocity or not effort]
+
+
+def _warn(model: pinocchio.Model, text: str, names: list[str]) -> None:
+    if names:
+        warnings.warn(f"{model.name}: {text}: {', '.join(names)}", SimplificationWarning, stacklevel=3)

@@ -1,0 +1,292 @@
+"""Reader of URDF, the Unified Robot Description Format: its tree of links, joints, inertias and limits."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NoReturn
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.description.description import GROUND, Description, Joint, JointKind, Limits, Link
+from adaptctl.description.drive import Drive
+from adaptctl.description.inertia import from_center_of_mass, transformed
+from adaptctl.description.loops import Coupling, Loops
+from adaptctl.description.pose import Pose, roll_pitch_yaw
+from adaptctl.description.readers.urdf_visuals import materials, visuals
+from adaptctl.description.readers.xml_elements import attribute, named, number, numbers, only, parsed, required
+from adaptctl.description.transforms.floating_base import above_base, floating
+from adaptctl.description.visual import Visual
+from adaptctl.errors import FileError, InputError, SimplificationWarning
+from adaptctl.files import read_text
+
+KINDS = {kind.value: kind for kind in JointKind}
+UNREAD_KINDS = ("floating", "planar")
+
+
+def read_urdf(path: str | Path, *, floating_base: bool = False) -> Description:
+    """The tree that moves in a URDF file, fixed to the ground by its root link unless it has a floating base.
+
+    Link frames are the joints' frames, a link is named after the joint's child; links behind fixed joints
+    become part of the link that carries them. Links without <inertial> are massless. Damping and friction of
+    <dynamics> become the joint's viscous and Coulomb friction; where they are zero, as exporters write when
+    nobody knows, none is modelled. <visual> says what is drawn, as far as its meshes are found (`urdf_visuals`);
+    collision geometry and transmissions are not read. Mimic joints follow their leader, and all joints that follow
+    none are primary; one whose leader does not exist or is fixed is taken as independent. Raises FileError, naming
+    the element. Warns (SimplificationWarning) of such joints, and of limits of zero, taken as no limits.
+    """
+    try:
+        robot = _robot(read_text(path))
+        bodies = _by_name(robot, "link")
+        edges = [_Edge.of(element) for element in _by_name(robot, "joint").values()]
+        root = _root(bodies, edges)
+        inertias = {name: _inertia(body) for name, body in bodies.items()}
+        name, source = robot.get("name") or Path(path).stem, f"URDF file {Path(path).name}"
+        links, still, places = _movable(root, inertias, edges)
+        shown = _shown(robot, bodies, places, Path(path))
+        if floating_base:
+            links, shown = floating(links, root, still), above_base(shown)
+        elif not links:
+            raise InputError("no joint moves: expected a revolute, continuous or prismatic joint")
+        description = Description(name, links, source=source, loops=_loops(edges, links), visuals=shown)
+    except FileError:
+        raise
+    except InputError as error:
+        raise FileError(f"{path}: {error}") from error
+    _warn(path, "mimic joints whose leader does not move are taken as independent", _leaderless(edges))
+    _warn(path, "limits of zero are taken as no limits", [edge.name for edge in edges if edge.zero_limits])
+    return description
+
+
+@dataclass(frozen=True)
+class _Edge:
+    """A joint of the file; a fixed one has no `joint`."""
+
+    name: str
+    parent: str
+    child: str
+    origin: Pose
+    joint: Joint | None = None
+    mimic: Coupling | None = None
+    zero_limits: bool = False
+
+    @classmethod
+    def of(cls, element: Element) -> _Edge:
+        where = named(element)
+        kind = attribute(element, "type", where)
+        if kind != "fixed" and kind not in KINDS:
+            _refuse_kind(where, kind)
+        parent, child = (attribute(required(element, tag, where), "link", where) for tag in ("parent", "child"))
+        name, origin = element.attrib["name"], _origin(element, where)
+        if kind == "fixed":
+            return cls(name, parent, child, origin)
+        limits, zero = _limits(only(element, "limit", where), KINDS[kind], where)
+        joint = Joint(name, KINDS[kind], _axis(element, where), limits, _drive(element, where))
+        return cls(name, parent, child, origin, joint, _mimic(element, where), zero)
+
+
+def _robot(text: str) -> Element:
+    robot = parsed(text, "robot")
+    if any("xacro" in child.tag for child in robot):
+        raise InputError("holds xacro macros: expand them first (xacro file.urdf.xacro > file.urdf)")
+    return robot
+
+
+def _by_name(robot: Element, tag: str) -> dict[str, Element]:
+    found: dict[str, Element] = {}
+    for index, element in enumerate(robot.findall(tag)):
+        name = element.get("name")
+        if not name:
+            raise InputError(f"<{tag}> number {index + 1} has no name: add name=...")
+        if name in found:
+            raise InputError(f"two <{tag}> elements are named {name!r}: names must be unique")
+        found[name] = element
+    return found
+
+
+def _root(bodies: dict[str, Element], edges: Sequence[_Edge]) -> str:
+    """The link that no joint carries, when the joints make a tree of all links."""
+    carried: dict[str, str] = {}
+    for edge in edges:
+        for role, link in (("parent", edge.parent), ("child", edge.child)):
+            if link not in bodies:
+                raise InputError(f"joint {edge.name!r}: its {role} link {link!r} does not exist")
+        if edge.child in carried:
+            both = f"joints {carried[edge.child]!r} and {edge.name!r}"
+            raise InputError(f"link {edge.child!r} is the child of two, {both}: loops are not URDF")
+        carried[edge.child] = edge.name
+    roots = [name for name in bodies if name not in carried]
+    if len(roots) > 1:
+        raise InputError(f"more than one root link, {_listed(roots)}: join all but one to the tree by joints")
+    loose = set(bodies) - _reached(roots, edges)
+    if loose or not roots:
+        raise InputError(f"links in a cycle: {_listed(sorted(loose))}" if bodies else "there are no <link> elements")
+    return roots[0]
+
+
+def _reached(roots: Sequence[str], edges: Sequence[_Edge]) -> set[str]:
+    below: dict[str, list[str]] = {}
+    for edge in edges:
+        below.setdefault(edge.parent, []).append(edge.child)
+    reached, pending = set(roots), list(roots)
+    while pending:
+        children = below.get(pending.pop(), [])
+        reached.update(children)
+        pending += children
+    return reached
+
+
+def _movable(
+    root: str, inertias: dict[str, Array], edges: Sequence[_Edge]
+) -> tuple[tuple[Link, ...], Array, dict[str, tuple[int, Pose]]]:
+    """Links behind joints that move, depth first; what is fixed to one is added to its inertia. Then the ten of
+    what does not move, in the root's frame, and which link carries each of the file's, and where."""
+    below: dict[str, list[_Edge]] = {}
+    for edge in edges:
+        below.setdefault(edge.parent, []).append(edge)
+    links: list[tuple[_Edge, Joint, int, Pose]] = []
+    sums: list[Array] = []
+    still, places = inertias[root], {root: (GROUND, Pose.identity())}
+    pending = [(edge, GROUND, Pose.identity()) for edge in below.get(root, [])[::-1]]
+    while pending:
+        edge, carrier, place = pending.pop()
+        place = place @ edge.origin
+        if edge.joint is not None:
+            links.append((edge, edge.joint, carrier, place))
+            sums.append(inertias[edge.child])
+            carrier, place = len(links) - 1, Pose.identity()
+        elif carrier == GROUND:
+            still = still + transformed(inertias[edge.child], place)
+        else:
+            sums[carrier] = sums[carrier] + transformed(inertias[edge.child], place)
+        places[edge.child] = carrier, place
+        pending += [(next_edge, carrier, place) for next_edge in below.get(edge.child, [])[::-1]]
+    pairs = zip(links, sums, strict=True)
+    moving = (Link(e.child, parent, joint, near, Pose.identity(), ten) for (e, joint, parent, near), ten in pairs)
+    return tuple(moving), still, places
+
+
+def _shown(
+    robot: Element, bodies: dict[str, Element], places: dict[str, tuple[int, Pose]], file: Path
+) -> tuple[Visual, ...]:
+    """What every link of the file shows, on the link that carries it."""
+    colors = materials(robot)
+    return tuple(v.on(*places[name]) for name, body in bodies.items() for v in visuals(body, file, colors))
+
+
+def _inertia(link: Element) -> Array:
+    """The ten about the link frame's origin, zero without <inertial>."""
+    where = named(link)
+    inertial = only(link, "inertial", where)
+    if inertial is None:
+        return np.zeros(10)
+    mass = number(required(inertial, "mass", where), "value", where)
+    if mass < 0.0:
+        raise InputError(f"{where}: mass must not be negative, got {mass}")
+    element = required(inertial, "inertia", where)
+    xx, xy, xz, yy, yz, zz = (number(element, f"i{name}", where) for name in ("xx", "xy", "xz", "yy", "yz", "zz"))
+    center = _origin(inertial, where)
+    tensor = center.rotation @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ center.rotation.T
+    return from_center_of_mass(mass, center.translation, tensor)
+
+
+def _origin(element: Element, where: str) -> Pose:
+    origin = only(element, "origin", where)
+    if origin is None:
+        return Pose.identity()
+    if "quat_xyzw" in origin.attrib:
+        raise InputError(f"{where}: quat_xyzw of <origin> is not read: give rpy")
+    rpy, xyz = (numbers(origin, name, 3, where) if name in origin.attrib else [0.0] * 3 for name in ("rpy", "xyz"))
+    return Pose(roll_pitch_yaw(rpy), np.array(xyz))
+
+
+def _axis(joint: Element, where: str) -> Array:
+    axis = only(joint, "axis", where)
+    return np.array(numbers(axis, "xyz", 3, where) if axis is not None else [1.0, 0.0, 0.0])
+
+
+def _mimic(joint: Element, where: str) -> Coupling | None:
+    """How the joint follows another."""
+    mimic = only(joint, "mimic", where)
+    if mimic is None:
+        return None
+    leader, name = attribute(mimic, "joint", where), joint.attrib["name"]
+    ratio, offset = (
+        number(mimic, key, where) if key in mimic.attrib else default
+        for key, default in (("multiplier", 1.0), ("offset", 0.0))
+    )
+    try:
+        return Coupling(f"{name} mimics {leader}", name, leader, ratio, offset)
+    except InputError as error:
+        raise InputError(f"{where}: <mimic>: {error}") from error
+
+
+def _loops(edges: Sequence[_Edge], links: Sequence[Link]) -> Loops | None:
+    """Mimic joints as couplings; all joints that do not follow are primary."""
+    moving = {edge.name for edge in edges if edge.joint is not None}
+    couplings = [edge.mimic for edge in edges if edge.mimic is not None and edge.mimic.leader in moving]
+    if not couplings:
+        return None
+    followers = {coupling.follower for coupling in couplings}
+    primary = [link.joint.name for link in links if link.joint.name not in followers]
+    return Loops(tuple(primary), couplings=tuple(couplings))
+
+
+def _leaderless(edges: Sequence[_Edge]) -> list[str]:
+    moving = {edge.name for edge in edges if edge.joint is not None}
+    return [edge.name for edge in edges if edge.mimic is not None and edge.mimic.leader not in moving]
+
+
+def _drive(joint: Element, where: str) -> Drive:
+    """The joint's friction."""
+    dynamics = only(joint, "dynamics", where)
+    if dynamics is None:
+        return Drive()
+    viscous, coulomb = (
+        number(dynamics, name, where) if name in dynamics.attrib else 0.0 for name in ("damping", "friction")
+    )
+    try:
+        return Drive(viscous=viscous or None, coulomb=coulomb or None)
+    except InputError as error:
+        raise InputError(f"{where}: <dynamics>: {error}") from error
+
+
+def _limits(limit: Element | None, kind: JointKind, where: str) -> tuple[Limits, bool]:
+    """The limits, and whether some were zero; what is absent does not limit."""
+    if limit is None:
+        return Limits(), False
+    lower, upper, velocity, effort = (
+        number(limit, name, where) if name in limit.attrib else None
+        for name in ("lower", "upper", "velocity", "effort")
+    )
+    zero = velocity == 0.0 or effort == 0.0
+    bounds = (-math.inf, math.inf)
+    if kind is not JointKind.CONTINUOUS and (lower or upper):
+        bounds = (lower or 0.0, upper or 0.0)
+    elif kind is not JointKind.CONTINUOUS:
+        zero = zero or lower is not None or upper is not None
+    try:
+        return Limits(*bounds, velocity or math.inf, effort or math.inf), zero
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
+
+
+def _refuse_kind(where: str, kind: str) -> NoReturn:
+    known = ", ".join([*KINDS, "fixed"])
+    if kind in UNREAD_KINDS:
+        raise InputError(f"{where}: type {kind!r} is not read yet; build it of {known} joints")
+    raise InputError(f"{where}: unknown type {kind!r}; expected one of {known}")
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(map(repr, names[:5])) + (", ..." if len(names) > 5 else "")
+
+
+def _warn(path: str | Path, text: str, names: Sequence[str]) -> None:
+    if names:
+        warnings.warn(f"{path}: {text}: {', '.join(names)}", SimplificationWarning, stacklevel=3)

@@ -1,0 +1,63 @@
+"""A base that nothing holds: a quadruped's trunk, a humanoid's pelvis."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.description.description import GROUND, Description, Joint, JointKind, Link
+from adaptctl.description.pose import Pose
+from adaptctl.description.visual import Visual
+
+JOINTS = (
+    ("x", JointKind.PRISMATIC, (1.0, 0.0, 0.0)),
+    ("y", JointKind.PRISMATIC, (0.0, 1.0, 0.0)),
+    ("z", JointKind.PRISMATIC, (0.0, 0.0, 1.0)),
+    ("yaw", JointKind.CONTINUOUS, (0.0, 0.0, 1.0)),
+    ("pitch", JointKind.CONTINUOUS, (0.0, 1.0, 0.0)),
+    ("roll", JointKind.CONTINUOUS, (1.0, 0.0, 0.0)),
+)
+"""The six that carry what floats: suffixes of names, kinds and axes, from the ground up."""
+
+
+def with_floating_base(description: Description, name: str, inertia: ArrayLike) -> Description:
+    """The same mechanism on a body that floats instead of on the ground, its ten in the frame the ground had.
+
+    What was closed onto the ground is closed onto the body. See `floating`.
+    """
+    links, loops = floating(description.links, name, inertia), description.loops
+    if loops is not None:
+        closures = tuple(replace(c, first=c.first or name, second=c.second or name) for c in loops.closures)
+        primary = (*(link.joint.name for link in links[: len(JOINTS)]), *loops.primary)
+        loops = replace(loops, primary=primary, closures=closures)
+    return replace(description, links=links, loops=loops, visuals=above_base(description.visuals))
+
+
+def floating(links: Sequence[Link], name: str, inertia: ArrayLike) -> tuple[Link, ...]:
+    """A body that floats, and the links that hung on the ground hanging on it.
+
+    Three prismatic and three revolute joints, ``name_x`` to ``name_roll``, carry the body, so that p stays a plain
+    vector; the five links between them are massless and own no parameters. The six are primary like any other,
+    though no motor drives them: they serve to ask which parameters matter, and for equations of motion. At a
+    pitch of 90 degrees they lose a direction, as any three angles do.
+    """
+    base = tuple(_base_link(i, name, inertia) for i in range(len(JOINTS)))
+    above = len(base)
+    carried = (replace(link, parent=above - 1 if link.parent == GROUND else link.parent + above) for link in links)
+    return (*base, *carried)
+
+
+def above_base(visuals: Sequence[Visual]) -> tuple[Visual, ...]:
+    """What mechanisms look like after `floating`: the body carries what stood on the ground."""
+    return tuple(replace(visual, link=visual.link + len(JOINTS)) for visual in visuals)
+
+
+def _base_link(i: int, name: str, inertia: ArrayLike) -> Link:
+    suffix, kind, axis = JOINTS[i]
+    joint, identity = Joint(f"{name}_{suffix}", kind, np.array(axis)), Pose.identity()
+    if i < len(JOINTS) - 1:
+        return Link(f"{name}_{suffix}", i - 1, joint, identity, identity, massless=True)
+    return Link(name, i - 1, joint, identity, identity, np.asarray(inertia))

@@ -1,0 +1,51 @@
+"""Several mechanisms as one: arms that hold an object, cells with more than one robot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from adaptctl.description.description import GROUND, Description, Link
+from adaptctl.description.loops import Loops
+from adaptctl.description.pose import Pose
+from adaptctl.description.visual import Visual
+from adaptctl.errors import InputError
+
+
+def joined(name: str, parts: Mapping[str, tuple[Description, Pose]], loops: Loops | None = None) -> Description:
+    """One mechanism from several trees, each standing on the ground at a pose.
+
+    Every link and joint gets its part's name in front, ``left.link3``, and `loops` speaks of them so: that is how
+    two hands are welded to one object (Sheu and Walker 1991, "multirobot systems"). The parts keep their order
+    and their parameters; gravity must be the same. Raises `InputError` for parts that have loops of their own.
+    """
+    if not parts:
+        raise InputError(f"{name}: at least one part is needed")
+    gravities = {tuple(part.gravity.tolist()) for part, _ in parts.values()}
+    if len(gravities) > 1:
+        raise InputError(f"{name}: the parts must agree on gravity, got {sorted(gravities)}")
+    links: list[Link] = []
+    visuals: list[Visual] = []
+    for label, (part, stand) in parts.items():
+        if part.loops is not None:
+            raise InputError(f"{name}: part {label!r} has loops of its own: join its tree and give all loops together")
+        visuals += [_moved(visual, stand, len(links)) for visual in part.visuals]
+        links += [_renamed(link, label, stand, len(links)) for link in part.links]
+    first = next(iter(parts.values()))[0]
+    return Description(name, tuple(links), first.gravity, f"joined from {', '.join(parts)}", loops, tuple(visuals))
+
+
+def _renamed(link: Link, label: str, stand: Pose, above: int) -> Link:
+    on_ground = link.parent == GROUND
+    return replace(
+        link,
+        name=f"{label}.{link.name}",
+        parent=GROUND if on_ground else link.parent + above,
+        joint=replace(link.joint, name=f"{label}.{link.joint.name}"),
+        near=stand @ link.near if on_ground else link.near,
+    )
+
+
+def _moved(visual: Visual, stand: Pose, above: int) -> Visual:
+    on_ground = visual.link == GROUND
+    return visual.on(GROUND, stand) if on_ground else replace(visual, link=visual.link + above)

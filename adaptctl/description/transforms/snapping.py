@@ -1,0 +1,98 @@
+"""Right angles that a file meant but rounded: 1.5708 for pi/2, or a CAD export's last digits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.description.description import GROUND, Description, Link
+from adaptctl.description.loops import Closure
+from adaptctl.description.pose import Pose, exact_right_angles
+
+WITHIN = 1e-3
+"""rad"""
+
+
+def snapped(description: Description, within: float = WITHIN) -> Description:
+    """The same mechanism with every angle between successive joint axes, and between gravity and the first, that is
+    within `within` (rad) of a multiple of 90 degrees made exact.
+
+    Frames and axes that are nearly along their parents' are turned onto them; where they are not, the child's
+    joint is turned by the little that is missing. What hangs on it turns with it, its origins move by at most
+    `within` times the chain's length. Limits, inertias in their links' frames and names stay.
+    """
+    links: list[Link] = []
+    for link in description.links:
+        straight = _straightened(link, within)
+        carrier = _carrier(description, links, straight)
+        links.append(straight if carrier is None else _turned(carrier[1], straight, within))
+    loops = description.loops
+    if loops is not None:
+        loops = replace(loops, closures=tuple(_closure(closure, within) for closure in loops.closures))
+    return replace(description, links=tuple(links), loops=loops)
+
+
+def meeting_axes(description: Description) -> Iterator[tuple[Link, str, tuple[Array, Array]]]:
+    """Every link, the name of the joint before its own, and both joints' axes in the frame of the link between.
+
+    Before a joint on the ground stands "gravity", left out where there is none.
+    """
+    for link in description.links:
+        carrier = _carrier(description, description.links, link)
+        if carrier is not None:
+            yield link, carrier[0], (carrier[1], link.near.rotation @ link.joint.axis)
+
+
+def _carrier(description: Description, links: Sequence[Link], link: Link) -> tuple[str, Array] | None:
+    """What a joint's angle is measured from, and its direction in the frame that carries the joint."""
+    if link.parent != GROUND:
+        parent = links[link.parent]
+        return parent.joint.name, parent.far.rotation.T @ parent.joint.axis
+    strength = float(np.linalg.norm(description.gravity))
+    return ("gravity", description.gravity / strength) if strength > 0.0 else None
+
+
+def _straightened(link: Link, within: float) -> Link:
+    """Frames and axis onto the axes of what carries them, where they nearly are."""
+    axis, unit = link.joint.axis, np.round(link.joint.axis)
+    near_unit = np.abs(unit).sum() == 1.0 and np.linalg.norm(axis - unit) < within
+    joint = replace(link.joint, axis=unit) if near_unit else link.joint
+    return replace(link, joint=joint, near=_pose(link.near, within), far=_pose(link.far, within))
+
+
+def _pose(pose: Pose, within: float) -> Pose:
+    rounded = np.round(pose.rotation) + 0.0
+    is_turn = np.array_equal(np.abs(rounded).sum(0), np.ones(3)) and np.linalg.det(rounded) > 0.0
+    if is_turn and np.abs(pose.rotation - rounded).max() < within:
+        return Pose(rounded, pose.translation)
+    return pose
+
+
+def _closure(closure: Closure, within: float) -> Closure:
+    first, second = _pose(closure.first_frame, within), _pose(closure.second_frame, within)
+    return replace(closure, first_frame=first, second_frame=second)
+
+
+def _turned(first: Array, child: Link, within: float) -> Link:
+    """The child's joint turned until its axis makes the angle with a direction `first` that it nearly makes."""
+    second = child.near.rotation @ child.joint.axis
+    along = float(first @ second)
+    across = second - along * first
+    if np.linalg.norm(across) < within:
+        meant = np.copysign(1.0, along) * first
+    elif abs(along) < within:
+        meant = across / np.linalg.norm(across)
+    else:
+        return child
+    rotation = exact_right_angles(_shortest_turn(second, meant) @ child.near.rotation, 1e-14)
+    return replace(child, near=Pose(rotation, child.near.translation))
+
+
+def _shortest_turn(start: Array, end: Array) -> Array:
+    """The rotation by the least angle that takes one unit vector to another that is near it."""
+    x, y, z = np.cross(start, end)
+    hat = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + hat + hat @ hat / (1.0 + float(start @ end))

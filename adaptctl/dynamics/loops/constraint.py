@@ -1,0 +1,218 @@
+"""Loop closures as equations: what must vanish, how it moves, how it accelerates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from adaptctl.description.loops import ClosureKind
+from adaptctl.dynamics.recursion.motion import GROUND
+from adaptctl.dynamics.recursion.segment import Placement
+from adaptctl.scalars import ZERO, Column, Mat, Scalar, Vec, cross, dot
+
+_AXES = Mat.of(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
+
+
+@dataclass(frozen=True)
+class Arm:
+    """One side of a closure: the links from just below the common ancestor to the one that carries the frame,
+    and that frame's rotation and origin in it."""
+
+    links: tuple[int, ...]
+    rotation: Mat
+    origin: Vec
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A closure between two arms that part at a common link, or at the ground."""
+
+    first: Arm
+    second: Arm
+    kind: ClosureKind
+
+
+class Hinge(NamedTuple):
+    """A joint in the common link's axes: its direction, and where it is once moved."""
+
+    link: int
+    turns: bool
+    axis: Vec
+    origin: Vec
+
+
+class Reach(NamedTuple):
+    """An arm at a configuration: its joints, and its closing frame, all in the common link's axes."""
+
+    hinges: list[Hinge]
+    rotation: Mat
+    origin: Vec
+
+
+def product(a: Mat, b: Mat) -> Mat:
+    """A B."""
+    columns = b.T
+    return Mat(*(Vec(dot(row, columns.x), dot(row, columns.y), dot(row, columns.z)) for row in (a.x, a.y, a.z)))
+
+
+def reach(places: Sequence[Placement], arm: Arm) -> Reach:
+    """Follow an arm outward from the common link."""
+    rotation, origin, hinges = _AXES, ZERO, []
+    for i in arm.links:
+        place = places[i]
+        joint = origin + rotation @ place.segment.near
+        rotation = Mat(*(place.down(row) for row in (rotation.x, rotation.y, rotation.z)))
+        hinges.append(Hinge(i, place.segment.turns, rotation @ place.segment.axis, joint))
+        origin = joint + rotation @ place.shift
+    return Reach(hinges, product(rotation, arm.rotation), origin + rotation @ arm.origin)
+
+
+class Constraint:
+    """A closure at a configuration. Its rows are written in the closing frame of the first arm, so that none
+    vanishes as the loop turns as a whole: position, then what the kind asks of the attitude."""
+
+    def __init__(self, places: Sequence[Placement], loop: Loop) -> None:
+        self.kind = loop.kind
+        self.first, self.second = reach(places, loop.first), reach(places, loop.second)
+        self._seen = self.first.rotation.T
+
+    def residual(self) -> list[Scalar]:
+        """What must vanish: m for positions, rad (to first order) for attitudes."""
+        gap = self._seen @ (self.second.origin - self.first.origin)
+        turn = product(self._seen, self.second.rotation)
+        attitude = {
+            ClosureKind.POINT: (),
+            ClosureKind.AXIS: (-turn.y.z, turn.x.z),
+            ClosureKind.WELD: (
+                0.5 * (turn.z.y - turn.y.z),
+                0.5 * (turn.x.z - turn.z.x),
+                0.5 * (turn.y.x - turn.x.y),
+            ),
+        }[self.kind]
+        return [*gap, *attitude]
+
+    def rates(self) -> dict[int, list[Scalar]]:
+        """The residual's rate under a unit rate of each joint of the loop: a column of its Jacobian."""
+        outward = {h.link: self._seen_rows(*self._unit(h)) for h in self.second.hinges}
+        inward = {h.link: [-x for x in self._seen_rows(*self._unit(h))] for h in self.first.hinges}
+        return outward | inward
+
+    def bias(self, u: Column, w: Column) -> list[Scalar]:
+        """The residual's second rate when no joint accelerates: its Hessian on two joint velocities (n,), which
+        must themselves keep the loop closed. Symmetric in them."""
+        one, other = _carried(self.first, u, w), _carried(self.second, u, w)
+        turning = other.alpha - one.alpha
+        if self.kind is ClosureKind.AXIS:
+            # The arms turn against each other about the axis, so its rows turn under that motion with the first.
+            turning = turning - 0.5 * (cross(one.omega, other.rho - one.rho) + cross(one.rho, other.omega - one.omega))
+        return self._seen_rows(turning, other.acc - one.acc)
+
+    def _unit(self, hinge: Hinge) -> tuple[Vec, Vec]:
+        if hinge.turns:
+            return hinge.axis, cross(hinge.axis, self.second.origin - hinge.origin)
+        return ZERO, hinge.axis
+
+    def _seen_rows(self, turning: Vec, moving: Vec) -> list[Scalar]:
+        rows: list[Scalar] = [*(self._seen @ moving)]
+        if self.kind is not ClosureKind.POINT:
+            attitude = self._seen @ turning
+            rows += [attitude.x, attitude.y] if self.kind is ClosureKind.AXIS else [*attitude]
+        return rows
+
+
+class Carried(NamedTuple):
+    """An arm's closing frame under two joint velocities: its angular velocities, and what they alone accelerate."""
+
+    omega: Vec
+    rho: Vec
+    alpha: Vec
+    acc: Vec
+
+
+def _carried(reached: Reach, u: Column, w: Column) -> Carried:
+    """The closing frame's motion in the common link's axes; `alpha` and `acc` are bilinear in u and w."""
+    omega, rho, alpha, acc = ZERO, ZERO, ZERO, ZERO
+    if not reached.hinges:  # The closing frame is on the common link, or on the ground.
+        return Carried(ZERO, ZERO, ZERO, ZERO)
+    ends = [hinge.origin for hinge in reached.hinges[1:]] + [reached.origin]
+    for hinge, end in zip(reached.hinges, ends, strict=True):
+        spin = 0.5 * (cross(w[hinge.link] * omega, hinge.axis) + cross(u[hinge.link] * rho, hinge.axis))
+        if hinge.turns:
+            omega, rho = omega + u[hinge.link] * hinge.axis, rho + w[hinge.link] * hinge.axis
+            alpha = alpha + spin
+        else:
+            acc = acc + 2.0 * spin
+        arm = end - hinge.origin
+        acc = acc + cross(alpha, arm) + 0.5 * (cross(omega, cross(rho, arm)) + cross(rho, cross(omega, arm)))
+    return Carried(omega, rho, alpha, acc)
+
+
+@dataclass(frozen=True)
+class Follower:
+    """A joint that follows another: q_follower = ratio q_leader + offset."""
+
+    follower: int
+    leader: int
+    ratio: float
+    offset: float
+
+
+@dataclass(frozen=True)
+class Closing:
+    """How a tree's joints hang together: loops and couplings, which of their rows are independent, which joints
+    are primary, and which depend on them."""
+
+    loops: tuple[Loop, ...]
+    followers: tuple[Follower, ...]
+    rows: tuple[int, ...]
+    primary: tuple[int, ...]
+    dependent: tuple[int, ...]
+
+    @property
+    def looped(self) -> tuple[bool, ...]:
+        """Which primary joints move a closure, themselves or through joints that follow them."""
+        links = {link for loop in self.loops for arm in (loop.first, loop.second) for link in arm.links}
+        links |= {c.leader for c in self.followers if c.follower in links}
+        return tuple(joint in links for joint in self.primary)
+
+    def residual(self, places: Sequence[Placement], q: Column) -> Column:
+        """What must vanish, independent rows only."""
+        rows = [x for loop in self.loops for x in Constraint(places, loop).residual()]
+        rows += [q[c.follower] - c.ratio * q[c.leader] - c.offset for c in self.followers]
+        return Column(rows[i] for i in self.rows)
+
+    def jacobian(self, places: Sequence[Placement]) -> list[Column]:
+        """The residual's rate under each tree joint, a column each."""
+        n, columns, above = len(places), [dict[int, Scalar]() for _ in places], 0
+        for loop in self.loops:
+            for joint, rates in Constraint(places, loop).rates().items():
+                columns[joint] |= {above + i: rate for i, rate in enumerate(rates)}
+            above += loop.kind.rows
+        for i, c in enumerate(self.followers):
+            columns[c.follower][above + i] = 1.0
+            columns[c.leader][above + i] = -c.ratio
+        return [Column(columns[j].get(i, 0.0) for i in self.rows) for j in range(n)]
+
+    def bias(self, places: Sequence[Placement], u: Column, w: Column) -> Column:
+        """The residual's Hessian on two tree velocities that keep the loops closed."""
+        rows = [x for loop in self.loops for x in Constraint(places, loop).bias(u, w)]
+        rows += [0.0] * len(self.followers)
+        return Column(rows[i] for i in self.rows)
+
+
+def common_ancestor(parents: Sequence[int], first: int, second: int) -> int:
+    """The link, or the ground, where the two links' branches part."""
+    above = {GROUND, *ancestry(parents, first)}
+    while second not in above:
+        second = parents[second]
+    return second
+
+
+def ancestry(parents: Sequence[int], link: int) -> list[int]:
+    """The links from the ground to this one, this one included."""
+    chain: list[int] = []
+    while link != GROUND:
+        chain.append(link)
+        link = parents[link]
+    return chain[::-1]

@@ -1,0 +1,169 @@
+"""Following a mechanism with loops from one closed configuration to another, on one branch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adaptctl.arrays import Array
+from adaptctl.compilation import Kernel, compile_function
+from adaptctl.dynamics.loop_equations import LoopEquations
+from adaptctl.dynamics.loops.determinant import determinant
+from adaptctl.dynamics.loops.least_squares import Factored
+from adaptctl.errors import SingularityError
+from adaptctl.scalars import Column, Scalar, absolute, maximum, where
+
+LARGEST_STEP = 0.05
+"""rad or m of any primary joint that moves a loop, between two closed configurations"""
+
+LOST = 1e-9
+"""m or rad that are left open where Newton's steps, from one configuration to the next, do not lead back."""
+
+NEAREST = 0.05
+"""Share of its reference value below which the dependent block's smallest singular value is too small."""
+
+
+@dataclass(frozen=True, eq=False)
+class Continuation:
+    """The branch of closed configurations that holds the reference (n,)."""
+
+    equations: LoopEquations
+    reference: Array
+
+    @property
+    def primary(self) -> list[int]:
+        """The primary joints among the tree's."""
+        return list(self.equations.closing.primary)
+
+    def follow(self, p: Array, start: Array | None = None) -> Array:
+        """Closed configurations (..., n) at primary positions p (..., r), reached along straight lines from
+        `start` (..., n), the reference if not given, in steps of at most 0.05.
+
+        Raises `SingularityError` where the way comes too near to a configuration in which the loops lock.
+        """
+        samples = p.shape[:-1]
+        q = np.broadcast_to(self.reference if start is None else start, (*samples, len(self.reference)))
+        q, p = q.reshape(-1, q.shape[-1]).copy(), p.reshape(-1, p.shape[-1])
+        begin = q[:, self.primary]
+        steps = self._steps(p - begin)
+        for k in range(1, int(steps.max(initial=0)) + 1):
+            on = np.flatnonzero(steps >= k)
+            q[on] = self._closed(begin[on] + (p - begin)[on] * (k / steps[on, None]), q[on])
+            self.require_regular(q[on])
+        return q.reshape(*samples, q.shape[-1])
+
+    def reachable(self, p: Array) -> NDArray[np.bool_]:
+        """Which of the primary positions (m, r) can be reached so (m,), without raising."""
+        return self.progress(p) >= 1.0
+
+    def progress(self, p: Array, least: float = NEAREST) -> Array:
+        """How much (m,) of the straight way from the reference to primary positions p (m, r) can be gone before
+        the regularity falls below `least`: 1 for all of it."""
+        q = np.tile(self.reference, (len(p), 1))
+        fine, gone = np.ones(len(p), dtype=bool), np.zeros(len(p))
+        way = p - self._start
+        steps = self._steps(way)
+        for k in range(1, int(steps.max(initial=0)) + 1):
+            on = np.flatnonzero(fine & (steps >= k))
+            q[on] = self._closed(self._start + way[on] * (k / steps[on, None]), q[on])
+            fine[on] = self.regularity(q[on]) >= least
+            gone[on] = np.where(fine[on], k / steps[on], gone[on])
+        return gone
+
+    def regularity(self, q: Array) -> Array:
+        """How far from locking (...): the dependent block's smallest singular value over the reference's, 0 on
+        the other side of a singularity and where the loops could not be closed.
+
+        Near a fold it goes as the square root of the distance to it, so 0.05 is near.
+        """
+        gap, smallest, sign = self._look(q)
+        _, reference, side = self._at_reference
+        return np.where((sign == side) & (gap < LOST), smallest / reference, 0.0)
+
+    def surely_regular(self, q: Column) -> Scalar:
+        """1 where the regularity at q (n,) is at least NEAREST beyond doubt, else 0; over scalars of any kind.
+
+        The dependent block's smallest singular value is at least 1/|A^-1|, by Frobenius' norm, and for d dependent
+        joints at most sqrt(d) times as much.
+        """
+        block = self.equations.dependent_block(q)
+        factor, units = Factored(block), range(len(block))
+        inverse = [factor.solve(Column(float(i == j) for j in units)) for i in units]
+        square = sum((column @ column for column in inverse[1:]), inverse[0] @ inverse[0])
+        _, smallest, side = (float(x) for x in self._at_reference)
+        gap: Any = 0.0
+        for residual in self.equations.residual(q):
+            gap = maximum(gap, absolute(residual))
+        regular = where(square * (NEAREST * smallest) ** 2 <= 1.0, 1.0, 0.0)
+        regular = where(side * determinant(block) > 0.0, regular, 0.0)
+        return where(gap < LOST, regular, 0.0)
+
+    def require_regular(self, q: Array) -> None:
+        """Refuse configurations (..., n) near or beyond a singularity, with the worst of them."""
+        regularity = np.ravel(self.regularity(q))
+        if regularity.size == 0:
+            return
+        worst = int(regularity.argmin())
+        if not regularity[worst] >= NEAREST:
+            p = np.reshape(q, (-1, q.shape[-1]))[worst, self.primary]
+            raise SingularityError(
+                f"the loops are near a singularity at p = {np.round(p, 4).tolist()}: their smallest singular value is "
+                f"{regularity[worst]:.2g} of that at the reference, at least {NEAREST} is needed"
+            )
+
+    def _steps(self, way: Array) -> NDArray[np.int64]:
+        """How many steps ways (m, r) need. A joint that moves no closure needs none, and couplings are linear."""
+        longest = np.abs(way[:, list(self.equations.closing.looped)]).max(axis=1, initial=0.0)
+        return np.maximum(np.ceil(longest / LARGEST_STEP).astype(np.int64), 1)
+
+    def _closed(self, p: Array, q: Array) -> Array:
+        """The closed configurations at p, from ones nearby."""
+        return self._mapped(self._native_closed, p, q)[0]
+
+    def _look(self, q: Array) -> tuple[Array, Array, Array]:
+        """The largest closure residual (...), and the dependent block's smallest singular value and sign."""
+        residual, block = self._mapped(self._native_look, q)
+        size = len(self.equations.closing.dependent)
+        block = np.nan_to_num(block).reshape(*q.shape[:-1], size, size)
+        smallest = np.asarray(np.linalg.svd(block, compute_uv=False)[..., -1], dtype=np.float64)
+        return np.abs(residual).max(axis=-1), smallest, np.sign(np.linalg.det(block))
+
+    @staticmethod
+    def _mapped(kernel: Kernel, *arrays: Array) -> list[Array]:
+        """A kernel over all samples of arrays (..., n)."""
+        samples = np.broadcast_shapes(*(array.shape[:-1] for array in arrays))
+        flat = [np.broadcast_to(array, (*samples, array.shape[-1])).reshape(-1, array.shape[-1]) for array in arrays]
+        return [out.reshape(*samples, out.shape[-1]) for out in kernel.map(*flat)]
+
+    @cached_property
+    def _native_closed(self) -> Kernel:
+        """Along the tangent first, then by Newton's steps. Native, since it is done hundreds of times."""
+        primary = self.primary
+
+        def closed(p: Column, q: Column) -> tuple[Column]:
+            ahead = self.equations.rates(q, p - Column(q[i] for i in primary))
+            return (self.equations.closed(p, q + ahead),)
+
+        return compile_function(closed, {"p": len(primary), "q": len(self.reference)})
+
+    @cached_property
+    def _native_look(self) -> Kernel:
+        """The residual and the dependent block, column by column, whose singular values are its transpose's."""
+
+        def look(q: Column) -> tuple[Column, Column]:
+            block = self.equations.dependent_block(q)
+            return self.equations.residual(q), Column(entry for column in block for entry in column)
+
+        return compile_function(look, {"q": len(self.reference)})
+
+    @cached_property
+    def _at_reference(self) -> tuple[Array, Array, Array]:
+        return self._look(self.reference)
+
+    @property
+    def _start(self) -> Array:
+        return self.reference[self.primary]

@@ -1,0 +1,138 @@
+"""The mass matrix by composite bodies (Walker and Orin 1982), and systems in it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from adaptctl.dynamics.recursion.motion import GROUND
+from adaptctl.dynamics.recursion.newton_euler import joint_power, lifted
+from adaptctl.dynamics.recursion.segment import Placement
+from adaptctl.dynamics.recursion.wrench import Wrench
+from adaptctl.scalars import Column, Mat, Scalar, Vec, cross, dot
+
+
+class Body:
+    """Mass, first moment and inertia tensor of rigidly joined links about a frame's origin."""
+
+    __slots__ = ("inertia", "mass", "moment")
+
+    def __init__(self, mass: Scalar, moment: Vec, inertia: Mat) -> None:
+        self.mass, self.moment, self.inertia = mass, moment, inertia
+
+    def __add__(self, other: Body) -> Body:
+        a, b = self.inertia, other.inertia
+        return Body(self.mass + other.mass, self.moment + other.moment, Mat(a.x + b.x, a.y + b.y, a.z + b.z))
+
+
+def body(ten: Sequence[Scalar]) -> Body:
+    """A link's ten as a body."""
+    m, x, y, z, xx, xy, yy, xz, yz, zz = ten
+    return Body(m, Vec(x, y, z), Mat(Vec(xx, xy, xz), Vec(xy, yy, yz), Vec(xz, yz, zz)))
+
+
+def raised(place: Placement, link: Body) -> Body:
+    """A link's body about its parent's origin, in the parent's frame."""
+    at_joint = moved_origin(link, place.shift)
+    turned = Body(link.mass, place.up(at_joint.moment), turned_up(place, at_joint.inertia))
+    return moved_origin(turned, place.segment.near)
+
+
+def moved_origin(link: Body, offset: Vec) -> Body:
+    """The same body about an origin `offset` behind its own."""
+    half = link.moment + (0.5 * link.mass) * offset
+    twice = 2.0 * half
+    spread = Vec(offset.x * twice.x, offset.y * twice.y, offset.z * twice.z)
+
+    def product(i: str, j: str) -> Scalar:
+        return getattr(offset, i) * getattr(half, j) + getattr(offset, j) * getattr(half, i)
+
+    xy, xz, yz = product("x", "y"), product("x", "z"), product("y", "z")
+    a = link.inertia
+    inertia = Mat(
+        Vec(a.x.x + spread.y + spread.z, a.x.y - xy, a.x.z - xz),
+        Vec(a.x.y - xy, a.y.y + spread.x + spread.z, a.y.z - yz),
+        Vec(a.x.z - xz, a.y.z - yz, a.z.z + spread.x + spread.y),
+    )
+    return Body(link.mass, link.moment + link.mass * offset, inertia)
+
+
+def turned_up(place: Placement, inertia: Mat) -> Mat:
+    """A symmetric tensor of the link's frame, in the parent's frame."""
+    for step in (place.segment.outward, place.turn, place.segment.inward):
+        inertia = congruent(step.T, inertia) if step is not None else inertia
+    return inertia
+
+
+def congruent(rotation: Mat, s: Mat) -> Mat:
+    """R S R' for a symmetric S, each entry of the symmetric result computed once."""
+    half_x, half_y, half_z = s @ rotation.x, s @ rotation.y, s @ rotation.z
+    xy, xz, yz = dot(rotation.x, half_y), dot(rotation.x, half_z), dot(rotation.y, half_z)
+    return Mat(
+        Vec(dot(rotation.x, half_x), xy, xz),
+        Vec(xy, dot(rotation.y, half_y), yz),
+        Vec(xz, yz, dot(rotation.z, half_z)),
+    )
+
+
+def mass_matrix(places: Sequence[Placement], parameters: Column) -> list[list[Scalar]]:
+    """Rows of M(q): symmetric, zero between joints on different branches."""
+    n = len(places)
+    composite = [body(parameters.of[10 * i : 10 * i + 10]) for i in range(n)]
+    rows: list[list[Scalar]] = [[0.0] * n for _ in range(n)]
+    for i in reversed(range(n)):
+        for j, entry in _column(places, i, composite[i]):
+            rows[i][j] = rows[j][i] = entry
+        parent = places[i].segment.parent
+        if parent != GROUND:
+            composite[parent] += raised(places[i], composite[i])
+    return rows
+
+
+def _column(places: Sequence[Placement], i: int, outboard: Body) -> list[tuple[int, Scalar]]:
+    """M's entries between joint i and the joints that carry it: the load of a unit acceleration, passed down."""
+    load = _unit_load(places[i], outboard)
+    entries, j = [(i, joint_power(places[i], load))], i
+    while (parent := places[j].segment.parent) != GROUND:
+        load = lifted(places[j], load)
+        j = parent
+        entries.append((j, joint_power(places[j], load)))
+    return entries
+
+
+def _unit_load(place: Placement, outboard: Body) -> Wrench:
+    """The wrench on a composite body, at rest, whose joint has unit acceleration."""
+    z = place.segment.axis
+    if not place.segment.turns:
+        return Wrench(outboard.mass * z, cross(outboard.moment, z))
+    acc = cross(z, place.shift)
+    return Wrench(outboard.mass * acc + cross(z, outboard.moment), outboard.inertia @ z + cross(outboard.moment, acc))
+
+
+def solve_symmetric(rows: Sequence[Sequence[Scalar]], right: Column) -> Column:
+    """M x = b by M = L' D L from the tips inward (Featherstone 2008, section 6.5).
+
+    From the tips, so that a tree's zeros between branches stay zero and cost nothing once traced.
+    """
+    n = len(right)
+    m = [list(row) for row in rows]
+    inverse: list[Scalar] = [0.0] * n
+    lower: list[list[Scalar]] = [[0.0] * n for _ in range(n)]
+    for k in reversed(range(n)):
+        inverse[k] = 1.0 / m[k][k]
+        for i in range(k):
+            lower[k][i] = m[k][i] * inverse[k]
+            for j in range(i + 1):
+                m[i][j] = m[i][j] - lower[k][i] * m[k][j]
+    return _substituted(lower, inverse, right)
+
+
+def _substituted(lower: Sequence[Sequence[Scalar]], inverse: Sequence[Scalar], right: Column) -> Column:
+    n, x = len(right), list(right)
+    for k in reversed(range(n)):
+        for i in range(k):
+            x[i] = x[i] - lower[k][i] * x[k]
+    x = [entry * d for entry, d in zip(x, inverse, strict=True)]
+    for k in range(n):
+        for i in range(k):
+            x[k] = x[k] - lower[k][i] * x[i]
+    return Column(x)

@@ -1,0 +1,138 @@
+"""Forward recursions: how every link moves, in its own frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from adaptctl.dynamics.recursion.segment import Placement
+from adaptctl.scalars import ZERO, Column, Mat, Scalar, Vec, cross
+
+GROUND = -1
+
+
+class Twist:
+    """A link's angular velocity `w` and the velocity `v` of its origin, in its own frame."""
+
+    __slots__ = ("v", "w")
+
+    def __init__(self, w: Vec, v: Vec) -> None:
+        self.w, self.v = w, v
+
+
+def carried(place: Placement, parent: Twist) -> Twist:
+    """The parent's twist at the link's origin, as if the joint were locked."""
+    w = place.down(parent.w)
+    v = place.down(parent.v + cross(parent.w, place.segment.near))
+    return Twist(w, v + cross(w, place.shift))
+
+
+def moved(place: Placement, rate: Scalar) -> Twist:
+    """The twist of a link whose joint alone moves, at the given rate."""
+    axis = place.segment.axis
+    if place.segment.turns:
+        w = rate * axis
+        return Twist(w, cross(w, place.shift))
+    return Twist(ZERO, rate * axis)
+
+
+def twists(places: Sequence[Placement], rate: Column) -> list[Twist]:
+    """Every link's twist under joint velocities."""
+    out: list[Twist] = []
+    for i, place in enumerate(places):
+        parent = place.segment.parent
+        own = moved(place, rate[i])
+        if parent != GROUND:
+            base = carried(place, out[parent])
+            own = Twist(base.w + own.w, base.v + own.v)
+        out.append(own)
+    return out
+
+
+class Products(NamedTuple):
+    """The symmetric products (w_i r_j + w_j r_i) / 2 of two angular velocities."""
+
+    xx: Scalar
+    xy: Scalar
+    yy: Scalar
+    xz: Scalar
+    yz: Scalar
+    zz: Scalar
+
+
+STILL = Products(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def products(w: Vec, r: Vec) -> Products:
+    """Of a link's two angular velocities, which may be one."""
+    if w is r:
+        return Products(w.x * w.x, w.x * w.y, w.y * w.y, w.x * w.z, w.y * w.z, w.z * w.z)
+    h = 0.5 * w
+    mixed = h.x * r.y + h.y * r.x, h.x * r.z + h.z * r.x, h.y * r.z + h.z * r.y
+    return Products(w.x * r.x, mixed[0], w.y * r.y, mixed[1], mixed[2], w.z * r.z)
+
+
+class Motion:
+    """How a link moves under two velocities: its point u accelerates by acc (less gravity) + lever u.
+
+    `products` are those of its two angular velocities, `alpha` is its angular acceleration.
+    """
+
+    __slots__ = ("acc", "alpha", "lever", "products")
+
+    def __init__(self, products: Products, alpha: Vec, acc: Vec) -> None:
+        self.products, self.alpha, self.acc = products, alpha, acc
+        self.lever = lever(products, alpha)
+
+    @property
+    def numbers(self) -> tuple[Scalar, ...]:
+        """The twelve that say everything."""
+        return (*self.products, *self.alpha, *self.acc)
+
+    @classmethod
+    def of(cls, numbers: Sequence[Scalar]) -> Motion:
+        """The motion that has these twelve numbers."""
+        return cls(Products(*numbers[:6]), Vec(*numbers[6:9]), Vec(*numbers[9:]))
+
+
+def lever(p: Products, a: Vec) -> Mat:
+    """The matrix that gives a point u its acceleration from turning: a x u + (w x (r x u) + r x (w x u)) / 2."""
+    return Mat(
+        Vec(-(p.yy + p.zz), p.xy - a.z, p.xz + a.y),
+        Vec(p.xy + a.z, -(p.xx + p.zz), p.yz - a.x),
+        Vec(p.xz - a.y, p.yz + a.x, -(p.xx + p.yy)),
+    )
+
+
+def motions(places: Sequence[Placement], v: Column, v_r: Column, a_r: Column, gravity: Vec) -> list[Motion]:
+    """Newton-Euler's forward recursion, polarised in its two velocities.
+
+    With v_r = v it is the ordinary recursion; otherwise it leads to C(p, v) v_r with the Christoffel C that
+    Slotine and Li (1987) need, because the velocity terms are a symmetric bilinear form.
+    """
+    w = angular_velocities(places, v)
+    r = w if v is v_r else angular_velocities(places, v_r)
+    ground, out = Motion(STILL, ZERO, -gravity), list[Motion]()
+    for i, place in enumerate(places):
+        segment, z = place.segment, place.segment.axis
+        base = out[segment.parent] if segment.parent != GROUND else ground
+        alpha, acc = place.down(base.alpha), place.down(base.acc + base.lever @ segment.near)
+        spin = cross(v[i] * w[i], z) if w is r else cross((0.5 * v_r[i]) * w[i] + (0.5 * v[i]) * r[i], z)
+        if segment.turns:
+            alpha = alpha + a_r[i] * z + spin
+        else:
+            acc = acc + a_r[i] * z + 2.0 * spin
+        link = Motion(products(w[i], r[i]), alpha, acc)
+        link.acc = link.acc + link.lever @ place.shift
+        out.append(link)
+    return out
+
+
+def angular_velocities(places: Sequence[Placement], rate: Column) -> list[Vec]:
+    """Every link's angular velocity under joint velocities."""
+    out: list[Vec] = []
+    for i, place in enumerate(places):
+        segment = place.segment
+        w = place.down(out[segment.parent]) if segment.parent != GROUND else ZERO
+        out.append(w + rate[i] * segment.axis if segment.turns else w)
+    return out

@@ -1,0 +1,55 @@
+"""Regrouping equations, as a person writes them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from adaptctl.arrays import Array
+
+NEGLIGIBLE = 1e-9
+"""Coefficients below are not written: they come from right angles that a file gives to nine digits."""
+ALIKE = 1e-9
+"""Relative: coefficients that differ by less are the same one."""
+
+
+def regrouping_equations(regrouping: Array, columns: Sequence[int], names: Sequence[str]) -> tuple[str, ...]:
+    """``link2.mc_x* = link2.mc_x + 0.4318 (link3.m + link4.m)``, one for each kept parameter; SI units."""
+    return tuple(_equation(row, column, names) for row, column in zip(regrouping, columns, strict=True))
+
+
+def _equation(row: Array, column: int, names: Sequence[str]) -> str:
+    own = names[column]
+    return " ".join([f"{own}* = {own}", *(_group(row, group, names) for group in _groups(row, column))])
+
+
+def _groups(row: Array, column: int) -> list[list[int]]:
+    """Parameters whose coefficients have the same size; those of size 1 first, then in the parameters' order."""
+    groups: list[list[int]] = []
+    for j in np.flatnonzero(np.abs(row) > NEGLIGIBLE).tolist():
+        if j == column:
+            continue
+        alike = [group for group in groups if _alike(row[group[0]], row[j])]
+        if alike:
+            alike[0].append(j)
+        else:
+            groups.append([j])
+    return sorted(groups, key=lambda group: not _alike(row[group[0]], 1.0))
+
+
+def _alike(a: float, b: float) -> bool:
+    return abs(abs(a) - abs(b)) <= ALIKE * abs(b)
+
+
+def _group(row: Array, group: Sequence[int], names: Sequence[str]) -> str:
+    """``- 0.5 (a - b)``: one size, the first sign outside, the others within; sizes of 1 are signs alone."""
+    first = row[group[0]]
+    if _alike(first, 1.0):
+        return " ".join(f"{_sign(row[j])} {names[j]}" for j in group)
+    inner = names[group[0]] + "".join(f" {_sign(first * row[j])} {names[j]}" for j in group[1:])
+    return f"{_sign(first)} {abs(first):.6g} " + (f"({inner})" if len(group) > 1 else inner)
+
+
+def _sign(x: float) -> str:
+    return "-" if x < 0.0 else "+"

@@ -1,0 +1,75 @@
+"""A tree as 4x4 matrices: where every joint stands on the link before, and the twist that it moves with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.description import GROUND
+from adaptctl.dynamics import Mechanism
+from adaptctl.identifiability.sampling import characteristic_length
+
+
+def twist_matrices(twists: Array) -> Array:
+    """4x4 matrices (..., 4, 4) of twists (..., 6): angular velocity, then the velocity of the origin."""
+    out = np.zeros((*twists.shape[:-1], 4, 4))
+    x, y, z = np.moveaxis(twists[..., :3], -1, 0)
+    out[..., 2, 1], out[..., 0, 2], out[..., 1, 0] = x, y, z
+    out[..., 1, 2], out[..., 2, 0], out[..., 0, 1] = -x, -y, -z
+    out[..., :3, 3] = twists[..., 3:]
+    return out
+
+
+def twist_entries(matrices: Array) -> Array:
+    """The twists (..., 6) of 4x4 matrices (..., 4, 4)."""
+    turn = [matrices[..., 2, 1], matrices[..., 0, 2], matrices[..., 1, 0]]
+    return np.stack([*turn, *np.moveaxis(matrices[..., :3, 3], -1, 0)], axis=-1)
+
+
+@dataclass(frozen=True, eq=False)
+class JointFrames:
+    """The N joints of a tree, lengths in units of `length` (m), L.
+
+    Every joint has a frame that moves with its link, in which its own twist is constant.
+    """
+
+    length: float
+    parents: tuple[int, ...]
+    near: Array
+    """(N, 4, 4): joint frames in the joint frames before them, at zero; on the ground, in the world"""
+    far: Array
+    """(N, 4, 4): link frames in their joint frames"""
+    twists: Array
+    """(N, 6): S, by which a joint's frame moves per unit of its coordinate"""
+    gravity: Array
+    """(3,): its direction, zero where there is none"""
+
+    @property
+    def rotor_scales(self) -> Array:
+        """(N,): rotor inertias over these go with lengths over L: kg m^2 where a joint turns, kg where it slides."""
+        return np.where(self.twists[:, :3].any(axis=1), self.length**2, 1.0)
+
+    @classmethod
+    def of(cls, mechanism: Mechanism) -> JointFrames:
+        """The joints of a mechanism's tree."""
+        links, length = mechanism.links, characteristic_length(mechanism)
+        on_parent = _matrices([(k.near.rotation, k.near.translation) for k in links], length)
+        far = _matrices([(k.far.rotation, k.far.translation) for k in links], length)
+        hangs = np.array([k.parent != GROUND for k in links])
+        parents = np.array([k.parent for k in links])
+        near = np.where(hangs[:, None, None], far[parents], np.eye(4)) @ on_parent
+        turns = np.array([k.joint.kind.turns for k in links])[:, None]
+        axes = np.array([k.joint.axis for k in links])
+        twists = np.hstack([np.where(turns, axes, 0.0), np.where(turns, 0.0, axes)])
+        gravity = mechanism.description.gravity
+        strength = float(np.linalg.norm(gravity)) or 1.0
+        return cls(length, tuple(k.parent for k in links), near, far, twists, gravity / strength)
+
+
+def _matrices(poses: list[tuple[Array, Array]], length: float) -> Array:
+    out = np.tile(np.eye(4), (len(poses), 1, 1))
+    out[:, :3, :3] = [rotation for rotation, _ in poses]
+    out[:, :3, 3] = [translation / length for _, translation in poses]
+    return out

@@ -1,0 +1,238 @@
+"""Many arms in their tracking environments: their state in one array of lanes, and what a step makes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adaptctl.arrays import Array
+from adaptctl.compilation import Ensemble, Kernel, compile_function
+from adaptctl.envs.many.arm_references import ArmReferences
+from adaptctl.envs.many.options import ArmOptions
+from adaptctl.envs.many.random_streams import ArmStreams
+from adaptctl.envs.many.vector_step import Facts, VectorStep
+from adaptctl.envs.random_reference import Trajectory, all_drawn
+from adaptctl.envs.tracking import TrackingEnv
+from adaptctl.errors import NonFiniteError
+from adaptctl.simulation import PlantState
+from adaptctl.simulation.real_plant import require_ten_a_link
+
+Numbers = NDArray[np.int64]
+"""Which arms (k,), of N."""
+Flags = NDArray[np.bool_]
+
+
+@dataclass(slots=True)
+class Told:
+    """What is told of arms (k, ...) after a step, or at a beginning."""
+
+    observation: Array
+    reward: Array
+    terminated: Flags
+    truncated: Flags
+    time: Array
+    energy: Array
+    clipped: Numbers
+    p: Array
+    """(k, r) as it truly is"""
+    v: Array
+    torque: Array
+    """(k, r) N m, what reached the joints"""
+    marks: Array
+    """(k, m) of `RealPlant.marks`"""
+
+    def copy(self) -> Told:
+        """Arrays of its own."""
+        return Told(*(getattr(self, field.name).copy() for field in fields(self)))
+
+    def put(self, arms: Numbers, others: Told) -> None:
+        """Take others' rows for some arms."""
+        for field in fields(self):
+            getattr(self, field.name)[arms] = getattr(others, field.name)
+
+
+class Arms:
+    """N arms as in N environments like `single`: they take steps together, and begin an episode when told to."""
+
+    def __init__(self, single: TrackingEnv, count: int) -> None:
+        self.single, self.count = single, count
+        r = self._dof = single.plant.dof
+        self._senses, self._loops = bool(single.real_plant.effects.sensors), single.mechanism.continuation is not None
+        self.everyone = np.arange(count)
+        self.steps, self.clipped = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
+        self.references = ArmReferences(count, r, single.control_period, single.look_ahead)
+        self.streams = ArmStreams(count, 2 * r if self._senses else 0)
+        self._own = np.tile(single.mechanism.inertial_parameters, (count, 1))
+        self.parameters = frozen(self._own.copy())
+        """(N, P) true inertial parameters now, payloads included; read-only"""
+        self.payload, self._until = np.zeros(count), np.full(count, np.inf)
+        self._terms: int | None = None
+        self._ensembles: dict[int, Ensemble] = {}
+        self._kernels: dict[int, Kernel] = {}
+
+    def begin(self, arms: Numbers, options: Mapping[str, Any]) -> Told:
+        """Begin an episode of some arms. Raises as `TrackingEnv.reset` does."""
+        single, chosen, r = self.single, ArmOptions(self.count, arms), self._dof
+        error = chosen.numbers(options.get("initial_error", single.initial_error), r, "initial_error")
+        own, last = single.mechanism.inertial_parameters, len(single.mechanism.description.bodies) - 1
+        if "payload" in options:
+            require_ten_a_link(single.mechanism)
+        self._own[arms] = chosen.parameters(options, own, last)
+        self._follow(arms, chosen.each(options.get("trajectory", single.trajectory), "trajectory"))
+        self.steps[arms], self.clipped[arms] = 0, 0
+        parameters, row = self._load(arms), self._row(arms)
+        noise = self.streams.normal(arms)
+        state = single.real_plant.init(row[:, :r] + error, row[:, r : 2 * r], noise, parameters)
+        q, p, v = state.arm.q, state.arm.p, state.arm.v
+        for name, values in zip(single.real_plant.sizes, (q, v, state.drives, state.sensors), strict=True):
+            self._lanes.state.put(name, arms, values)
+        observation = np.concatenate((state.p, state.v, row), axis=1)
+        energy = self._energy.map(q, v, parameters)
+        never, zero, torque = np.zeros(len(arms), dtype=np.bool_), np.zeros(len(arms)), np.zeros_like(v)
+        return Told(observation, zero, never, never, zero, energy, self.clipped[arms], p, v, torque, state.marks)
+
+    def advance(self, torque: Array, moving: Numbers) -> Told:
+        """One control period under torques (N, r); what is told of arms that are not moving means nothing."""
+        self.steps += 1
+        time = np.asarray(self.single.control_period * self.steps, dtype=np.float64)
+        self._give(torque, time, moving)
+        observation, numbers, true = self._lanes.run()
+        facts, marks = Facts(*np.ascontiguousarray(numbers.T)[: len(Facts._fields)]), numbers[:, len(Facts._fields) :]
+        self._require_finite(facts.finite, moving)
+        self.clipped += facts.clipped > 0.0
+        p, v, applied = (true[:, k * self._dof : (k + 1) * self._dof] for k in range(3))
+        terminated = self._terminated(facts, p, v)
+        judged = self._paid(facts, terminated), terminated, self.steps >= self.single.steps
+        told = Told(observation, *judged, time, facts.energy, self.clipped.copy(), p, v, applied, marks)
+        self._reload(told)
+        return told
+
+    def _give(self, torque: Array, time: Array, moving: Numbers) -> None:
+        """What a step to a time (N,) needs from outside."""
+        held = self._lanes.held
+        held["action"] = torque
+        if self._senses:
+            noise = np.zeros((self.count, 2 * self._dof))
+            noise[moving] = self.streams.normal(moving)
+            held["noise"] = noise
+        if self._terms:
+            held["time"] = time[:, None]
+        else:
+            held["row"] = self.references.rows(self.everyone, self.steps)
+
+    def _paid(self, facts: Facts, terminated: Flags) -> Array:
+        return np.asarray(facts.reward - self.single.reward_weights.termination * terminated, dtype=np.float64)
+
+    @property
+    def rows(self) -> Array:
+        """Where every arm should be now (N, 3r + r per time ahead)."""
+        return self._row(self.everyone)
+
+    @property
+    def positions(self) -> Array:
+        """(N, r), as they truly are."""
+        return primary(self.single, self._lanes.state["q"])
+
+    def _follow(self, arms: Numbers, trajectories: Sequence[Trajectory]) -> None:
+        """Give some arms references, and native code their numbers."""
+        references = all_drawn(trajectories, self.single.mechanism, lambda k: self.streams.generator(int(arms[k])))
+        self.references.put(arms, references)
+        needed = self.references.terms
+        terms = max(needed, self._terms or 0) if needed else 0
+        if terms != self._terms:
+            self._change_code(terms)
+            arms = self.everyone
+        if terms:
+            for name, values in self.references.numbers(arms, terms)._asdict().items():
+                self._lanes.held.put(name, arms, values)
+
+    def _change_code(self, terms: int) -> None:
+        """Go on with a step that evaluates so many sinusoids a joint, or none."""
+        before = self._lanes if self._terms is not None else None
+        self._terms = terms
+        if terms not in self._ensembles:
+            self._ensembles[terms] = self._step.compile().ensemble(self.count)
+        if before is not None:
+            for name in before.state.columns:
+                self._lanes.state[name] = before.state[name]
+            self._lanes.held["parameters"] = self.parameters
+
+    @property
+    def _lanes(self) -> Ensemble:
+        return self._ensembles[self._terms or 0]
+
+    @property
+    def _step(self) -> VectorStep:
+        single = self.single
+        bound, weights = single.error_bound, single.reward_weights
+        return VectorStep(single.real_plant, single.look_ahead, bound, weights, self._terms or 0)
+
+    def _row(self, arms: Numbers) -> Array:
+        """The reference's rows of some arms now."""
+        if not self._terms:
+            return self.references.rows(arms, self.steps[arms])
+        if self._terms not in self._kernels:
+            self._kernels[self._terms] = self._step.compile_row()
+        time = self.single.control_period * self.steps[arms, None]
+        return np.asarray(self._kernels[self._terms].map(time, *self.references.numbers(arms, self._terms)))
+
+    def _load(self, arms: Numbers) -> Array:
+        """The true parameters (k, P) of some arms now, with what they hold; others' stay."""
+        plant, rows = self.single.real_plant, self._own[arms]
+        times = self.single.control_period * self.steps[arms]
+        for time in np.unique(times).tolist() if plant.effects.loads else ():
+            now = times == time
+            rows[now] = plant.parameters(rows[now], time)
+            self.payload[arms[now]], self._until[arms[now]] = plant.payload(time), plant.until(time)
+        parameters = self.parameters.copy()
+        parameters[arms] = rows
+        self.parameters = frozen(parameters)
+        self._lanes.held.put("parameters", arms, rows)
+        return rows
+
+    def _reload(self, told: Told) -> None:
+        """Pick up and drop what is due, which counts in the energy already."""
+        due = np.flatnonzero(told.time >= self._until)
+        if due.size:
+            told.energy[due] = self._energy.map(self._lanes.state["q"][due], told.v[due], self._load(due))
+
+    def _terminated(self, facts: Facts, p: Array, v: Array) -> Flags:
+        """Which arms are lost, and which loops are where they may not work: those in doubt are looked at."""
+        terminated: Flags = facts.lost > 0.0
+        doubtful = np.flatnonzero(facts.sure < 1.0) if self._loops else self.everyone[:0]
+        if doubtful.size:
+            state = PlantState(0.0, p[doubtful], v[doubtful], self._lanes.state["q"][doubtful])
+            terminated[doubtful] |= ~self.single.plant.may_work(state)
+        return terminated
+
+    def _require_finite(self, finite: Array, moving: Numbers) -> None:
+        lost = moving[finite[moving] < 1.0] if not finite.all() else moving[:0]
+        if lost.size:
+            time = self.single.control_period * self.steps[lost[0]]
+            raise NonFiniteError(
+                f"{self.single.mechanism.name}: the motion of arm {lost[0]} ran away after {time:g} s: use a shorter "
+                "control period or more substeps, weaker actions, a bound on errors that ends episodes earlier, and "
+                "parameters whose mass matrix is positive definite"
+            )
+
+    @cached_property
+    def _energy(self) -> Kernel:
+        equations = self.single.mechanism.equations
+        sizes = {"q": equations.joints, "v": equations.dof, "parameters": equations.parameters}
+        return compile_function(self.single.plant.energy_equation, sizes, name="energy")
+
+
+def primary(single: TrackingEnv, q: Array) -> Array:
+    """Positions (k, r) of the primary joints among the tree's (k, n)."""
+    return q[:, list(single.mechanism.description.primary)]
+
+
+def frozen(values: Array) -> Array:
+    """Itself, read-only."""
+    values.flags.writeable = False
+    return values

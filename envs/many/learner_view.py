@@ -1,0 +1,61 @@
+"""Many arms as learners see them that know one kind of end and actions in [-1, 1]."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from numpy.typing import ArrayLike, NDArray
+
+from adaptctl.arrays import Array
+from adaptctl.envs.many.vector_tracking import VectorTrackingEnv
+from adaptctl.errors import InputError
+
+
+class LearnerView:
+    """A vector environment, its actions shares of the torque limits, its infos one dictionary an arm.
+
+    `done` is terminated or truncated. The info of an arm that is done has `terminal_observation`, the last of the
+    episode that ended, and `TimeLimit.truncated`, whether it ended by its duration alone; others are empty, since what
+    is not asked for costs more than the step. The observation is the first of the next episode.
+    """
+
+    def __init__(self, env: VectorTrackingEnv) -> None:
+        if env.autoreset_mode is not AutoresetMode.SAME_STEP:
+            raise InputError(
+                f"{env}: arms must begin again in the same step: make it with autoreset_mode='SameStep', not "
+                f"{env.autoreset_mode.value!r}"
+            )
+        self.env = env
+        self.observation_space = env.single_observation_space
+        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, env.single_action_space.shape, np.float32)
+        self._limits = np.asarray(env.single.plant.torque_limits)
+
+    def reset(self, seeds: Sequence[int | None], options: Sequence[Mapping[str, Any]]) -> Array:
+        """Begin an episode of every arm, with a seed and options of its own (N,). Returns observations (N, n)."""
+        names = set(options[0])
+        if any(set(own) != names for own in options):
+            raise InputError(
+                f"options: expected the same ones for all arms, such as {', '.join(sorted(names)) or 'none'}"
+            )
+        each: dict[str, Any] = {name: [own[name] for own in options] for name in names}
+        if "initial_error" in each:  # One number for all joints would else be one a joint.
+            each["initial_error"] = [np.broadcast_to(own, self._limits.shape) for own in each["initial_error"]]
+        return self.env.reset(seed=seeds, options=each)[0]
+
+    def step(self, actions: ArrayLike) -> tuple[Array, Array, NDArray[np.bool_], list[dict[str, Any]]]:
+        """One control period under actions (N, r): observations (N, n), rewards (N,), done (N,) and infos."""
+        try:
+            torques = np.asarray(actions, dtype=np.float64) * self._limits
+        except (TypeError, ValueError) as error:
+            raise InputError(f"action: expected shape {self.env.action_space.shape}, got {actions!r}") from error
+        observation, reward, terminated, truncated, info = self.env.step(torques)
+        done: NDArray[np.bool_] = terminated | truncated
+        infos: list[dict[str, Any]] = [{} for _ in range(self.env.num_envs)]
+        for arm in np.flatnonzero(done).tolist():
+            infos[arm]["terminal_observation"] = info["final_obs"][arm]
+            infos[arm]["TimeLimit.truncated"] = bool(truncated[arm] and not terminated[arm])
+        return observation, reward, done, infos

@@ -1,0 +1,328 @@
+"""The tracking environments for many arms at once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import gymnasium
+import numpy as np
+from gymnasium.error import ResetNeeded
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import ArrayLike, NDArray
+
+from adaptctl.arrays import Array
+from adaptctl.control.controller import LARGEST_COMPILED
+from adaptctl.envs.many.arms import Arms, Flags, Told
+from adaptctl.envs.puma560 import Puma560TrackingEnv
+from adaptctl.envs.semi_direct_drive import SemiDirectDriveTrackingEnv
+from adaptctl.envs.tracking import OPTIONS, TrackingEnv
+from adaptctl.errors import InputError, NonFiniteError, NotFoundError
+
+if TYPE_CHECKING:
+    from adaptctl.envs.rendering.render import Renderer
+
+
+class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
+    """
+    ## Description
+
+    N arms, each in a `TrackingEnv` of its own, that take their steps together in native code: as many at a time as a
+    register of the processor holds. Whatever the card of `TrackingEnv` says holds for every arm; this one says what
+    many of them add. Arm i is the single environment with its seed, options and actions, to round-off.
+
+    ```python
+    import gymnasium
+    env = gymnasium.make_vec("adaptctl.envs:adaptctl/Puma560Tracking-v0", num_envs=1024)
+    ```
+
+    `adaptctl/SemiDirectDriveTracking-v0` and `adaptctl/Tracking-v0` likewise, or `VectorTrackingEnv(1024, robot=...)`.
+    With `vectorization_mode="sync"` Gymnasium loops over single environments instead.
+
+    ## Action space
+
+    `Box(-limit, limit, (N, r), float64)`: torques in N m (N). What is out of bounds is clipped and counted; NaN and
+    infinity raise `NonFiniteError`, which names the joint and the arm, before anything moves.
+
+    ## Observation space
+
+    `Box(-1e6, 1e6, (N, 5r + r L), float64)`, for every arm as in `TrackingEnv`; `observation_slices` has the places of
+    the columns: `observation[:, env.unwrapped.observation_slices["p"]]`. A controller takes them as they are: see
+    `Controller.step`.
+
+    ## Rewards and episode end
+
+    `rewards`, `terminations` and `truncations` are (N,). An arm that ends disturbs no other. A motion that runs away
+    raises `NonFiniteError`, which names the arm; then reset all.
+
+    ## Beginning again
+
+    `metadata["autoreset_mode"]` says what happens to arms whose episode ends (`gymnasium.vector.AutoresetMode`):
+
+    | `autoreset_mode` | An arm whose episode has ended                                                        |
+    |------------------|---------------------------------------------------------------------------------------|
+    | `"NextStep"`     | begins again at the next step, which ignores its action, with reward 0: the default   |
+    | `"SameStep"`     | begins again at once; `info` has `final_obs` and `final_info`                         |
+    | `"Disabled"`     | waits for `reset(options={"reset_mask": mask})`, `mask` (N,) of bools                 |
+
+    ## Seeds
+
+    `reset(seed=s)` gives arm i the seed s + i; a list has one for each, None for an arm that goes on as it would.
+
+    ## Information
+
+    As in `TrackingEnv`, with a leading axis of arms. For every key there is a mask `_key` (N,) of the arms it is told of.
+    `parameters` and the masks are read-only.
+
+    ## Arguments
+
+    Those of `TrackingEnv`, the same for all arms, but `reference`, which may also be a list of N, and
+
+    | Argument         | Default      | Meaning                                                                        |
+    |------------------|--------------|--------------------------------------------------------------------------------|
+    | `num_envs`       | 1            | N                                                                              |
+    | `autoreset_mode` | `"NextStep"` | see above                                                                      |
+    | `reset_options`  | `None`       | options of every reset that is told nothing else, those that arms begin again with included |
+
+    Mechanisms may have at most 48 links.
+
+    ## Options at reset
+
+    Those of `TrackingEnv`, for all arms or one each: `initial_error` also (N, r), `parameters` also (N, P), `payload` and
+    `trajectory` also a list of N. Sums of sinusoids (`Sinusoids`, random ones) are evaluated natively by each arm's
+    own numbers; other references are sampled, which is slower.
+
+    ## Version history
+
+    * v0: first version
+    """  # noqa: E501  # tables
+
+    kind: ClassVar[type[TrackingEnv]] = TrackingEnv
+    """The environment of one arm."""
+    metadata: dict[str, Any] = TrackingEnv.metadata | {"autoreset_mode": AutoresetMode.NEXT_STEP}
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        reset_options: Mapping[str, Any] | None = None,
+        **settings: Any,
+    ) -> None:
+        if not isinstance(num_envs, int | np.integer) or num_envs < 1:
+            raise InputError(f"num_envs: expected a whole number of at least 1, got {num_envs}")
+        self.single, self.num_envs = self.kind(**settings), int(num_envs)
+        self._require_short()
+        self.reset_options = _known(reset_options, OPTIONS)
+        self.autoreset_mode = _mode(autoreset_mode)
+        self.metadata = self.single.metadata | {"autoreset_mode": self.autoreset_mode}
+        self.render_mode, self.control_period = self.single.render_mode, self.single.control_period
+        self.single_observation_space, self.single_action_space = (
+            self.single.observation_space,
+            self.single.action_space,
+        )
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self.observation_slices = self.single.observation_slices
+        self._arms = Arms(self.single, self.num_envs)
+        self._everyone: Flags = np.ones(self.num_envs, dtype=np.bool_)
+        self._nobody: Flags = np.zeros(self.num_envs, dtype=np.bool_)
+        for flags in (self._everyone, self._nobody):
+            flags.flags.writeable = False
+        self._over = self._nobody
+        self._told: Told | None = None
+        """what was told last, which is no one else's"""
+        self._renderer: Renderer | None = None
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: Mapping[str, Any] | None = None
+    ) -> tuple[Array, dict[str, Any]]:
+        """Begin an episode of every arm, or of those in the option `reset_mask`.
+
+        Raises as `TrackingEnv.reset` does, naming the arm.
+        """
+        given = dict(_known(options, (*OPTIONS, "reset_mask")))
+        mask = self._mask(given.pop("reset_mask", None))
+        chosen = np.flatnonzero(mask)
+        for arm, own in self._seeds(seed):
+            if mask[arm]:
+                self._arms.streams.seed(arm, own)
+        begun = self._arms.begin(chosen, {**self.reset_options, **given})
+        if self._told is None or chosen.size == self.num_envs:
+            self._told = begun
+        else:
+            self._told.put(chosen, begun)
+        self._over = self._over & ~mask
+        told = self._told.copy()
+        return told.observation, self._info(told, mask)
+
+    def step(self, actions: ArrayLike) -> tuple[Array, Array, Flags, Flags, dict[str, Any]]:
+        """One control period of all arms under torques (N, r), held.
+
+        Raises as `TrackingEnv.step` does, naming the arm; on a bad action nothing has moved.
+        """
+        again = self._over if self.autoreset_mode is AutoresetMode.NEXT_STEP else self._nobody
+        self._require_running(self._over & ~again)
+        moving = np.flatnonzero(~again) if again.any() else self._arms.everyone
+        told = self._arms.advance(self._torques(actions, again), moving)
+        self._begin(told, again)
+        reward, terminated, truncated = told.reward, told.terminated, told.truncated
+        self._over = terminated | truncated
+        ended: dict[str, Any] = {}
+        if self.autoreset_mode is AutoresetMode.SAME_STEP and self._over.any():
+            ended, over, told = self._final(told), self._over, told.copy()
+            self._begin(told, over)
+            self._over = self._nobody
+        if self.autoreset_mode is AutoresetMode.DISABLED:
+            self._told = told.copy()
+        return told.observation, reward, terminated, truncated, ended | self._info(told, self._everyone)
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """An image (height, width, 3) of every arm and of where it should be. None without a render mode."""
+        self._require_running(self._nobody)
+        if self.render_mode is None:
+            gymnasium.logger.warn("render: choose a mode when making the environment: render_mode='rgb_array'")
+            return None
+        if self._renderer is None:
+            from adaptctl.envs.rendering.render import Renderer
+
+            self._renderer = Renderer(self.single.mechanism)
+        goals = self._arms.rows[:, : self.single.plant.dof]
+        times = self.control_period * self._arms.steps
+        arms = zip(self._arms.positions, goals, times.tolist(), strict=True)
+        return tuple(self._renderer.image(p, goal, time) for p, goal, time in arms)
+
+    def _begin(self, told: Told, chosen: Flags) -> None:
+        """Begin an episode of some arms, of which this is then told."""
+        if chosen.any():
+            arms = np.flatnonzero(chosen)
+            told.put(arms, self._arms.begin(arms, self.reset_options))
+
+    def _final(self, told: Told) -> dict[str, Any]:
+        """What Gymnasium wants to know of episodes that end in this step."""
+        observations = np.full(self.num_envs, None, dtype=object)
+        for arm in np.flatnonzero(self._over).tolist():
+            observations[arm] = told.observation[arm].copy()
+        return _masked({"final_obs": observations}, self._over) | {
+            "final_info": self._info(told, self._over),
+            "_final_info": self._over.copy(),
+        }
+
+    def _info(self, told: Told, mask: Flags) -> dict[str, Any]:
+        """Of the arms in the mask; others have zeros."""
+        info: dict[str, Any] = {
+            "time": told.time,
+            "parameters": self._arms.parameters,
+            "applied_torque": told.torque,
+            "energy": told.energy,
+            "clipped": told.clipped,
+        }
+        plant = self.single.real_plant
+        if plant.effects:
+            marks = dict(zip(plant.marks, told.marks.T, strict=True))
+            if plant.effects.loads:
+                marks["payload"] = self._arms.payload.copy()
+            info |= {"p": told.p, "v": told.v, "marks": _masked(marks, mask)}
+        return _masked(info, mask)
+
+    def _torques(self, actions: ArrayLike, ignored: Flags) -> Array:
+        """Finite torques (N, r), zero where actions are ignored."""
+        shape = self.action_space.shape
+        try:
+            torques = np.array(actions, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"action: expected torques of shape {shape}, got {actions!r}") from error
+        if torques.shape != shape:
+            raise InputError(f"action: expected shape {shape}, got {torques.shape}")
+        torques[ignored] = 0.0
+        if not np.isfinite(torques).all():
+            arm, joint = np.argwhere(~np.isfinite(torques))[0].tolist()
+            bad = torques[arm, joint]
+            raise NonFiniteError(f"action: expected finite numbers, got {bad} for joint {joint} of arm {arm}")
+        return torques
+
+    def _seeds(self, seed: int | Sequence[int | None] | None) -> list[tuple[int, int]]:
+        """Arms and the seeds they are given."""
+        if seed is None:
+            return []
+        try:
+            given = range(seed, seed + self.num_envs) if isinstance(seed, int | np.integer) else list(seed)
+        except TypeError as error:
+            raise InputError(f"seed: expected a number, or one for each of the arms, got {seed!r}") from error
+        if len(given) != self.num_envs:
+            raise InputError(f"seed: expected a number, or one for each of {self.num_envs} arms, got {len(given)}")
+        chosen = [(arm, own) for arm, own in enumerate(given) if own is not None]
+        for arm, own in chosen:
+            if not isinstance(own, int | np.integer) or own < 0:
+                raise InputError(f"seed: expected whole numbers of at least 0, got {own!r} for arm {arm}")
+        return [(arm, int(own)) for arm, own in chosen]
+
+    def _mask(self, given: Any) -> Flags:
+        """Which arms are to be reset."""
+        if given is None:
+            return self._everyone
+        mask = np.array(given)
+        if self.autoreset_mode is not AutoresetMode.DISABLED:
+            raise InputError(
+                "reset_mask: arms begin again by themselves; it is for autoreset_mode=AutoresetMode.DISABLED"
+            )
+        if mask.dtype != np.bool_ or mask.shape != (self.num_envs,) or not mask.any():
+            raise InputError(f"reset_mask: expected {self.num_envs} bools, not all False, got {mask.tolist()}")
+        if self._told is None and not mask.all():
+            raise ResetNeeded("reset_mask: there is no episode yet: reset all arms first")
+        return mask
+
+    def _require_running(self, over: Flags) -> None:
+        if self._told is None:
+            raise ResetNeeded("there is no episode yet: call env.reset() first")
+        if over.any():
+            raise ResetNeeded(
+                f"the episode of arm {int(over.argmax())} is over: call env.reset(options={{'reset_mask': ...}}) first"
+            )
+
+    def _require_short(self) -> None:
+        mechanism = self.single.mechanism
+        if len(mechanism.links) > LARGEST_COMPILED:
+            raise InputError(
+                f"{mechanism.name}: has {len(mechanism.links)} links, and native code is made for at most "
+                f"{LARGEST_COMPILED}: use vectorization_mode='sync'"
+            )
+
+
+class Puma560VectorTrackingEnv(VectorTrackingEnv):
+    """Many PUMA 560: `VectorTrackingEnv` with the settings of `Puma560TrackingEnv`."""
+
+    kind = Puma560TrackingEnv
+
+
+class SemiDirectDriveVectorTrackingEnv(VectorTrackingEnv):
+    """Many semi-direct-drive arms: `VectorTrackingEnv` with the settings of `SemiDirectDriveTrackingEnv`."""
+
+    kind = SemiDirectDriveTrackingEnv
+
+
+def _masked(values: Mapping[str, Any], mask: Flags) -> dict[str, Any]:
+    """Values of the arms in the mask, and the mask of each, as Gymnasium has them."""
+    info: dict[str, Any] = {}
+    partial = not mask.all()
+    for name, value in values.items():
+        if partial and not isinstance(value, dict) and value.dtype != object:
+            value = np.where(mask.reshape(-1, *[1] * (value.ndim - 1)), value, np.zeros((), value.dtype))
+        info |= {name: value, f"_{name}": mask}
+    return info
+
+
+def _known(options: Mapping[str, Any] | None, names: Sequence[str]) -> Mapping[str, Any]:
+    given = options or {}
+    if unknown := [name for name in given if name not in names]:
+        raise NotFoundError(f"reset: unknown option {unknown[0]!r}; options: {', '.join(names)}")
+    return given
+
+
+def _mode(given: AutoresetMode | str) -> AutoresetMode:
+    try:
+        return AutoresetMode(given)
+    except ValueError as error:
+        modes = ", ".join(mode.value for mode in AutoresetMode)
+        raise InputError(f"autoreset_mode: expected one of {modes}, got {given!r}") from error

@@ -1,0 +1,255 @@
+"""A serial arm against one with a closed loop, on one task: section 5.3 of Sheu and Walker (1991)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from adaptctl.control import Gains, PriorRanges, Sinusoids, SlotineLi, Spline, adaptation_gain
+from adaptctl.dynamics import Mechanism, equation_costs, load
+from adaptctl.dynamics.inverse_kinematics import Tip
+from adaptctl.errors import InputError
+from adaptctl.experiments.contest import Contender, Outcome, contest
+from adaptctl.experiments.experiment import ClosedLoop, Progress, setting, settings, text
+from adaptctl.experiments.learning import ADAPTATION_OFF, ADAPTIVE, FULL, numbers
+from adaptctl.experiments.serial_versus_graph.result import OperationCounts, Side, SideBySide
+from adaptctl.identifiability import (
+    EssentialSpace,
+    FundamentalBasis,
+    ReducedModel,
+    essential_space,
+    fundamental_basis,
+)
+from adaptctl.recording import Comparison, Setting
+
+if TYPE_CHECKING:
+    import gymnasium
+
+KNOT = 0.02
+"""s between the samples that inverse kinematics turns into joints"""
+AHEAD = 1.0
+"""s beyond the end that a reference is asked for"""
+
+
+@dataclass(frozen=True)
+class Arm:
+    """One of the two, the point that is its tip, and where inverse kinematics starts."""
+
+    name: str
+    label: str
+    robot: str
+    link: str
+    tip: tuple[float, float, float]
+    """m, in that link's frame"""
+    start: tuple[float, float, float]
+    """rad, on the branch that is meant: elbow up, forearm ahead"""
+    printed_rank: int
+    """Table 13 of the paper"""
+
+
+ARMS = (
+    # The forearm to the flange, with the wrist held straight: d4 + d6 of the PUMA 560, along link 3's z axis.
+    Arm("serial", "Three-joint PUMA", "puma560_arm3", "link3", (0.0, 0.0, 0.48935), (0.0, -1.5, 3.0), 16),
+    # The forearm's end: 0.5 m past the elbow, which is 0.41 m from its frame.
+    Arm("graph", "Five-bar", "semi_direct_drive", "link5", (0.91, 0.0, 0.0), (0.0, -1.5, -3.1), 26),
+)
+
+
+@dataclass(frozen=True)
+class SerialVersusGraph(ClosedLoop):
+    """The three-joint PUMA and the semi-direct-drive arm: parameters, operations and tracking on one path in space.
+
+    Both tips follow one path, turned into joints by inverse kinematics, and start off it by the same way. Both are
+    driven by Slotine and Li's controller from zero, on the independent parameters and on all, and with adaptation
+    off, with gains by one rule.
+    """
+
+    name: ClassVar[str] = "serial-versus-graph"
+    title: ClassVar[str] = "A serial arm and one with a loop, on one task"
+
+    bandwidth: float = setting(8.0, "how fast errors decay, 1/s", symbol="Λ", low=0.1, high=100.0)
+    stiffness: float = setting(
+        3.0, "damping K is this times Λ times each joint's typical inertia", symbol="K/(Λ I)", low=0.1, high=100.0
+    )
+    rate: float = setting(
+        0.6,
+        "adaptation rate: the gain is it times the square of each parameter's prior range",
+        symbol="Γ",
+        low=1e-6,
+        high=1e3,
+    )
+    mass_range: float = setting(10.0, "prior range of masses, kg", low=1e-3, high=1e3)
+    first_moment_range: float = setting(4.0, "prior range of first moments, kg m", low=1e-3, high=1e3)
+    inertia_range: float = setting(1.0, "prior range of inertias, kg m^2", low=1e-3, high=1e3)
+    center: tuple[float, ...] = setting((0.55, 0.0, 0.47), "centre of the tip's path, m", low=-10.0, high=10.0)
+    amplitude: tuple[float, ...] = setting((0.1, 0.25, 0.15), "amplitude of the tip's path, m", low=0.0, high=10.0)
+    frequency: tuple[float, ...] = setting((0.4, 0.2, 0.2), "frequency of the tip's path, Hz", low=0.0, high=5.0)
+    phase: tuple[float, ...] = setting((1.5708, 0.0, 1.5708), "phase of the tip's path, rad", low=-10.0, high=10.0)
+    start_time: float = setting(2.0, "length of the smooth (quintic) start, s", low=0.0, high=60.0)
+    start_off: tuple[float, ...] = setting((0.05, 0.05, -0.05), "the tips' first error, m", low=-0.5, high=0.5)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("center", "amplitude", "frequency", "phase", "start_off"):
+            if (count := len(getattr(self, name))) != 3:
+                raise InputError(f"{name}: expected 3 numbers, x, y and z, got {count}")
+
+    @property
+    def purpose(self) -> str:
+        """What is asked."""
+        return (
+            "Sheu and Walker compare two arms whose end points move with three degrees of freedom: the PUMA's first "
+            "three joints, and the semi-direct-drive arm, whose forearm follows through a closed loop. How much does "
+            "the loop cost? Both tips follow one path in space, and both controllers start knowing nothing, by the "
+            "same distance off it. The PUMA's wrist is held straight, its tip is the flange."
+        )
+
+    @property
+    def path(self) -> Sinusoids:
+        """Where both tips should be, in the world, m."""
+        return Sinusoids(
+            np.array(self.center),
+            np.array(self.amplitude),
+            np.array(self.frequency),
+            np.array(self.phase),
+            start_time=self.start_time,
+        )
+
+    def compare(self, progress: Progress) -> SideBySide:
+        """One arm after the other. Interrupted, those that were begun."""
+        sides: list[Side] = []
+        complete = True
+        for arm in ARMS:
+            try:
+                sides.append(self.side(arm, partial(_told, progress, arm.label)))
+            except KeyboardInterrupt:
+                if not sides:
+                    raise
+                complete = False
+            if not (complete := complete and sides[-1].comparison.complete):
+                break
+        return SideBySide(
+            experiment=self.name,
+            title=self.title,
+            purpose=self.purpose,
+            sides=tuple(sides),
+            settings=tuple(self._settings(sides)),
+            seed=self.seed,
+            duration=self.duration,
+            complete=complete,
+        )
+
+    def side(self, arm: Arm, progress: Progress) -> Side:
+        """One arm's offline stage and runs."""
+        progress("independent parameters from energies", 0.0)
+        mechanism = load(arm.robot)
+        tip = Tip(mechanism, arm.link, np.array(arm.tip))
+        space = essential_space(mechanism, seed=self.seed)
+        basis = fundamental_basis(space)
+        env = self._environment(tip, arm)
+        progress("independent parameters from energies", 1.0)
+        outcome = contest(env, mechanism, self._contenders(mechanism, basis), self.seed, progress)
+        loops = mechanism.description.loops
+        return Side(
+            name=arm.name,
+            label=arm.label,
+            comparison=self._comparison(mechanism, space, basis, env, outcome),
+            tip_link=[link.name for link in mechanism.links].index(arm.link),
+            tip=tip.offset,
+            desired={run.name: self.path(run.rollout.time).p for run in outcome.runs},
+            tips={run.name: tip.at(run.rollout.p) for run in outcome.runs},
+            regressor=regressor_counts(mechanism, basis),
+            closures=len(loops.closures) if loops else 0,
+            printed_rank=arm.printed_rank,
+        )
+
+    def reference(self, tip: Tip, arm: Arm) -> Spline:
+        """The path in joints."""
+        times = np.arange(0.0, self.duration + AHEAD + KNOT, KNOT)
+        return Spline(tip.joints(self.path(times).p, np.array(arm.start)), times)
+
+    def gains(self, mechanism: Mechanism) -> Gains:
+        """Lambda as set, K by one rule for both."""
+        return Gains.from_bandwidth(mechanism, self.bandwidth, self.stiffness)
+
+    def _environment(self, tip: Tip, arm: Arm) -> gymnasium.Env[Any, Any]:
+        import gymnasium
+
+        reference = self.reference(tip, arm)
+        first = reference(0.0).p
+        off = tip.joints(tip.at(first) + np.array(self.start_off), first) - first
+        return gymnasium.make(
+            "adaptctl.envs:adaptctl/Tracking-v0",
+            robot=tip.mechanism,
+            reference=reference,
+            duration=self.duration,
+            control_period=self.control_period,
+            initial_error=off,
+        )
+
+    def _contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
+        """Learning on the independent parameters first; then the same with adaptation off, and on all."""
+        model, full, gains = ReducedModel(mechanism, basis), ReducedModel.full(mechanism), self.gains(mechanism)
+        ranges = PriorRanges(self.mass_range, self.first_moment_range, self.inertia_range)
+
+        def slotine_li(on: ReducedModel, adapts: bool = True) -> SlotineLi:
+            gain = adaptation_gain(on, ranges, self.rate) if adapts else None
+            return SlotineLi(on, gains.bandwidth, gains.damping, gain, period=self.control_period)
+
+        k, everything = len(model.columns), len(full.columns)
+        return [
+            Contender(ADAPTIVE, f"Slotine-Li, {k} parameters", "nothing", slotine_li(model)),
+            Contender(ADAPTATION_OFF, "Slotine-Li, adaptation off", "nothing", slotine_li(model, adapts=False)),
+            Contender(FULL, f"Slotine-Li, all {everything} parameters", "nothing", slotine_li(full)),
+        ]
+
+    def _comparison(
+        self,
+        mechanism: Mechanism,
+        space: EssentialSpace,
+        basis: FundamentalBasis,
+        env: gymnasium.Env[Any, Any],
+        outcome: Outcome,
+    ) -> Comparison:
+        return Comparison(
+            experiment=self.name,
+            title=mechanism.name,
+            purpose=self.purpose,
+            mechanism=mechanism,
+            space=space,
+            basis=basis,
+            runs=outcome.runs,
+            torque_limits=env.action_space.high,  # type: ignore[attr-defined]  # a Box, as every torque's space
+            settings=(Setting("K", numbers(self.gains(mechanism).damping), "damping, N·m·s, a joint each"),),
+            seed=self.seed,
+            duration=self.duration,
+            complete=outcome.complete,
+            without_adaptation=ADAPTATION_OFF,
+        )
+
+    def _settings(self, sides: list[Side]) -> Iterator[Setting]:
+        for side in sides:
+            for own in side.comparison.settings:
+                yield Setting(f"{own.name}, {side.name}", own.value, own.meaning)
+        yield Setting("first estimate", "0", "of every parameter")
+        yield Setting(
+            "path", "x(t) = centre + fade(t) · amplitude · sin(2π · frequency · t + phase)", "of the tip, in the world"
+        )
+        yield Setting("reference", f"spline of degree 5, knots every {KNOT:g} s", "in joints, by inverse kinematics")
+        for entry in settings(self):
+            yield Setting(
+                f"--{entry.name.replace('_', '-')}", text(getattr(self, entry.name)), entry.metadata["meaning"]
+            )
+
+
+def _told(progress: Progress, arm: str, what: str, share: float) -> None:
+    progress(f"{arm}: {what}", share)
+
+
+def regressor_counts(mechanism: Mechanism, basis: FundamentalBasis) -> OperationCounts:
+    """What the Slotine-Li regressor costs, compiled, at a configuration that closes the loops."""
+    return OperationCounts(equation_costs(mechanism, basis.columns).regressor, equation_costs(mechanism).regressor)

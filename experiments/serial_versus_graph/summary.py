@@ -1,0 +1,46 @@
+"""The figures that matter of arms side by side, as JSON."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from adaptctl.experiments.serial_versus_graph.result import Side, SideBySide
+from adaptctl.files import write_json
+from adaptctl.recording.summary import summary as comparison_summary
+
+SCHEMA = "adaptctl/side-by-side/1"
+
+
+def write_summary(path: str | Path, result: SideBySide) -> None:
+    """Write `summary` as JSON."""
+    write_json(path, summary(result))
+
+
+def summary(result: SideBySide) -> dict[str, Any]:
+    """What was run and how it went; under `arms` what one arm's experiment tells, and its tip's errors in m."""
+    return {
+        "schema": SCHEMA,
+        "complete": result.complete,
+        "experiment": result.experiment,
+        "seed": result.seed,
+        "duration": result.duration,
+        "settings": {setting.name: setting.value for setting in result.settings},
+        "arms": {side.name: _arm(side) for side in result.sides},
+    }
+
+
+def _arm(side: Side) -> dict[str, Any]:
+    mechanism, runs = side.comparison.mechanism, side.comparison.runs
+    return comparison_summary(side.comparison) | {
+        "links": len(mechanism.links),
+        "joints": side.joints,
+        "actuators": mechanism.dof,
+        "inertial_parameters": len(mechanism.parameter_names),
+        "rank_printed": side.printed_rank,
+        "regressor_flops": asdict(side.regressor),
+        "first_tip_rms_error": side.first_tip_rms(side.comparison.subject),
+        "final_tip_rms_error": side.final_tip_rms(side.comparison.subject),
+        "final_tip_rms_errors": {run.name: side.final_tip_rms(run) for run in runs},
+    }

@@ -1,0 +1,126 @@
+"""What is said of arms side by side, in the recording and in the report alike."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+from adaptctl.experiments.serial_versus_graph.result import Side, SideBySide
+from adaptctl.recording.comparison import Run
+from adaptctl.recording.wording import error, number
+
+WHY_NOT_16 = (
+    "For the three-joint PUMA the paper prints 16. That is what energies give when they are not differenced: they "
+    "then carry the constant part of the potential, which moves nothing, as one more. Differences of energies give 15, "
+    "and so does the rank of the torque regressor; 7 N − 6 is 15 for three links with gravity along the first axis."
+)
+
+
+class Row(NamedTuple):
+    """A line of the table: what, and a value for each arm."""
+
+    what: str
+    values: tuple[str, ...]
+    section: bool = False
+
+
+def verdict(result: SideBySide) -> str:
+    """The outcome in a sentence or two."""
+    ranks = " and ".join(f"{side.label} {side.comparison.space.rank}" for side in result.sides)
+    said = f"Independent parameters: {ranks}. "
+    ticks = [_flops(side.comparison.subject) for side in result.sides]
+    if len(ticks) == 2 and ticks[0] and ticks[1]:
+        times = number(ticks[1] / ticks[0])
+        said += f"An adaptive tick takes {ticks[0]:,} operations and {ticks[1]:,}, {times} times as many. "
+    learnt = "; ".join(
+        f"{side.label} from {_millimetres(side.first_tip_rms(side.comparison.subject))} in the first second to "
+        f"{_millimetres(side.final_tip_rms(side.comparison.subject))} in the last two"
+        for side in result.sides
+    )
+    return f"{said}On the same path of the tip, from knowing nothing: {learnt}."
+
+
+def facts(result: SideBySide) -> Iterator[tuple[str, str]]:
+    """What a person asks first, and the answers, one for each arm."""
+    for what in FACTS:
+        yield what, " · ".join(next(row for row in rows(result) if row.what == what).values)
+
+
+def rows(result: SideBySide) -> list[Row]:
+    """The paper's Table 13, and what it stands for: operations, time, tracking."""
+    found = []
+    for what, told in QUESTIONS:
+        found.append(Row(what, ()) if told is None else Row(what, tuple(told(side) for side in result.sides)))
+    return [row._replace(section=not row.values) for row in found]
+
+
+def _flops(run: Run | None) -> int | None:
+    return run.cost.flops if run is not None and run.cost else None
+
+
+def _count(value: int | None) -> str:
+    return "–" if value is None else f"{value:,}"
+
+
+def _millimetres(value: float | None) -> str:
+    return error(value, "mm")
+
+
+def _native(run: Run | None) -> str:
+    return f"{1e9 * run.cost.native:.0f} ns" if run is not None and run.cost and run.cost.native else "–"
+
+
+def _called(run: Run | None) -> str:
+    return f"{1e6 * run.cost.called:.1f} µs" if run is not None and run.cost else "–"
+
+
+def _rises(side: Side) -> str:
+    rise = side.comparison.subject.lyapunov_max_increase
+    return "–" if rise is None else "never" if rise == 0.0 else f"by {number(rise)} J"
+
+
+def _subject(told: Callable[[Side, Run], str]) -> Callable[[Side], str]:
+    return lambda side: told(side, side.comparison.subject)
+
+
+TIP_FIRST, TIP_LAST = "Tip error (RMS), first second", "Tip error (RMS), last 2 s"
+RANK, TICK = "Independent parameters", "Operations of an adaptive tick"
+
+QUESTIONS: tuple[tuple[str, Callable[[Side], str] | None], ...] = (
+    ("The mechanism", None),
+    ("Links", lambda side: str(len(side.comparison.mechanism.links))),
+    ("Joints", lambda side: str(side.joints)),
+    ("Actuators, which are the primary joints", lambda side: str(side.comparison.mechanism.dof)),
+    ("Inertial parameters", lambda side: str(len(side.comparison.mechanism.parameter_names))),
+    (RANK, lambda side: str(side.comparison.space.rank)),
+    ("… as the paper prints them (Table 13)", lambda side: str(side.printed_rank)),
+    ("Floating-point operations", None),
+    ("Slotine-Li regressor, independent parameters", lambda side: _count(side.regressor.reduced)),
+    ("Slotine-Li regressor, all parameters", lambda side: _count(side.regressor.full)),
+    (TICK, lambda side: _count(_flops(side.comparison.subject))),
+    ("… with all parameters", lambda side: _count(_flops(side.full))),
+    ("Time of an adaptive tick", None),
+    ("Native, in a loop over many states", lambda side: _native(side.comparison.subject)),
+    ("… with all parameters adapted", lambda side: _native(side.full)),
+    ("Called from Python", lambda side: _called(side.comparison.subject)),
+    ("Tracking, from knowing nothing", None),
+    (TIP_FIRST, _subject(lambda side, run: _millimetres(side.first_tip_rms(run)))),
+    (TIP_LAST, _subject(lambda side, run: _millimetres(side.final_tip_rms(run)))),
+    ("… with all parameters, last 2 s", lambda side: _millimetres(side.final_tip_rms(side.full))),
+    ("… with adaptation off, last 2 s", lambda side: _millimetres(side.final_tip_rms(side.comparison.baseline))),
+    ("Joint error (RMS), first second", _subject(lambda side, run: error(run.first_rms_error, "mrad"))),
+    ("Joint error (RMS), last 2 s", _subject(lambda side, run: error(run.final_rms_error, "mrad"))),
+    ("Lyapunov function rises", _rises),
+    ("Peak torque", lambda side: f"{100 * float(side.comparison.peak_torque_shares.max()):.0f} % of the limit"),
+    ("Steps clipped", _subject(lambda side, run: f"{run.clipped_steps:,} of {len(run.rollout.time):,}")),
+)
+FACTS = (
+    "Links",
+    "Joints",
+    RANK,
+    TICK,
+    "Native, in a loop over many states",
+    TIP_FIRST,
+    TIP_LAST,
+    "Lyapunov function rises",
+)
