@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
 from adaptctl.control.controller import Reference
-from adaptctl.control.controller import home as home_of
 from adaptctl.control.references import Sinusoids
 from adaptctl.description import Joint
 from adaptctl.dynamics import Mechanism
@@ -91,7 +90,7 @@ def _where_loops_allow(mechanism: Mechanism, references: list[Sinusoids]) -> lis
 
     The box of centre and amplitude is tried at its corners and inside.
     """
-    home, found = home_of(mechanism), dict[int, Sinusoids]()
+    home, found = mechanism.home, dict[int, Sinusoids]()
     box = np.random.default_rng(0).uniform(-1.0, 1.0, (BOX_SAMPLES, mechanism.dof))
     box[: BOX_SAMPLES // 2] = np.sign(box[: BOX_SAMPLES // 2])
     for share in SHARE ** np.arange(30):

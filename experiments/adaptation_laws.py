@@ -32,7 +32,7 @@ from adaptctl.control import (
     SlotineLi,
 )
 from adaptctl.control.adaptation.natural import pseudos
-from adaptctl.control.controller import home, leaves
+from adaptctl.control.controller import leaves
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.experiments.contest import Contender, Outcome
@@ -185,7 +185,7 @@ class AdaptationLaws(Learning):
             return most_exciting(mechanism, self.seed)
         if mechanism.dof > len(CENTER):
             raise InputError(f"robot: {mechanism.name} has {mechanism.dof} joints: this experiment is for up to 6")
-        center = np.array(CENTER[: mechanism.dof]) if mechanism.description.loops is None else home(mechanism)
+        center = np.array(CENTER[: mechanism.dof]) if mechanism.description.loops is None else mechanism.home
         rng, shape = np.random.default_rng(self.seed), (len(FREQUENCIES), mechanism.dof)
         frequency = np.array(FREQUENCIES)[:, None] * rng.uniform(0.8, 1.25, shape)
         phase = rng.uniform(-np.pi, np.pi, shape)

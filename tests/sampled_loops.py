@@ -21,7 +21,6 @@ from adaptctl.control import (
     Sinusoids,
     adaptation_gain,
 )
-from adaptctl.control.controller import home
 from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.experiments.rough_model import deviations
@@ -73,7 +72,7 @@ def plant(mechanism: Mechanism, period: float) -> Plant:
 
 
 def posture(mechanism: Mechanism) -> Array:
-    return home(mechanism) if mechanism.description.loops is not None else ELBOW[: mechanism.dof]
+    return mechanism.home if mechanism.description.loops is not None else ELBOW[: mechanism.dof]
 
 
 def swinging(mechanism: Mechanism, seed: int = 0, amplitude: float = 0.3) -> Sinusoids:

@@ -11,7 +11,6 @@ from random_trees import random_chain
 
 from adaptctl.arrays import Array
 from adaptctl.control import ComputedTorque, Sinusoids
-from adaptctl.control.controller import home
 from adaptctl.control.excitation.exciting_reference import ExcitingReference, Limits, exciting_reference
 from adaptctl.control.excitation.measure import BLOCKS, persistent_excitation, regressor_of, scaled_regressor
 from adaptctl.description.drive import Drive
@@ -44,7 +43,7 @@ def swings(model: ReducedModel, seed: int = 0) -> Sinusoids:
 def test_the_compiled_regressor_is_the_models(name: str) -> None:
     of = model(name)
     rng, r = np.random.default_rng(0), of.mechanism.dof
-    p = home(of.mechanism) + 0.05 * rng.normal(size=(5, r))
+    p = of.mechanism.home + 0.05 * rng.normal(size=(5, r))
     v, v_r, a_r = rng.normal(size=(3, 5, r))
     np.testing.assert_allclose(regressor_of(of)(p, v, v_r, a_r), of.slotine_li_regressor(p, v, v_r, a_r), atol=1e-11)
 
@@ -216,7 +215,7 @@ def test_an_arm_that_cannot_hold_itself_is_refused() -> None:
 
 def test_mechanisms_with_loops_can_be_excited() -> None:
     of = model("semi_direct_drive")
-    middle = home(of.mechanism)
+    middle = of.mechanism.home
     near = Limits(middle - 0.3, middle + 0.3, np.full(3, 3.0), np.full(3, 1e3))
     found = exciting_reference(of, limits=near, harmonics=2, iterations=3)
     assert found.condition < found.random_conditions.min()

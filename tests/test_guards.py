@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from random_trees import random_chain
 
 from adaptctl.arrays import Array
+from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.control import ComputedTorque, Controller, Guarded, ReferencePoint, SlotineLi, adaptation_gain
-from adaptctl.control.controller import LARGEST_COMPILED, home
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import InputError, NonFiniteError
@@ -149,7 +149,7 @@ def test_a_rollout_has_the_marks(puma: Mechanism, law: SlotineLi) -> None:
 def test_loops_and_laws_that_estimate_nothing_can_be_guarded() -> None:
     arm = load("semi_direct_drive")
     guarded = Guarded(ComputedTorque(arm, 5.0), torque_limits=1.0, stop_damping=2.0)
-    p, v = home(arm), np.array([0.1, -0.2, 0.3])
+    p, v = arm.home, np.array([0.1, -0.2, 0.3])
     state = guarded.init(p, v)
     torque, state = guarded.step(state, p, v, ReferencePoint(p + 1.0, v, v))
     assert np.abs(torque).max() == 1.0

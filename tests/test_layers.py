@@ -155,3 +155,26 @@ def test_nothing_is_pickled_or_evaluated(module: str) -> None:
     calls = {node.func.id for node in ast.walk(tree) if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)}
     assert not {"eval", "exec"} & calls
     assert not any(isinstance(node, ast.Assert) for node in ast.walk(tree)), "assertions are no error handling"
+
+
+SOURCES = {**MODULES, **{f"benchmarks.{path.stem}": path for path in (ROOT.parent / "benchmarks").glob("*.py")}}
+
+
+def test_a_class_name_has_one_meaning() -> None:
+    places: dict[str, list[str]] = {}
+    for module, path in SOURCES.items():
+        for node in ast.parse(path.read_text()).body:
+            if isinstance(node, ast.ClassDef):
+                places.setdefault(node.name, []).append(module)
+    assert {name: where for name, where in places.items() if len(where) > 1} == {}
+
+
+def test_nothing_is_written_twice() -> None:
+    """No two functions have the same body, names of arguments and all, but those of a line or so."""
+    bodies: dict[str, list[str]] = {}
+    for module, path in SOURCES.items():
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                body = node.body[1:] if ast.get_docstring(node) else node.body
+                bodies.setdefault("\n".join(ast.unparse(part) for part in body), []).append(f"{module}.{node.name}")
+    assert [where for body, where in bodies.items() if len(where) > 1 and len(body) > 60] == []

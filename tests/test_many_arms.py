@@ -12,6 +12,7 @@ from random_trees import random_chain
 from sampled_loops import RANGES, arm, full, gains, posture, reduced
 
 from adaptctl.arrays import Array
+from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.control import (
     AdaptiveComputedTorque,
     BoundedGainForgetting,
@@ -27,7 +28,7 @@ from adaptctl.control import (
     TaskSpaceSlotineLi,
     adaptation_gain,
 )
-from adaptctl.control.controller import LARGEST_COMPILED, leaves, like
+from adaptctl.control.controller import leaves, like
 from adaptctl.errors import InputError, NonFiniteError
 
 PUMA, LOOP = "puma560_arm3", "semi_direct_drive"

@@ -11,7 +11,6 @@ from adaptctl.compilation import compile_function
 from adaptctl.control import SlotineLi
 from adaptctl.control.adaptation.law import Period
 from adaptctl.control.adaptation.prediction import Filtered, TorqueFilter
-from adaptctl.control.controller import home
 from adaptctl.dynamics.recursion.momentum import momentum_terms
 from adaptctl.scalars import Column, column
 
@@ -61,7 +60,7 @@ def prediction_error(name: str, period: float) -> float:
         found = filtered.predicted(model, now, Filtered(rows, last))
         return (Column(x for row in found.rows for x in row), *found.after)
 
-    size = len(filtered.start(model, mechanism.configuration(home(mechanism)), np.zeros(r)).regressor)
+    size = len(filtered.start(model, mechanism.configuration(mechanism.home), np.zeros(r)).regressor)
     assert size < r * k  # no joint feels the links that carry it
     native = compile_function(predicted, {"q": n, "v": r, "torque": r, "rows": size, "last": r})
     reference, body = swinging(mechanism), plant(mechanism, period)

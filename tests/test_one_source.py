@@ -13,7 +13,7 @@ import pytest
 from adaptctl.arrays import Array, stacked
 from adaptctl.compilation import compile_function, compile_step, trace
 from adaptctl.control import PriorRanges, ReferencePoint, SlotineLi, Subspace, adaptation_gain
-from adaptctl.control.controller import home, leaves, like
+from adaptctl.control.controller import leaves, like
 from adaptctl.dynamics import equation_costs, load
 from adaptctl.dynamics.recursion.momentum import momentum_terms
 from adaptctl.errors import TraceError
@@ -85,7 +85,7 @@ def inputs(name: str, given: tuple[str, ...], samples: int) -> list[Array]:
     model, rng = reduced(name), np.random.default_rng(3)
     mechanism = model.mechanism
     tree = mechanism.continuation is None
-    p = home(mechanism) + rng.normal(size=(samples, mechanism.dof)) * (1.0 if tree else 0.02)
+    p = mechanism.home + rng.normal(size=(samples, mechanism.dof)) * (1.0 if tree else 0.02)
     known = {
         "p": p,
         "q": mechanism.configuration(p),

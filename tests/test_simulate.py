@@ -16,6 +16,7 @@ from random_trees import random_chain
 from sampled_loops import RANGES, arm, full, gains, reduced, swinging
 
 from adaptctl.arrays import Array
+from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.control import (
     AdaptationLaw,
     AdaptiveComputedTorque,
@@ -37,7 +38,7 @@ from adaptctl.control import (
     TaskSpaceSlotineLi,
     adaptation_gain,
 )
-from adaptctl.control.controller import LARGEST_COMPILED, ReferencePoint
+from adaptctl.control.controller import ReferencePoint
 from adaptctl.description.drive import Drive
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import InputError, NonFiniteError, NotCompiledWarning, TraceError

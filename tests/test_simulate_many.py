@@ -12,8 +12,9 @@ from sampled_loops import arm, gains, posture, reduced, swinging
 
 from adaptctl.arrays import Array
 from adaptctl.compilation import compile_step
+from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.control import ComputedTorque, MinimumJerk, Sinusoids, SlotineLi
-from adaptctl.control.controller import LARGEST_COMPILED, Controller, ReferencePoint
+from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.dynamics import Mechanism
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import InputError

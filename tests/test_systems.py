@@ -8,7 +8,6 @@ import pytest
 from random_trees import random_chain
 
 from adaptctl.control import ComputedTorque, Controller, SlotineLi, adaptation_gain
-from adaptctl.control.controller import home
 from adaptctl.control.gains.gains import typical_inertia
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
@@ -81,7 +80,7 @@ def test_computed_torque_puts_its_poles(puma: Mechanism) -> None:
 
 def test_loops_are_systems_too() -> None:
     arm = load("semi_direct_drive")
-    p, v, torque = home(arm), np.array([0.1, -0.2, 0.3]), np.array([1.0, 2.0, -1.0])
+    p, v, torque = arm.home, np.array([0.1, -0.2, 0.3]), np.array([1.0, 2.0, -1.0])
     state = np.concatenate((p, v))
     rates = mechanism_system(arm).dynamics(0.0, state, torque)
     np.testing.assert_allclose(rates, np.concatenate((v, arm.forward_dynamics(p, v, torque))), rtol=1e-12)

@@ -17,8 +17,8 @@ from sampled_loops import RANGES, arm, gains, reduced
 import adaptctl.envs
 from adaptctl.arrays import Array
 from adaptctl.compilation import compile_function
+from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.control import ComputedTorque, MinimumJerk, ReferencePoint, Sinusoids, SlotineLi, adaptation_gain
-from adaptctl.control.controller import LARGEST_COMPILED
 from adaptctl.dynamics.loops.continuation import NEAREST
 from adaptctl.dynamics.loops.determinant import determinant
 from adaptctl.envs import Payload, TrackingEnv, VectorTrackingEnv

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array, frozen_array
 from adaptctl.control.adaptation.gradient import Gradient
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
-from adaptctl.control.controller import Controller, home
+from adaptctl.control.controller import Controller
 from adaptctl.control.gains.gains import require_sampled_gain
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
@@ -88,7 +88,7 @@ class Adaptive(Controller[AdaptiveState]):
     @property
     def home(self) -> Array:
         """Positions (r,) where loops, if any, are known to close."""
-        return home(self.model.mechanism)
+        return self.model.mechanism.home
 
     def start(self, p: Array, v: Array) -> AdaptiveState:
         """The first estimate, and nothing to learn from yet."""

@@ -13,13 +13,10 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, checked
 from adaptctl.compilation import Kernel, compile_function
+from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.control.many_arms import ManyArms
-from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.scalars import Column
-
-LARGEST_COMPILED = 48
-"""Links up to which the first call takes seconds, 4 s for a plant of so many; beyond, the same law runs on floats."""
 
 
 class ReferencePoint(NamedTuple):
@@ -211,13 +208,6 @@ def _columns(values: Iterable[ArrayLike], sizes: Mapping[str, int], arms: tuple[
             raise InputError(f"{name}: expected shape {(*arms, size)} or {(size,)}, got {numbers.shape}")
         columns[name] = numbers.reshape(-1, size) if numbers.ndim > 2 else numbers
     return columns
-
-
-def home(mechanism: Mechanism) -> Array:
-    """Positions (r,) that a mechanism can surely have: those its loops are known to close at, else zero."""
-    if mechanism.continuation is None:
-        return np.zeros(mechanism.dof)
-    return mechanism.continuation.reference[mechanism.continuation.primary]
 
 
 def on_memories(tick: Callable[..., tuple[Array, ...]], pattern: Memory) -> Callable[..., tuple[Array, Memory]]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array
-from adaptctl.control.controller import Controller, home
+from adaptctl.control.controller import Controller
 from adaptctl.dynamics import Mechanism
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column
@@ -42,7 +42,7 @@ class ModelBased(Controller[Followed]):
     @property
     def home(self) -> Array:
         """Positions (r,) where loops, if any, are known to close."""
-        return home(self.mechanism)
+        return self.mechanism.home
 
     def start(self, p: Array, v: Array) -> Followed:
         """The configuration at the start."""

@@ -67,6 +67,13 @@ class Mechanism:
 
         return Continuation(*self._looped)
 
+    @property
+    def home(self) -> Array:
+        """Positions (r,) that the mechanism can surely have: those its loops are known to close at, else zero."""
+        if self.continuation is None:
+            return np.zeros(self.dof)
+        return self.continuation.reference[self.continuation.primary]
+
     def configuration(self, p: ArrayLike, start: ArrayLike | None = None) -> Array:
         """The tree's joints q = U(p) (..., n), followed from `start` (..., n), the reference if not given.
 

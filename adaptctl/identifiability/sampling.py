@@ -120,7 +120,7 @@ def states_within_limits(mechanism: Mechanism, samples: int, seed: int = 0) -> S
     limits = [joint.limits for joint in mechanism.primary_joints]
     reach = np.where(turns, np.pi, length)
     lower, upper = np.array([b.lower for b in limits]), np.array([b.upper for b in limits])
-    lower, upper = _range(lower, upper, 2.0 * reach, _reference(mechanism))
+    lower, upper = _range(lower, upper, 2.0 * reach, mechanism.home)
     speed = np.array([b.velocity for b in limits])
     speed = np.where(np.isfinite(speed), speed, _rate(mechanism) * np.where(turns, 1.0, length))
     draw = partial(_uniform, generator, lower, upper)
@@ -131,13 +131,6 @@ def states_within_limits(mechanism: Mechanism, samples: int, seed: int = 0) -> S
 
 def _uniform(generator: np.random.Generator, lower: Array, upper: Array, samples: int) -> Array:
     return generator.uniform(lower, upper, (samples, len(lower)))
-
-
-def _reference(mechanism: Mechanism) -> Array:
-    """The primary joints (r,) at the reference configuration, zero for a tree."""
-    if mechanism.continuation is None:
-        return np.zeros(mechanism.dof)
-    return mechanism.continuation.reference[mechanism.continuation.primary]
 
 
 def _range(lower: Array, upper: Array, width: Array, center: Array) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.arrays import Array, checked
 from adaptctl.compilation import compile_function, outlined
-from adaptctl.control.controller import LARGEST_COMPILED
+from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.loops.continuation import NEAREST
 from adaptctl.errors import InputError, NonFiniteError

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.control.controller import LARGEST_COMPILED, Controller, ReferencePoint
+from adaptctl.compilation.limits import LARGEST_COMPILED
+from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.errors import NonFiniteError, NotCompiledWarning
 from adaptctl.simulation.closed_loop import REFERENCE, ClosedLoop, Sample, sampled
 from adaptctl.simulation.episode import Episode

@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, checked
 from adaptctl.compilation import Stepper, compile_step
-from adaptctl.control.controller import LARGEST_COMPILED, Controller, Reference, leaves
+from adaptctl.compilation.limits import LARGEST_COMPILED
+from adaptctl.control.controller import Controller, Reference, leaves
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column, absolute, maximum
 from adaptctl.simulation.closed_loop import ClosedLoop

@@ -13,7 +13,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.arrays import Array
-from adaptctl.control.controller import LARGEST_COMPILED
+from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.envs.many.arms import Arms, Flags, Told
 from adaptctl.envs.puma560 import Puma560TrackingEnv
 from adaptctl.envs.semi_direct_drive import SemiDirectDriveTrackingEnv

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array
 from adaptctl.compilation import compile_function
+from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.control.adaptation import PriorRanges
-from adaptctl.control.controller import LARGEST_COMPILED
 from adaptctl.control.run import Followed
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
