@@ -14,7 +14,7 @@ class DisagreementError(Exception):
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Speedup:
     """How many times faster something is than its peer at the same work; seconds for one unit of that work."""
 
     what: str
@@ -25,7 +25,7 @@ class Comparison:
     at_least: float | None
 
     @classmethod
-    def of(cls, what: str, against: str, race: Race, ours: str, theirs: str, at_least: float | None) -> Comparison:
+    def of(cls, what: str, against: str, race: Race, ours: str, theirs: str, at_least: float | None) -> Speedup:
         """From a race of the two."""
         return cls(what, against, race.time(ours), race.time(theirs), race.ratio(theirs, ours), at_least)
 
@@ -67,7 +67,7 @@ class Agreement:
             )
 
 
-Finding: TypeAlias = Comparison | Measurement | Agreement
+Finding: TypeAlias = Speedup | Measurement | Agreement
 
 
 def plain(finding: Finding) -> Mapping[str, Any]:

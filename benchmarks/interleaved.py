@@ -39,7 +39,7 @@ class Effort:
 
 
 @dataclass(frozen=True)
-class Contender:
+class Statement:
     """A statement to be timed, in Python, with the names it uses; it does `work` times what is asked about.
 
     Only the statement itself is timed, as `timeit` does it: nobody pays for a call of the harness.
@@ -69,7 +69,7 @@ class Race:
         return Spread.of(self.seconds[slow] / self.seconds[fast])
 
 
-def race(contenders: Mapping[str, Contender], effort: Effort, clock: Clock = time.process_time) -> Race:
+def race(contenders: Mapping[str, Statement], effort: Effort, clock: Clock = time.process_time) -> Race:
     """Let all take turns, forwards in one round and backwards in the next.
 
     Seconds are the processor's, of all threads: while another process has the core, the clock stands.

@@ -15,7 +15,7 @@ from adaptctl.errors import PhysicalConsistencyWarning
 from adaptctl.identifiability import Priority, essential_space
 from adaptctl.identifiability.tree.null_space import TransferredNullSpace
 from benchmarks.findings import Finding, Measurement
-from benchmarks.interleaved import Contender, Effort, Race, Spread, race
+from benchmarks.interleaved import Statement, Effort, Race, Spread, race
 
 LONG, HALF = 96, 48
 """links"""
@@ -29,12 +29,12 @@ def measure(effort: Effort) -> Iterator[Finding]:
     half, long = chain(HALF), chain(LONG)
     raced = race(
         {
-            "puma": Contender(lambda: essential_space(puma)),
-            "half": Contender(lambda: TransferredNullSpace.of(half)),
-            "long": Contender(lambda: TransferredNullSpace.of(long)),
-            "half basis": Contender(lambda: basis(half)),
-            "long basis": Contender(lambda: basis(long)),
-            "certified": Contender(lambda: essential_space(long)),
+            "puma": Statement(lambda: essential_space(puma)),
+            "half": Statement(lambda: TransferredNullSpace.of(half)),
+            "long": Statement(lambda: TransferredNullSpace.of(long)),
+            "half basis": Statement(lambda: basis(half)),
+            "long basis": Statement(lambda: basis(long)),
+            "certified": Statement(lambda: essential_space(long)),
         },
         effort,
     )

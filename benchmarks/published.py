@@ -10,7 +10,7 @@ from typing import TypeAlias
 
 from adaptctl.files import write_text
 from benchmarks.bars import write_bars
-from benchmarks.findings import Agreement, Comparison, Finding, Measurement, plain
+from benchmarks.findings import Agreement, Speedup, Finding, Measurement, plain
 from benchmarks.interleaved import Spread
 from benchmarks.machine import Machine
 
@@ -28,7 +28,7 @@ def publish(found: Sequence[Finding]) -> None:
     """Write numbers and plot, and put the tables into both pages."""
     machine = Machine.here()
     numbers = {"schema": SCHEMA, "machine": asdict(machine), "findings": [plain(finding) for finding in found]}
-    compared = [finding for finding in found if isinstance(finding, Comparison)]
+    compared = [finding for finding in found if isinstance(finding, Speedup)]
     write_text(NUMBERS, json.dumps(numbers, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
     write_bars(PLOT, compared)
     where = f"Measured by `make bench` on {machine}.\n"
@@ -50,12 +50,12 @@ def inserted(page: str, text: str, command: str = BENCH) -> str:
 def comparisons(found: Iterable[Finding]) -> str:
     """How many times faster, with quartiles."""
 
-    def row(one: Comparison) -> Row:
+    def row(one: Speedup) -> Row:
         times = seconds(one.ours), seconds(one.theirs), _times(one.ratio)
         return one.what, one.against, *times, _at_least(one)
 
     head = "what", "against", "adaptctl", "peer", "times faster", "goal"
-    return table(head, (row(one) for one in found if isinstance(one, Comparison)))
+    return table(head, (row(one) for one in found if isinstance(one, Speedup)))
 
 
 def measurements(found: Iterable[Finding]) -> str:
@@ -95,7 +95,7 @@ def seconds(spread: Spread) -> str:
     return _plain_value(spread.median, "s")
 
 
-def _at_least(one: Comparison) -> str:
+def _at_least(one: Speedup) -> str:
     return "" if one.at_least is None else f"{_digits(one.at_least)}{_unless(one.as_asked)}"
 
 

@@ -94,7 +94,7 @@ EXPERIMENTS = (
         "adaptive",
         "The same for any arm: a built-in robot or a file of yours",
         "adaptctl.experiments.adaptive",
-        "Adaptive",
+        "AdaptiveTracking",
     ),
     Entry(
         "sheu-walker-1991",

@@ -41,7 +41,7 @@ from adaptctl.experiments.learning import ADAPTATION_OFF, Found, Learning, numbe
 from adaptctl.experiments.parameter_errors import SAMPLES, ParameterErrors, parameter_errors
 from adaptctl.experiments.rough_model import deviations, scaled_links
 from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
-from adaptctl.recording import Finding, Run, Setting
+from adaptctl.recording import Finding, ControllerRun, Setting
 
 if TYPE_CHECKING:
     import gymnasium
@@ -361,7 +361,7 @@ def most_exciting(mechanism: Mechanism, seed: int) -> Sinusoids:
     return exciting_reference(ReducedModel(mechanism, basis), seed=seed).reference
 
 
-def smallest_eigenvalue(mechanism: Mechanism, run: Run) -> Finding:
+def smallest_eigenvalue(mechanism: Mechanism, run: ControllerRun) -> Finding:
     """The smallest eigenvalue of any link's pseudo-inertia over a run that adapts all parameters."""
     bodies = len(mechanism.description.bodies)
     tens = run.rollout.estimate[:, : 10 * bodies].reshape(-1, bodies, 10)
@@ -370,7 +370,7 @@ def smallest_eigenvalue(mechanism: Mechanism, run: Run) -> Finding:
     return Finding(f"smallest_eigenvalue.{run.name}", value, "SI", meaning)
 
 
-def float_tick(controller: Controller[Any], run: Run) -> float:
+def float_tick(controller: Controller[Any], run: ControllerRun) -> float:
     """The median time (s) of a tick on Python's floats."""
     o = run.rollout
     kept = leaves(controller.init(o.p[0], o.v[0]))

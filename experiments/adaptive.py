@@ -35,7 +35,7 @@ SHORTEST_LEVER = 0.05
 
 
 @dataclass(frozen=True)
-class Adaptive(Learning):
+class AdaptiveTracking(Learning):
     """The contest of `Learning` on any arm, with a reference drawn by seed and gains from its inertia."""
 
     name: ClassVar[str] = "adaptive"

@@ -15,7 +15,7 @@ from adaptctl.control import Controller, ReferencePoint, SlotineLi, lyapunov
 from adaptctl.control.controller import leaves
 from adaptctl.dynamics import Mechanism
 from adaptctl.experiments.experiment import Progress
-from adaptctl.recording import Run, TickCost
+from adaptctl.recording import ControllerRun, TickCost
 from adaptctl.simulation import Rollout, simulate
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ class Outcome:
     """The runs of a contest; when it was interrupted, those that were begun."""
 
     mechanism: Mechanism
-    runs: tuple[Run, ...]
+    runs: tuple[ControllerRun, ...]
     complete: bool
 
 
@@ -55,7 +55,7 @@ def contest(
 
     Ctrl-C ends the contest and keeps what was run; before anything was run it passes.
     """
-    runs: list[Run] = []
+    runs: list[ControllerRun] = []
     try:
         for contender in contenders:
             runs.append(_run(env, mechanism, contender, seed, partial(progress, contender.label)))
@@ -76,11 +76,11 @@ def _run(
     contender: Contender,
     seed: int,
     progress: Callable[[float], object],
-) -> Run:
+) -> ControllerRun:
     controller = contender.controller
     progress(0.0)
     result = simulate(env, controller, seed=seed, progress=progress)
-    run = Run(name=contender.name, label=contender.label, knows=contender.knows, rollout=result)
+    run = ControllerRun(name=contender.name, label=contender.label, knows=contender.knows, rollout=result)
     try:
         cost = tick_cost(controller, result) if result.complete else None
         run = replace(run, lyapunov=_lyapunov(controller, result, mechanism), cost=cost)

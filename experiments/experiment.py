@@ -46,7 +46,7 @@ class Experiment(ABC):
 
 
 @dataclass(frozen=True)
-class ClosedLoop(Experiment):
+class ClosedLoopExperiment(Experiment):
     """An experiment that runs controllers over time."""
 
     duration: float = setting(20.0, "length of every run, s", low=0.01, high=300.0)
@@ -63,7 +63,7 @@ class ClosedLoop(Experiment):
 
 def settings(experiment: Experiment | type[Experiment]) -> Iterator[Field[Any]]:
     """The fields that can be chosen, the experiment's own before the ones all have."""
-    common = {entry.name for entry in fields(ClosedLoop)}
+    common = {entry.name for entry in fields(ClosedLoopExperiment)}
     yield from sorted(fields(experiment), key=lambda entry: entry.name in common)
 
 

@@ -13,10 +13,10 @@ from adaptctl.arrays import Array
 from adaptctl.control import ComputedTorque, Gains, SlotineLi, mapped_gain
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.experiments.contest import Contender, Outcome, contest
-from adaptctl.experiments.experiment import ClosedLoop, Progress, setting, settings, text
+from adaptctl.experiments.experiment import ClosedLoopExperiment, Progress, setting, settings, text
 from adaptctl.experiments.rough_model import scaled_links
 from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
-from adaptctl.recording import Comparison, Finding, Run, Setting, wording
+from adaptctl.recording import Comparison, Finding, ControllerRun, Setting, wording
 
 if TYPE_CHECKING:
     import gymnasium
@@ -29,7 +29,7 @@ OFFLINE = "Independent parameters from energies"
 
 
 @dataclass(frozen=True)
-class Learning(ClosedLoop):
+class Learning(ClosedLoopExperiment):
     """Slotine-Li from zero on the independent parameters, against what others make of the same arm.
 
     The same with adaptation off; computed torque with true, wrong and no parameters; and Slotine-Li on the
@@ -180,7 +180,7 @@ class Found:
         """A value with two digits."""
         return wording.number(scale * self.of[name], 2)
 
-    def each(self, what: str, runs: Sequence[Run], unit: str = "", *, rising: bool = False) -> list[str]:
+    def each(self, what: str, runs: Sequence[ControllerRun], unit: str = "", *, rising: bool = False) -> list[str]:
         """The findings `what.run` of the runs that have one, such as "0.12 s (Gradient)"."""
         owners = [run for run in runs if f"{what}.{run.name}" in self.of]
         if rising:

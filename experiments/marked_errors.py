@@ -9,7 +9,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.experiments.parameter_errors import SAMPLES
-from adaptctl.recording import Run
+from adaptctl.recording import ControllerRun
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 class Marked(NamedTuple):
     """A run's parameter error (T,) and when it was marked (T,)."""
 
-    run: Run
+    run: ControllerRun
     error: Array
     marked: Array
 

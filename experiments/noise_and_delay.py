@@ -16,7 +16,7 @@ from adaptctl.experiments.experiment import setting
 from adaptctl.experiments.learning import ADAPTATION_OFF, Found
 from adaptctl.experiments.parameter_errors import SAMPLES, ParameterErrors
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
-from adaptctl.recording import Finding, Run
+from adaptctl.recording import Finding, ControllerRun
 
 if TYPE_CHECKING:
     from adaptctl.simulation.effects import Effect
@@ -143,7 +143,7 @@ class NoiseAndDelay(AdaptationLaws):
         return ParameterErrors.along(ReducedModel(mechanism, basis), points.p, points.v, points.a)
 
 
-def _drift(errors: ParameterErrors, run: Run) -> float:
+def _drift(errors: ParameterErrors, run: ControllerRun) -> float:
     """How fast an estimate moves (1/min): between the means of the third and of the fourth quarter of a run."""
     third, fourth = (part.mean(axis=0) for part in np.array_split(run.rollout.estimate, 4)[2:])
     return errors.apart(third, fourth) / (0.25 * run.duration / 60.0)

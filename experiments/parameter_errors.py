@@ -10,7 +10,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.identifiability import ReducedModel
-from adaptctl.recording import Run
+from adaptctl.recording import ControllerRun
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,7 +36,7 @@ class ParameterErrors:
         rows = model.torque_regressor(p, v, a)
         return cls(model, np.sqrt(np.mean(rows**2, axis=(0, 1))))
 
-    def of(self, run: Run) -> Array | None:
+    def of(self, run: ControllerRun) -> Array | None:
         """The error (T,) over a run, in shares of the torque of all parameters; None for a law that knows none."""
         if run.rollout.estimate.shape[1] == 0:
             return None
@@ -56,7 +56,7 @@ class ParameterErrors:
         return np.asarray(weighed / np.linalg.norm(self.model.fundamental_parameters * self.weights))
 
 
-def parameter_errors(curves: Sequence[tuple[int, Run, Array]]) -> Figure:
+def parameter_errors(curves: Sequence[tuple[int, ControllerRun, Array]]) -> Figure:
     """Parameter errors over time, on a logarithmic scale, each named where it ends."""
     from matplotlib.figure import Figure
 
@@ -77,7 +77,7 @@ def parameter_errors(curves: Sequence[tuple[int, Run, Array]]) -> Figure:
     return figure
 
 
-def _name_ends(axes: Axes, curves: Sequence[tuple[int, Run, Array]]) -> None:
+def _name_ends(axes: Axes, curves: Sequence[tuple[int, ControllerRun, Array]]) -> None:
     """Names to the right of where curves end, moved apart where they would overlap."""
     from adaptctl.recording.palette import run_color
 

@@ -20,7 +20,7 @@ from adaptctl.experiments.learning import ADAPTATION_OFF, Found
 from adaptctl.experiments.recovery import WINDOW, Recovery, recovery, recovery_times
 from adaptctl.experiments.rough_model import deviations
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
-from adaptctl.recording import Finding, Run
+from adaptctl.recording import Finding, ControllerRun
 
 if TYPE_CHECKING:
     from adaptctl.recording.drawing import Drawing
@@ -99,7 +99,7 @@ class PayloadDrop(AdaptationLaws):
         adapting = [run for run in outcome.runs if run.rollout.estimate.shape[1] and run.name != ADAPTATION_OFF]
         return " ".join(self._told(event, adapting, found) for event in ("pickup", "drop")) if adapting else None
 
-    def _told(self, event: str, runs: Sequence[Run], found: Found) -> str:
+    def _told(self, event: str, runs: Sequence[ControllerRun], found: Found) -> str:
         back = found.each(f"return_after_{event}", runs, "s", rising=True)
         lost = found.each(f"not_back_after_{event}", runs, "times the earlier")
         said = [f"below twice the earlier in {' to '.join(dict.fromkeys((back[0], back[-1])))}"] if back else []
@@ -128,7 +128,7 @@ class PayloadDrop(AdaptationLaws):
                 if earlier is not None and run.duration > begin:
                     yield recovery(run, event, earlier, begin, end)
 
-    def _earlier(self, run: Run) -> float | None:
+    def _earlier(self, run: ControllerRun) -> float | None:
         return run.rms_error(self.start - WINDOW, self.start)
 
     def _natural(self, mechanism: Mechanism) -> tuple[Natural, Array]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from adaptctl.recording import Run
+from adaptctl.recording import ControllerRun
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,7 +23,7 @@ TWICE = 2.0
 class Recovery:
     """What an event did to a run's error."""
 
-    run: Run
+    run: ControllerRun
     event: str
     earlier: float
     """RMS error over WINDOW before the first event"""
@@ -33,14 +33,14 @@ class Recovery:
     """RMS error over the last WINDOW before the next event, over the earlier"""
 
 
-def recovery(run: Run, event: str, earlier: float, begin: float, end: float) -> Recovery:
+def recovery(run: ControllerRun, event: str, earlier: float, begin: float, end: float) -> Recovery:
     """That from an event at `begin` (s) to the next at `end`."""
     end = min(end, run.duration)
     left = run.rms_error(max(begin, end - WINDOW), end) or np.nan
     return Recovery(run, event, earlier, time_to_return(run, begin, end, TWICE * earlier), left / earlier)
 
 
-def time_to_return(run: Run, begin: float, end: float, below: float) -> float | None:
+def time_to_return(run: ControllerRun, begin: float, end: float, below: float) -> float | None:
     """s from `begin` to the first WINDOW, ended before `end`, over which the RMS error is below a bound."""
     length = round(WINDOW / run.rollout.control_period)
     coming = run.moving_rms_error(WINDOW)[length - 1 :]

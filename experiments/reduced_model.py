@@ -25,7 +25,7 @@ from adaptctl.identifiability import (
     reduce,
     states_within_limits,
 )
-from adaptctl.recording import Finding, Run
+from adaptctl.recording import Finding, ControllerRun
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -140,7 +140,7 @@ class ReducedModelTracking(Puma560Adaptive):
             raise InputError("components: expected each at most once")
 
 
-def error_by_count(counts: tuple[int, ...], runs: tuple[Run, ...], percent_errors: Array) -> Figure:
+def error_by_count(counts: tuple[int, ...], runs: tuple[ControllerRun, ...], percent_errors: Array) -> Figure:
     """Final tracking errors and energy errors over the number of components, on logarithmic scales."""
     from matplotlib.figure import Figure
 

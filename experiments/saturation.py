@@ -20,7 +20,7 @@ from adaptctl.experiments.marked_errors import Marked, marked_errors
 from adaptctl.experiments.on_real_plant import OnRealPlant
 from adaptctl.experiments.parameter_errors import SAMPLES, ParameterErrors
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
-from adaptctl.recording import Finding, Run
+from adaptctl.recording import Finding, ControllerRun
 
 if TYPE_CHECKING:
     from adaptctl.recording.drawing import Drawing
@@ -131,7 +131,7 @@ class Saturation(OnRealPlant):
         )
 
 
-def held_back(run: Run) -> Array:
+def held_back(run: ControllerRun) -> Array:
     """1 in the periods (T,) in which the torque was not what the law wanted."""
     marks = [run.rollout.marks[name] for name in ("torque_limited", "rate_limited") if name in run.rollout.marks]
     return np.asarray(np.max([run.rollout.clipped, *marks], axis=0))

@@ -27,9 +27,9 @@ from adaptctl.experiments.contest import Contender, Outcome
 from adaptctl.experiments.experiment import setting
 from adaptctl.experiments.learning import ADAPTATION_OFF, Found, Learning
 from adaptctl.experiments.ranged_gain import RangedGain
-from adaptctl.experiments.serial_versus_graph.experiment import AHEAD, ARMS, KNOT, Arm
+from adaptctl.experiments.serial_versus_graph.experiment import AHEAD, ARMS, KNOT, ArmWithTip
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
-from adaptctl.recording import Finding, Run, Setting
+from adaptctl.recording import Finding, ControllerRun, Setting
 
 if TYPE_CHECKING:
     import gymnasium
@@ -110,7 +110,7 @@ class TaskSpaceTracking(RangedGain, Learning):
         return Spline(self.tip(mechanism).joints(self.path(times).p, np.array(self.arm.start)), times)
 
     @property
-    def arm(self) -> Arm:
+    def arm(self) -> ArmWithTip:
         """What is known of the robot's tool."""
         known = {arm.robot: arm for arm in ARMS}
         if self.robot not in known:
@@ -188,13 +188,13 @@ class TaskSpaceTracking(RangedGain, Learning):
             partial(tool_errors, curves),
         )
 
-    def _tool_errors(self, mechanism: Mechanism, run: Run) -> Array:
+    def _tool_errors(self, mechanism: Mechanism, run: ControllerRun) -> Array:
         """Distances (T,) of the tool from its path, m."""
         away = self.tip(mechanism).at(run.rollout.p) - self.path(run.rollout.time).p
         return np.asarray(np.linalg.norm(away, axis=1))
 
 
-def tool_errors(curves: list[tuple[int, Run, Array]]) -> Figure:
+def tool_errors(curves: list[tuple[int, ControllerRun, Array]]) -> Figure:
     """The tool's errors over time, on a logarithmic scale."""
     from matplotlib.figure import Figure
 

@@ -12,7 +12,7 @@ from adaptctl.recording.viewpoint import Viewpoint
 
 
 @dataclass(frozen=True, eq=False)
-class Layout:
+class ScreenContents:
     """What the layout depends on."""
 
     viewpoint: Viewpoint
@@ -32,7 +32,7 @@ class Layout:
     has_lyapunov: bool
 
 
-def blueprint(layout: Layout) -> rrb.Blueprint:
+def blueprint(layout: ScreenContents) -> rrb.Blueprint:
     """Tabs: everything at a glance, the controllers, tracking, torque, parameters, and the offline stage."""
     containers = [_overview(layout), _controllers(layout), _tracking(layout), _torques(layout)]
     if layout.links:
@@ -40,7 +40,7 @@ def blueprint(layout: Layout) -> rrb.Blueprint:
     return views.tabs(*containers, _offline())
 
 
-def _overview(layout: Layout) -> rrb.Container:
+def _overview(layout: ScreenContents) -> rrb.Container:
     left = rrb.Vertical(_arm(layout), views.text("summary", "Summary"), row_shares=[11, 9])
     curves = [_error(layout, 0), _error(layout, 1)] if len(layout.runs) > 1 else [_error(layout, 0)]
     curves.append(_lyapunov() if layout.has_lyapunov else _energy())
@@ -49,7 +49,7 @@ def _overview(layout: Layout) -> rrb.Container:
     return rrb.Horizontal(left, right, column_shares=[5, 7], name="Overview")
 
 
-def _controllers(layout: Layout) -> rrb.Container:
+def _controllers(layout: ScreenContents) -> rrb.Container:
     errors = [_error(layout, i) for i in range(len(layout.runs))]
     together = views.curves("/error_decades", f"All controllers: RMS error, powers of ten of a {layout.error_unit}")
     return rrb.Vertical(
@@ -57,7 +57,7 @@ def _controllers(layout: Layout) -> rrb.Container:
     )
 
 
-def _tracking(layout: Layout) -> rrb.Container:
+def _tracking(layout: ScreenContents) -> rrb.Container:
     joints = [
         views.curves(f"/position/{name}", f"{name}: actual and desired position [{unit}]")
         for name, unit in zip(layout.joints, layout.position_units, strict=True)
@@ -65,7 +65,7 @@ def _tracking(layout: Layout) -> rrb.Container:
     return rrb.Grid(*joints, grid_columns=3 if len(joints) > 2 else 1, name="Tracking")
 
 
-def _torques(layout: Layout) -> rrb.Container:
+def _torques(layout: ScreenContents) -> rrb.Container:
     joints = [
         views.curves(f"/torque/{name}", f"{name}: torque and limits [{unit}]")
         for name, unit in zip(layout.joints, layout.torque_units, strict=True)
@@ -73,7 +73,7 @@ def _torques(layout: Layout) -> rrb.Container:
     return rrb.Grid(*joints, grid_columns=3 if len(joints) > 2 else 1, name="Torque")
 
 
-def _parameters(layout: Layout) -> rrb.Container:
+def _parameters(layout: ScreenContents) -> rrb.Container:
     links = [
         views.curves(f"/estimate/{name}", f"{name}: estimates, true values pale [kg, kg m, kg m²]")
         for name in layout.links
@@ -87,11 +87,11 @@ def _offline() -> rrb.Container:
     )
 
 
-def _arm(layout: Layout) -> rrb.View:
+def _arm(layout: ScreenContents) -> rrb.View:
     return views.arm(WORLD, "The arm · desired: green ghost · adaptation off: orange ghost", layout.viewpoint)
 
 
-def _error(layout: Layout, index: int) -> rrb.View:
+def _error(layout: ScreenContents, index: int) -> rrb.View:
     return views.curves(
         f"/error/{layout.runs[index]}",
         f"Tracking error [{layout.error_unit}] · {layout.labels[index]}",

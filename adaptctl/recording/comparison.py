@@ -38,7 +38,7 @@ class TickCost:
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class ControllerRun:
     """One controller in closed loop, and what to call it."""
 
     name: str
@@ -124,7 +124,7 @@ class Comparison:
     mechanism: Mechanism
     space: EssentialSpace
     basis: FundamentalBasis
-    runs: tuple[Run, ...]
+    runs: tuple[ControllerRun, ...]
     torque_limits: Array
     """(r,) of the environment, N m or N"""
     settings: tuple[Setting, ...]
@@ -146,12 +146,12 @@ class Comparison:
             raise InputError(f"{self.experiment}: nothing was run, so there is nothing to show")
 
     @property
-    def subject(self) -> Run:
+    def subject(self) -> ControllerRun:
         """The adaptive run."""
         return self.runs[0]
 
     @property
-    def baseline(self) -> Run | None:
+    def baseline(self) -> ControllerRun | None:
         """The subject's controller with adaptation off, where it was run."""
         return next((run for run in self.runs if run.name == self.without_adaptation), None)
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from adaptctl.description.inertia import PARAMETERS
 from adaptctl.files import write_text
-from adaptctl.recording.comparison import Comparison, Finding, Run
+from adaptctl.recording.comparison import Comparison, Finding, ControllerRun
 from adaptctl.recording.figures import drawings
 from adaptctl.recording.page import embedded, rendered
 from adaptctl.recording.palette import run_color
@@ -75,7 +75,7 @@ def _owner(finding: Finding) -> str:
     return finding.name.partition(".")[2]
 
 
-def _run_row(index: int, run: Run, comparison: Comparison) -> dict[str, Any]:
+def _run_row(index: int, run: ControllerRun, comparison: Comparison) -> dict[str, Any]:
     unit = comparison.error_unit
     cost = run.cost
     return {

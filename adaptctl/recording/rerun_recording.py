@@ -9,8 +9,8 @@ import numpy as np
 import rerun as rr
 
 from adaptctl.recording.bars import log_spectrum
-from adaptctl.recording.blueprint import Layout, blueprint
-from adaptctl.recording.comparison import Comparison, Run
+from adaptctl.recording.blueprint import ScreenContents, blueprint
+from adaptctl.recording.comparison import Comparison, ControllerRun
 from adaptctl.recording.overview import equations_markdown, summary_markdown
 from adaptctl.recording.palette import GOAL, Color, joint_color, run_color
 from adaptctl.recording.scene import GOAL_LOOK, entity, ghost_look, log_arm, log_base, log_path, log_trail, solid_look
@@ -153,13 +153,13 @@ def _log_offline(recording: rr.RecordingStream, comparison: Comparison) -> None:
     log_markdown(recording, "basis/equations", equations_markdown(comparison))
 
 
-def _layout(comparison: Comparison) -> Layout:
+def _layout(comparison: Comparison) -> ScreenContents:
     parts = skeleton(comparison.mechanism)
     shown = _shown(comparison)
     errors = np.concatenate([run.rollout.error for run in shown[:2]])
     margin = 0.06 * float(np.ptp(errors)) + 1e-9
     has_estimates = comparison.subject.rollout.estimate.shape[1] > 0
-    return Layout(
+    return ScreenContents(
         viewpoint=Viewpoint.of(comparison.mechanism, parts, comparison.subject.rollout.reference_p),
         error_unit=comparison.error_unit,
         error_range=(1e3 * (float(errors.min()) - margin), 1e3 * (float(errors.max()) + margin)),
@@ -173,7 +173,7 @@ def _layout(comparison: Comparison) -> Layout:
     )
 
 
-def _shown(comparison: Comparison) -> list[Run]:
+def _shown(comparison: Comparison) -> list[ControllerRun]:
     """The runs whose errors get a view each: the subject, adaptation off, then the rest."""
     first = [run for run in (comparison.subject, comparison.baseline) if run is not None]
     return first + [run for run in comparison.runs if run not in first]

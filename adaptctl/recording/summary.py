@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from adaptctl.files import write_json
-from adaptctl.recording.comparison import Comparison, Run
+from adaptctl.recording.comparison import Comparison, ControllerRun
 
 SCHEMA = "adaptctl/summary/1"
 
@@ -54,7 +54,7 @@ def summary(comparison: Comparison) -> dict[str, Any]:
     }
 
 
-def realtime_factor(run: Run) -> float | None:
+def realtime_factor(run: ControllerRun) -> float | None:
     """Simulated seconds a second of computing."""
     return run.duration / run.rollout.wall_time if run.rollout.wall_time > 0.0 else None
 
@@ -65,7 +65,7 @@ def _parameters(comparison: Comparison) -> dict[str, dict[str, float]]:
     return {name: {"true": float(true), "estimate": float(estimate)} for name, true, estimate in rows}
 
 
-def _run(run: Run) -> dict[str, Any]:
+def _run(run: ControllerRun) -> dict[str, Any]:
     return {
         "label": run.label,
         "complete": run.rollout.complete,

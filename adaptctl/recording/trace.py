@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
 from adaptctl.files import replacing
-from adaptctl.recording.comparison import Comparison, Run
+from adaptctl.recording.comparison import Comparison, ControllerRun
 
 SCHEMA = "adaptctl/trace/1"
 MARKS = {
@@ -64,7 +64,7 @@ def write_columns(path: str | Path, columns: Sequence[Quantity], about: dict[str
         )
 
 
-def quantities(run: Run, mechanism: Mechanism, parameters: tuple[str, ...]) -> Iterator[Quantity]:
+def quantities(run: ControllerRun, mechanism: Mechanism, parameters: tuple[str, ...]) -> Iterator[Quantity]:
     """Every column of a run: ``p.joint1``, ``estimate.link2.mc_x``, ``lyapunov`` ..."""
     rollout = run.rollout
     yield Quantity("time", "s", "time since the start", rollout.time)
@@ -81,7 +81,7 @@ def quantities(run: Run, mechanism: Mechanism, parameters: tuple[str, ...]) -> I
         yield Quantity(f"estimate.{name}", parameter_unit(name), "estimate of the fundamental parameter", values)
 
 
-def _of_joints(run: Run, mechanism: Mechanism) -> Iterator[Quantity]:
+def _of_joints(run: ControllerRun, mechanism: Mechanism) -> Iterator[Quantity]:
     rollout = run.rollout
     kinds = (
         ("p", "", "position", rollout.p),

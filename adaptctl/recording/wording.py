@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from adaptctl.recording.comparison import Comparison, Run
+from adaptctl.recording.comparison import Comparison, ControllerRun
 from adaptctl.recording.summary import realtime_factor
 
 
@@ -47,7 +47,7 @@ def verdict(comparison: Comparison) -> str:
     )
 
 
-def outcome(run: Run) -> str:
+def outcome(run: ControllerRun) -> str:
     """How a run ended."""
     if not run.rollout.complete:
         return f"interrupted at {run.duration:.2f} s"

@@ -8,7 +8,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
-from adaptctl.experiments.replication.arms import Arm
+from adaptctl.experiments.replication.arms import SampledArm
 from adaptctl.experiments.replication.printed import printed
 from adaptctl.experiments.replication.puma560_energy import table3
 from adaptctl.experiments.replication.semi_direct_drive_tables import table10
@@ -123,7 +123,7 @@ def _undifferenced(mechanism: Mechanism) -> int:
 
 
 def _loop_undifferenced(study: Study) -> int:
-    arm: Arm = study.five_bar
+    arm: SampledArm = study.five_bar
     E = arm.energies(*arm.states(np.random.default_rng(study.seed), 4 * len(arm.parameters), 1.0))
     return _scaled_rank(E, arm.space.scales)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
-from adaptctl.experiments.replication.arms import Arm
+from adaptctl.experiments.replication.arms import SampledArm
 from adaptctl.identifiability import FundamentalBasis
 
 STATES = 200
@@ -29,7 +29,7 @@ class Decoupling:
     """(m, k), reduced: each has a parameter that no other has"""
 
     @classmethod
-    def of(cls, arm: Arm, basis: FundamentalBasis) -> Decoupling:
+    def of(cls, arm: SampledArm, basis: FundamentalBasis) -> Decoupling:
         """The relations that make every off-diagonal inertia zero wherever the arm works."""
         rows = off_diagonal_rows(arm, basis.columns)
         everything = np.concatenate(list(rows.values()))
@@ -51,7 +51,7 @@ class Decoupling:
         return self.relations @ self.basis.regrouping
 
 
-def off_diagonal_rows(arm: Arm, columns: Sequence[int]) -> dict[str, Array]:
+def off_diagonal_rows(arm: SampledArm, columns: Sequence[int]) -> dict[str, Array]:
     """Rows (states, k) whose products with parameters are M12, M13, ... at random positions."""
     weightless = Mechanism(replace(arm.mechanism.description, gravity=np.zeros(3)))
     p, _ = arm.states(np.random.default_rng(0), STATES, 1.0)

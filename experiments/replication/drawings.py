@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from adaptctl.arrays import Array
-from adaptctl.experiments.replication.arms import Motion
-from adaptctl.experiments.replication.ensemble import Ensemble
+from adaptctl.experiments.replication.arms import StatedMotion
+from adaptctl.experiments.replication.draws import Draws
 from adaptctl.experiments.replication.printed import Table
 from adaptctl.recording.drawing import DOTS, WIDTH, Drawing
 from adaptctl.recording.palette import INK, MUTED, PAPER, Color, joint_color, run_color
@@ -23,7 +23,7 @@ LEAST = 1e-10
 """percent, or (N m)^2: what lies below is drawn at the lower edge"""
 
 
-def singular_values(draws: Ensemble, numbers: Array) -> Drawing:
+def singular_values(draws: Draws, numbers: Array) -> Drawing:
     """Table 2 with all seeds."""
     caption = (
         f"Table 2: the {draws.rank} singular values that are not round-off. Line: median of {len(draws.reductions)} "
@@ -32,7 +32,7 @@ def singular_values(draws: Ensemble, numbers: Array) -> Drawing:
     return Drawing("table-2", caption, partial(_singular_values, draws.singular_values[:, : draws.rank], numbers))
 
 
-def percent_errors(panels: Mapping[str, Ensemble], points: Mapping[str, Mapping[int, float]]) -> Drawing:
+def percent_errors(panels: Mapping[str, Draws], points: Mapping[str, Mapping[int, float]]) -> Drawing:
     """Figure 3 with all seeds."""
     caption = (
         "Figure 3: error of the energy over the number of components kept. Line: median of the seeds; bands: from the "
@@ -50,7 +50,7 @@ def torque_errors(name: str, table: Table, errors: Array) -> Drawing:
     return Drawing(name, caption, partial(_torque_errors, table, errors))
 
 
-def torques(name: str, joint: int, motion: Motion, curves: Mapping[str, Array]) -> Drawing:
+def torques(name: str, joint: int, motion: StatedMotion, curves: Mapping[str, Array]) -> Drawing:
     """Figures 4 and 6: a joint's torque along the stated sinusoid; the first curve is the actual one."""
     caption = (
         f"{name.replace('-', ' ').title()}: torque of joint {joint} along the stated sinusoid, with all parameters and "
@@ -82,7 +82,7 @@ def _singular_values(values: Array, numbers: Array) -> Figure:
     return figure
 
 
-def _percent_errors(panels: Mapping[str, Ensemble], points: Mapping[str, Mapping[int, float]]) -> Figure:
+def _percent_errors(panels: Mapping[str, Draws], points: Mapping[str, Mapping[int, float]]) -> Figure:
     figure = Figure(figsize=(WIDTH, 3.6), dpi=DOTS, layout="constrained")
     row = figure.subplots(1, len(panels), sharey=True)
     for i, (axes, (title, draws)) in enumerate(zip(row, panels.items(), strict=True)):
@@ -122,7 +122,7 @@ def _torque_errors(table: Table, errors: Array) -> Figure:
     return figure
 
 
-def _torques(joint: int, motion: Motion, curves: Mapping[str, Array]) -> Figure:
+def _torques(joint: int, motion: StatedMotion, curves: Mapping[str, Array]) -> Figure:
     figure = Figure(figsize=(WIDTH, 3.6), dpi=DOTS, layout="constrained")
     axes = figure.subplots()
     styles: Sequence[tuple[Color, float, object]] = (

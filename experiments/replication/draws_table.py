@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
-from adaptctl.experiments.replication.ensemble import Ensemble
+from adaptctl.experiments.replication.draws import Draws
 from adaptctl.experiments.replication.study import Study
 from adaptctl.recording.trace import Quantity, write_columns
 
@@ -43,7 +43,7 @@ def _columns(study: Study) -> list[Quantity]:
     ]
 
 
-def _values(draws: Ensemble) -> Array:
+def _values(draws: Draws) -> Array:
     return draws.singular_values[:, : draws.rank]
 
 

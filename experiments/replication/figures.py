@@ -6,8 +6,8 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.experiments.replication import drawings
-from adaptctl.experiments.replication.arms import Motion
-from adaptctl.experiments.replication.ensemble import Ensemble
+from adaptctl.experiments.replication.arms import StatedMotion
+from adaptctl.experiments.replication.draws import Draws
 from adaptctl.experiments.replication.printed import Table, printed
 from adaptctl.experiments.replication.study import Study
 from adaptctl.experiments.replication.torque_tables import ENERGY
@@ -90,7 +90,7 @@ def figure6(study: Study) -> Item:
 
 
 def _torque_figure(
-    name: str, label: str, study: Study, joint: int, draws: Ensemble, motion: Motion, counts: tuple[int, ...]
+    name: str, label: str, study: Study, joint: int, draws: Draws, motion: StatedMotion, counts: tuple[int, ...]
 ) -> Item:
     actual = motion.Y @ draws.arm.parameters
     torques = {"actual parameters": actual} | {f"{s} components": draws.torque(motion, 0, s) for s in counts}
@@ -131,7 +131,7 @@ def _points(table: Table) -> dict[int, float]:
     return {int(s): float(text) for s, text in texts if float(text) > 0.0}
 
 
-def _puma_energy(draws: Ensemble, checks: tuple[Check, ...]) -> Claim:
+def _puma_energy(draws: Draws, checks: tuple[Check, ...]) -> Claim:
     middle = " and ".join(f"{np.median(draws.percent_errors[:, s]):.2g} %" for s in (30, 34))
     inside = [check.verdict is Verdict.IN_SHAPE for check in checks]
     return Claim(

@@ -9,7 +9,7 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.description.inertia import from_center_of_mass, inertia_tensor, pseudo_inertia
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.experiments.replication.arms import Arm, semi_direct_drive
+from adaptctl.experiments.replication.arms import SampledArm, semi_direct_drive
 from adaptctl.experiments.replication.decoupling import Decoupling
 from adaptctl.experiments.replication.printed import printed
 from adaptctl.experiments.replication.study import Study
@@ -25,7 +25,7 @@ class _Kind:
     """An arm of the two kinds of linkage, and what decouples it."""
 
     label: str
-    arm: Arm
+    arm: SampledArm
     needs: Decoupling
 
 
@@ -82,7 +82,7 @@ def _still_more(study: Study, generic: int, equal: int) -> Claim:
     )
 
 
-def _left_under(arm: Arm, relations: int) -> int:
+def _left_under(arm: SampledArm, relations: int) -> int:
     """The rank that is left under random independent relations among the essential parameters."""
     random = np.random.default_rng(0).normal(size=(relations, arm.space.rank))
     _, _, right = np.linalg.svd(random)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.experiments.replication.arms import Arm
+from adaptctl.experiments.replication.arms import SampledArm
 from adaptctl.experiments.replication.paper_layout import index, sign
 
 NULL_COMBINATIONS = (
@@ -25,7 +25,7 @@ def combination(text: str, links: int = 6) -> Array:
     return out
 
 
-def torque_share(arm: Arm, text: str) -> float:
+def torque_share(arm: SampledArm, text: str) -> float:
     """The largest torque of a combination at random states, over the largest that one of its terms makes."""
     vector = combination(text)
     p, v, a = np.random.default_rng(0).normal(size=(3, STATES, arm.mechanism.dof))

@@ -7,7 +7,7 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.experiments.replication import drawings
 from adaptctl.experiments.replication.arms import FASTEST, FROM, TO
-from adaptctl.experiments.replication.ensemble import Ensemble
+from adaptctl.experiments.replication.draws import Draws
 from adaptctl.experiments.replication.paper_rank import THRESHOLD, rank_claim
 from adaptctl.experiments.replication.printed import Number, printed
 from adaptctl.experiments.replication.study import Study
@@ -68,7 +68,7 @@ def table2(study: Study) -> Item:
     for i, (row, column, text) in enumerate(table.entries()):
         beyond = vanishing(row, column, text, float(np.median(values[:, i])), bound)
         checks.append(drawn(row, column, text, values[:, i]) if i < k else beyond)
-    literal = Ensemble.of(study.puma, range(study.seed, study.seed + study.seeds), study.samples, 1.0)
+    literal = Draws.of(study.puma, range(study.seed, study.seed + study.seeds), study.samples, 1.0)
     numbers = np.array([float(text) for text in texts[:k]])
     return Item(
         "table2",
@@ -123,7 +123,7 @@ def table3(study: Study) -> Item:
     )
 
 
-def _first_34(draws: Ensemble) -> Claim:
+def _first_34(draws: Draws) -> Claim:
     """Whether 34 directions stand apart: by singular values they do, by weights they do not."""
     values, weights = draws.singular_values[:, : draws.rank], draws.weights
     ratios = values[:, :-1] / values[:, 1:]

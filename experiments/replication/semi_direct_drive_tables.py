@@ -7,7 +7,7 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.dynamics import load
 from adaptctl.experiments.replication import drawings
-from adaptctl.experiments.replication.arms import Arm, near_parallelogram, semi_direct_drive
+from adaptctl.experiments.replication.arms import SampledArm, near_parallelogram, semi_direct_drive
 from adaptctl.experiments.replication.paper_layout import index, name
 from adaptctl.experiments.replication.paper_rank import paper_rank, rank_claim
 from adaptctl.experiments.replication.printed import BLANK, printed
@@ -162,7 +162,7 @@ def table12(study: Study) -> Item:
 TILT = "3.14159/2"
 
 
-def _limit(arm: Arm, row: str, column: str) -> float:
+def _limit(arm: SampledArm, row: str, column: str) -> float:
     """The built-in arm's limit that an entry of Table 9 gives."""
     end = "upper" if " to " in row else "lower"
     if column == "p2 - p3":
@@ -174,19 +174,19 @@ def _limit(arm: Arm, row: str, column: str) -> float:
     return float(getattr(limits, end))
 
 
-def _regularity(arm: Arm, p: Array) -> float:
+def _regularity(arm: SampledArm, p: Array) -> float:
     """How near to locking the loop comes."""
     continuation = arm.mechanism.continuation
     return float(continuation.regularity(arm.mechanism.configuration(p)).min()) if continuation else 1.0
 
 
-def _differences(study: Study, arm: Arm) -> Array:
+def _differences(study: Study, arm: SampledArm) -> Array:
     """H of one draw."""
     generator = np.random.default_rng(study.seed)
     return np.diff(arm.energies(*arm.states(generator, study.samples, study.velocity_scale)), axis=0)
 
 
-def _rank(study: Study, arm: Arm) -> int:
+def _rank(study: Study, arm: SampledArm) -> int:
     """The rank that the paper's threshold finds in one draw."""
     return int(paper_rank(np.asarray(np.linalg.svd(_differences(study, arm), compute_uv=False))))
 

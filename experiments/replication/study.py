@@ -7,8 +7,14 @@ from functools import cached_property
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.experiments.replication.arms import Arm, Motion, near_parallelogram, puma560, semi_direct_drive
-from adaptctl.experiments.replication.ensemble import Ensemble
+from adaptctl.experiments.replication.arms import (
+    SampledArm,
+    StatedMotion,
+    near_parallelogram,
+    puma560,
+    semi_direct_drive,
+)
+from adaptctl.experiments.replication.draws import Draws
 from adaptctl.experiments.replication.paper_layout import index
 from adaptctl.experiments.replication.printed import printed
 from adaptctl.identifiability import (
@@ -33,7 +39,7 @@ class Study:
     unequal: float
 
     @cached_property
-    def puma(self) -> Arm:
+    def puma(self) -> SampledArm:
         """The PUMA 560 of Tables 1 and 6."""
         return puma560()
 
@@ -48,42 +54,42 @@ class Study:
         return essential_space(self.arm3)
 
     @cached_property
-    def five_bar(self) -> Arm:
+    def five_bar(self) -> SampledArm:
         """The semi-direct-drive arm with generic lengths."""
         return semi_direct_drive()
 
     @cached_property
-    def nearly_parallel(self) -> Arm:
+    def nearly_parallel(self) -> SampledArm:
         """The same with sides that are equal but for a small share."""
         return semi_direct_drive(near_parallelogram(self.unequal))
 
     @cached_property
-    def puma_draws(self) -> Ensemble:
+    def puma_draws(self) -> Draws:
         """Table 2 and Figure 3, many times."""
         return self._draws(self.puma)
 
     @cached_property
-    def five_bar_draws(self) -> Ensemble:
+    def five_bar_draws(self) -> Draws:
         """Figure 3's other arm, many times."""
         return self._draws(self.five_bar)
 
     @cached_property
-    def nearly_parallel_draws(self) -> Ensemble:
+    def nearly_parallel_draws(self) -> Draws:
         """The same for nearly equal sides."""
         return self._draws(self.nearly_parallel)
 
     @cached_property
-    def puma_motion(self) -> Motion:
+    def puma_motion(self) -> StatedMotion:
         """The stated sinusoid of the PUMA."""
         return self.puma.sinusoid(self.frequency, self.motion_samples)
 
     @cached_property
-    def five_bar_motion(self) -> Motion:
+    def five_bar_motion(self) -> StatedMotion:
         """The stated sinusoid of the semi-direct-drive arm."""
         return self.five_bar.sinusoid(self.frequency, self.motion_samples)
 
     @cached_property
-    def nearly_parallel_motion(self) -> Motion:
+    def nearly_parallel_motion(self) -> StatedMotion:
         """The same of the one with nearly equal sides."""
         return self.nearly_parallel.sinusoid(self.frequency, self.motion_samples)
 
@@ -119,7 +125,7 @@ class Study:
         return Priority(tuple(mechanism.parameter_names[index(row, link)] for row, link, _ in order))
 
     @property
-    def drawn(self) -> dict[str, Ensemble]:
+    def drawn(self) -> dict[str, Draws]:
         """The draws that were made, by arm."""
         labels = {
             "puma_draws": "puma560",
@@ -147,5 +153,5 @@ class Study:
             f"the table; errors are means over one period of {self.motion_samples} samples"
         )
 
-    def _draws(self, arm: Arm) -> Ensemble:
-        return Ensemble.of(arm, range(self.seed, self.seed + self.seeds), self.samples, self.velocity_scale)
+    def _draws(self, arm: SampledArm) -> Draws:
+        return Draws.of(arm, range(self.seed, self.seed + self.seeds), self.samples, self.velocity_scale)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.experiments.replication.arms import Motion
-from adaptctl.experiments.replication.ensemble import Ensemble
+from adaptctl.experiments.replication.arms import StatedMotion
+from adaptctl.experiments.replication.draws import Draws
 from adaptctl.experiments.replication.printed import Table, printed
 from adaptctl.experiments.replication.verdict import Check, Claim, Relations, Verdict, drawn, percent, vanishing
 
@@ -40,7 +40,7 @@ def medians(percent: Array, errors: Array) -> Relations:
     return Relations("Medians over the seeds: energy errors, and mean square torque errors in (N·m)²", tuple(lines))
 
 
-def fewest_components(claim: str, printed_count: int, draws: Ensemble, errors: Array, motion: Motion) -> Claim:
+def fewest_components(claim: str, printed_count: int, draws: Draws, errors: Array, motion: StatedMotion) -> Claim:
     """How many components a very close torque needs, on every joint."""
     needed = {share: _needed(draws, errors, motion, share) for share in CLOSE}
     judged = float(np.mean(needed[CLOSE[0]] >= printed_count))
@@ -55,7 +55,7 @@ def fewest_components(claim: str, printed_count: int, draws: Ensemble, errors: A
     )
 
 
-def _needed(draws: Ensemble, errors: Array, motion: Motion, share: float) -> Array:
+def _needed(draws: Draws, errors: Array, motion: StatedMotion, share: float) -> Array:
     """Components (seeds,) from which on every joint's error stays within a share of its torque."""
     torque = motion.Y @ draws.arm.parameters
     fine = (errors <= share**2 * np.mean(torque**2, axis=0)).all(axis=-1)

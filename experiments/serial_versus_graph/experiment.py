@@ -14,7 +14,7 @@ from adaptctl.dynamics import Mechanism, equation_costs, load
 from adaptctl.dynamics.inverse_kinematics import Tip
 from adaptctl.errors import InputError
 from adaptctl.experiments.contest import Contender, Outcome, contest
-from adaptctl.experiments.experiment import ClosedLoop, Progress, setting, settings, text
+from adaptctl.experiments.experiment import ClosedLoopExperiment, Progress, setting, settings, text
 from adaptctl.experiments.learning import ADAPTATION_OFF, ADAPTIVE, FULL, numbers
 from adaptctl.experiments.serial_versus_graph.result import OperationCounts, Side, SideBySide
 from adaptctl.identifiability import (
@@ -36,7 +36,7 @@ AHEAD = 1.0
 
 
 @dataclass(frozen=True)
-class Arm:
+class ArmWithTip:
     """One of the two, the point that is its tip, and where inverse kinematics starts."""
 
     name: str
@@ -53,14 +53,14 @@ class Arm:
 
 ARMS = (
     # The forearm to the flange, with the wrist held straight: d4 + d6 of the PUMA 560, along link 3's z axis.
-    Arm("serial", "Three-joint PUMA", "puma560_arm3", "link3", (0.0, 0.0, 0.48935), (0.0, -1.5, 3.0), 16),
+    ArmWithTip("serial", "Three-joint PUMA", "puma560_arm3", "link3", (0.0, 0.0, 0.48935), (0.0, -1.5, 3.0), 16),
     # The forearm's end: 0.5 m past the elbow, which is 0.41 m from its frame.
-    Arm("graph", "Five-bar", "semi_direct_drive", "link5", (0.91, 0.0, 0.0), (0.0, -1.5, -3.1), 26),
+    ArmWithTip("graph", "Five-bar", "semi_direct_drive", "link5", (0.91, 0.0, 0.0), (0.0, -1.5, -3.1), 26),
 )
 
 
 @dataclass(frozen=True)
-class SerialVersusGraph(ClosedLoop):
+class SerialVersusGraph(ClosedLoopExperiment):
     """The three-joint PUMA and the semi-direct-drive arm: parameters, operations and tracking on one path in space.
 
     Both tips follow one path, turned into joints by inverse kinematics, and start off it by the same way. Both are
@@ -143,7 +143,7 @@ class SerialVersusGraph(ClosedLoop):
             complete=complete,
         )
 
-    def side(self, arm: Arm, progress: Progress) -> Side:
+    def side(self, arm: ArmWithTip, progress: Progress) -> Side:
         """One arm's offline stage and runs."""
         progress("independent parameters from energies", 0.0)
         mechanism = load(arm.robot)
@@ -167,7 +167,7 @@ class SerialVersusGraph(ClosedLoop):
             printed_rank=arm.printed_rank,
         )
 
-    def reference(self, tip: Tip, arm: Arm) -> Spline:
+    def reference(self, tip: Tip, arm: ArmWithTip) -> Spline:
         """The path in joints."""
         times = np.arange(0.0, self.duration + AHEAD + KNOT, KNOT)
         return Spline(tip.joints(self.path(times).p, np.array(arm.start)), times)
@@ -176,7 +176,7 @@ class SerialVersusGraph(ClosedLoop):
         """Lambda as set, K by one rule for both."""
         return Gains.from_bandwidth(mechanism, self.bandwidth, self.stiffness)
 
-    def _environment(self, tip: Tip, arm: Arm) -> gymnasium.Env[Any, Any]:
+    def _environment(self, tip: Tip, arm: ArmWithTip) -> gymnasium.Env[Any, Any]:
         import gymnasium
 
         reference = self.reference(tip, arm)

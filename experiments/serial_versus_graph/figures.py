@@ -8,7 +8,7 @@ from functools import partial
 from matplotlib.figure import Figure
 
 from adaptctl.experiments.serial_versus_graph.result import Side, SideBySide
-from adaptctl.recording.comparison import Run
+from adaptctl.recording.comparison import ControllerRun
 from adaptctl.recording.drawing import DOTS, WIDTH, Drawing
 from adaptctl.recording.palette import GOAL, RUNS, Color
 from adaptctl.recording.series import thinned
@@ -129,11 +129,11 @@ def _ticks(result: SideBySide) -> list[tuple[int, int]]:
     return [(_flops(reduced), _flops(full)) for reduced, full in runs]
 
 
-def _flops(run: Run | None) -> int:
+def _flops(run: ControllerRun | None) -> int:
     return run.cost.flops or 0 if run is not None and run.cost else 0
 
 
-def _shown(side: Side) -> Iterator[tuple[Run, str, float, object]]:
+def _shown(side: Side) -> Iterator[tuple[ControllerRun, str, float, object]]:
     yield side.comparison.subject, "learning", 1.8, "-"
     if side.comparison.baseline is not None:
         yield side.comparison.baseline, "adaptation off", 1.2, (0, (4, 3))

@@ -14,7 +14,7 @@ from adaptctl.experiments.serial_versus_graph.figures import side_color
 from adaptctl.experiments.serial_versus_graph.result import Side, SideBySide
 from adaptctl.experiments.serial_versus_graph.wording import WHY_NOT_16, rows, verdict
 from adaptctl.recording import views
-from adaptctl.recording.comparison import Run
+from adaptctl.recording.comparison import ControllerRun
 from adaptctl.recording.palette import GOAL, RUNS, Color, joint_color
 from adaptctl.recording.rerun_recording import CURVE_SAMPLES, LIMIT, POSE_SAMPLES
 from adaptctl.recording.scene import (
@@ -107,7 +107,7 @@ def _log_curves(recording: rr.RecordingStream, side: Side, color: Color) -> None
         log_series(recording, f"lyapunov/{side.name}", time, share, Style((side.label,), (color,), width=2.0))
 
 
-def _log_error(recording: rr.RecordingStream, side: Side, run: Run, style: Style) -> None:
+def _log_error(recording: rr.RecordingStream, side: Side, run: ControllerRun, style: Style) -> None:
     every = thinned(len(run.rollout.time), CURVE_SAMPLES)
     decades = np.log10(1e3 * np.maximum(side.tip_errors(run)[every], SMALLEST_ERROR))
     path = f"tip_error/{side.name}_{run.name}"

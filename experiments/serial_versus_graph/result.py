@@ -10,7 +10,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.errors import InputError
-from adaptctl.recording.comparison import BEGINNING, SETTLED, Comparison, Run, Setting
+from adaptctl.recording.comparison import BEGINNING, SETTLED, Comparison, ControllerRun, Setting
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Side:
     """the number of independent parameters that the paper prints"""
 
     @property
-    def full(self) -> Run | None:
+    def full(self) -> ControllerRun | None:
         """The adaptive run on all parameters."""
         return next((run for run in self.comparison.runs if run.name == "adaptive-full"), None)
 
@@ -54,22 +54,22 @@ class Side:
         """Joints of the mechanism, those that were cut among them."""
         return len(self.comparison.mechanism.links) + self.closures
 
-    def tip_errors(self, run: Run) -> Array:
+    def tip_errors(self, run: ControllerRun) -> Array:
         """Distance (T,) of the tip from where it should be, m."""
         return np.asarray(np.linalg.norm(self.tips[run.name] - self.desired[run.name], axis=-1))
 
-    def tip_rms(self, run: Run | None, start: float = 0.0, stop: float = np.inf) -> float | None:
+    def tip_rms(self, run: ControllerRun | None, start: float = 0.0, stop: float = np.inf) -> float | None:
         """Root mean square of that distance over a stretch of time; None without samples."""
         if run is None:
             return None
         inside = (run.rollout.time >= start) & (run.rollout.time < stop)
         return float(np.sqrt(np.mean(self.tip_errors(run)[inside] ** 2))) if inside.any() else None
 
-    def first_tip_rms(self, run: Run | None) -> float | None:
+    def first_tip_rms(self, run: ControllerRun | None) -> float | None:
         """Over the first second."""
         return self.tip_rms(run, stop=BEGINNING)
 
-    def final_tip_rms(self, run: Run | None) -> float | None:
+    def final_tip_rms(self, run: ControllerRun | None) -> float | None:
         """Over the last two seconds that were run."""
         return None if run is None else self.tip_rms(run, start=run.duration - SETTLED)
 

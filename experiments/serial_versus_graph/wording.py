@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 from adaptctl.experiments.serial_versus_graph.result import Side, SideBySide
-from adaptctl.recording.comparison import Run
+from adaptctl.recording.comparison import ControllerRun
 from adaptctl.recording.wording import error, number
 
 WHY_NOT_16 = (
@@ -54,7 +54,7 @@ def rows(result: SideBySide) -> list[Row]:
     return [row._replace(section=not row.values) for row in found]
 
 
-def _flops(run: Run | None) -> int | None:
+def _flops(run: ControllerRun | None) -> int | None:
     return run.cost.flops if run is not None and run.cost else None
 
 
@@ -66,11 +66,11 @@ def _millimetres(value: float | None) -> str:
     return error(value, "mm")
 
 
-def _native(run: Run | None) -> str:
+def _native(run: ControllerRun | None) -> str:
     return f"{1e9 * run.cost.native:.0f} ns" if run is not None and run.cost and run.cost.native else "–"
 
 
-def _called(run: Run | None) -> str:
+def _called(run: ControllerRun | None) -> str:
     return f"{1e6 * run.cost.called:.1f} µs" if run is not None and run.cost else "–"
 
 
@@ -79,7 +79,7 @@ def _rises(side: Side) -> str:
     return "–" if rise is None else "never" if rise == 0.0 else f"by {number(rise)} J"
 
 
-def _subject(told: Callable[[Side, Run], str]) -> Callable[[Side], str]:
+def _subject(told: Callable[[Side, ControllerRun], str]) -> Callable[[Side], str]:
     return lambda side: told(side, side.comparison.subject)
 
 
