@@ -10,9 +10,9 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.envs import TrackingEnv
 from adaptctl.simulation import RungeKutta4, rollout, simulate
-from benchmarks.findings import Agreement, Speedup, Finding
+from benchmarks.findings import Agreement, Finding, Speedup
 from benchmarks.fleet import Fleet
-from benchmarks.interleaved import Statement, Effort, Race, Spread, race
+from benchmarks.interleaved import Effort, Race, Spread, Statement, race
 from benchmarks.pinocchio_tracking import PinocchioArm
 from benchmarks.tasks import PERIOD, puma_at_joints
 from benchmarks.tick import peer

@@ -11,9 +11,9 @@ import adaptctl
 from adaptctl.arrays import Array
 from adaptctl.scalars import column
 from adaptctl.simulation import Integrator, RungeKutta4, SemiImplicitEuler
-from benchmarks.findings import Agreement, Speedup, Finding
+from benchmarks.findings import Agreement, Finding, Speedup
 from benchmarks.fleet import Fleet
-from benchmarks.interleaved import Statement, Effort, race
+from benchmarks.interleaved import Effort, Statement, race
 from benchmarks.mujoco_arm import Physics, mujoco_model
 from benchmarks.tasks import PERIOD, Task, puma, semi_direct_drive
 

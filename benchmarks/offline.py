@@ -15,7 +15,7 @@ from adaptctl.errors import PhysicalConsistencyWarning
 from adaptctl.identifiability import Priority, essential_space
 from adaptctl.identifiability.tree.null_space import TransferredNullSpace
 from benchmarks.findings import Finding, Measurement
-from benchmarks.interleaved import Statement, Effort, Race, Spread, race
+from benchmarks.interleaved import Effort, Race, Spread, Statement, race
 
 LONG, HALF = 96, 48
 """links"""

@@ -24,7 +24,7 @@ from adaptctl.arrays import Array
 from adaptctl.compilation import Op, Routine, compile_function, trace
 from adaptctl.compilation.graph import Expression
 from adaptctl.files import write_text
-from benchmarks.interleaved import Statement, Effort, race
+from benchmarks.interleaved import Effort, Statement, race
 from benchmarks.machine import Machine
 from benchmarks.published import ROOT, inserted, seconds, table
 from benchmarks.regressor import ARGUMENTS, regressor

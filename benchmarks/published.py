@@ -10,7 +10,7 @@ from typing import TypeAlias
 
 from adaptctl.files import write_text
 from benchmarks.bars import write_bars
-from benchmarks.findings import Agreement, Speedup, Finding, Measurement, plain
+from benchmarks.findings import Agreement, Finding, Measurement, Speedup, plain
 from benchmarks.interleaved import Spread
 from benchmarks.machine import Machine
 

@@ -10,8 +10,8 @@ import pinocchio
 from adaptctl.arrays import Array
 from adaptctl.compilation import Ensemble, Kernel, compile_function, compile_step
 from adaptctl.scalars import Column
-from benchmarks.findings import Agreement, Speedup, Finding
-from benchmarks.interleaved import Statement, Effort, race
+from benchmarks.findings import Agreement, Finding, Speedup
+from benchmarks.interleaved import Effort, Statement, race
 from benchmarks.pinocchio_tracking import slotine_li_regressor
 from benchmarks.tasks import puma_at_joints
 

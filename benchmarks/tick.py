@@ -8,8 +8,8 @@ import numpy as np
 
 import adaptctl
 from adaptctl.control import ReferencePoint
-from benchmarks.findings import Agreement, Speedup, Finding
-from benchmarks.interleaved import Statement, Effort, race
+from benchmarks.findings import Agreement, Finding, Speedup
+from benchmarks.interleaved import Effort, Statement, race
 from benchmarks.pinocchio_tracking import PinocchioArm, PinocchioTracker
 from benchmarks.tasks import BANDWIDTH, PERIOD, Task, puma_at_joints
 

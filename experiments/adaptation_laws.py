@@ -41,7 +41,7 @@ from adaptctl.experiments.learning import ADAPTATION_OFF, Found, Learning, numbe
 from adaptctl.experiments.parameter_errors import SAMPLES, ParameterErrors, parameter_errors
 from adaptctl.experiments.rough_model import deviations, scaled_links
 from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
-from adaptctl.recording import Finding, ControllerRun, Setting
+from adaptctl.recording import ControllerRun, Finding, Setting
 
 if TYPE_CHECKING:
     import gymnasium

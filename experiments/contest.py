@@ -14,8 +14,7 @@ from adaptctl.arrays import Array
 from adaptctl.control import Controller, ReferencePoint, SlotineLi, lyapunov
 from adaptctl.control.controller import leaves
 from adaptctl.dynamics import Mechanism
-from adaptctl.experiments.experiment import Progress
-from adaptctl.recording import ControllerRun, TickCost
+from adaptctl.recording import ControllerRun, Progress, TickCost
 from adaptctl.simulation import Rollout, simulate
 
 if TYPE_CHECKING:

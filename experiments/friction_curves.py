@@ -34,13 +34,11 @@ class Curve(NamedTuple):
 
 def friction_curves(curves: Sequence[Curve]) -> Figure:
     """A panel a joint; the shade tells how often the joint moved how fast."""
-    from matplotlib.figure import Figure
-
-    from adaptctl.recording.drawing import DOTS, WIDTH
+    from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import MUTED, run_color
 
     rows = -(-len(curves) // COLUMNS)
-    figure = Figure(figsize=(WIDTH, 2.0 * rows + 0.4), dpi=DOTS, layout="constrained")
+    figure = sheet(2.0 * rows + 0.4)
     panels = figure.subplots(rows, COLUMNS, squeeze=False).ravel()
     for axes, curve in zip(panels, curves, strict=False):
         speeds = np.abs(curve.speeds)

@@ -13,10 +13,10 @@ from adaptctl.arrays import Array
 from adaptctl.control import ComputedTorque, Gains, SlotineLi, mapped_gain
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.experiments.contest import Contender, Outcome, contest
-from adaptctl.experiments.experiment import ClosedLoopExperiment, Progress, setting, settings, text
+from adaptctl.experiments.experiment import ClosedLoopExperiment, setting, settings, text
 from adaptctl.experiments.rough_model import scaled_links
 from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
-from adaptctl.recording import Comparison, Finding, ControllerRun, Setting, wording
+from adaptctl.recording import Comparison, ControllerRun, Finding, Progress, Result, Setting, shown, wording
 
 if TYPE_CHECKING:
     import gymnasium
@@ -82,8 +82,12 @@ class Learning(ClosedLoopExperiment):
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
         """The reference, stated where the settings alone do not tell."""
 
+    def run(self, progress: Progress) -> Result:
+        """Result of the comparison."""
+        return shown(self.compare(progress))
+
     def compare(self, progress: Progress) -> Comparison:
-        """The offline stage, the contest, the findings."""
+        """Runs of all contenders, after the offline stage, and findings on them."""
         progress(OFFLINE, 0.0)
         mechanism = self.mechanism()
         env = self.environment(mechanism)

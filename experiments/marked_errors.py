@@ -25,13 +25,11 @@ class Marked(NamedTuple):
 
 def marked_errors(curves: Sequence[Marked], meaning: str) -> Figure:
     """Errors on a logarithmic scale, and a bar a run that is filled while the run was marked."""
-    from matplotlib.figure import Figure
-
-    from adaptctl.recording.drawing import DOTS, WIDTH
+    from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
     from adaptctl.recording.series import thinned
 
-    figure = Figure(figsize=(WIDTH, 3.6 + 0.22 * len(curves)), dpi=DOTS, layout="constrained")
+    figure = sheet(3.6 + 0.22 * len(curves))
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3.0, 0.25 * len(curves) + 0.2))
     for i, (run, error, marked) in enumerate(curves):
         every, color = thinned(len(error), SAMPLES), run_color(i).hex

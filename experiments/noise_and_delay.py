@@ -16,7 +16,7 @@ from adaptctl.experiments.experiment import setting
 from adaptctl.experiments.learning import ADAPTATION_OFF, Found
 from adaptctl.experiments.parameter_errors import SAMPLES, ParameterErrors
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
-from adaptctl.recording import Finding, ControllerRun
+from adaptctl.recording import ControllerRun, Finding
 
 if TYPE_CHECKING:
     from adaptctl.simulation.effects import Effect

@@ -58,13 +58,11 @@ class ParameterErrors:
 
 def parameter_errors(curves: Sequence[tuple[int, ControllerRun, Array]]) -> Figure:
     """Parameter errors over time, on a logarithmic scale, each named where it ends."""
-    from matplotlib.figure import Figure
-
-    from adaptctl.recording.drawing import DOTS, WIDTH
+    from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
     from adaptctl.recording.series import thinned
 
-    figure = Figure(figsize=(WIDTH, 4.2), dpi=DOTS, layout="constrained")
+    figure = sheet(4.2)
     axes = figure.subplots()
     for i, run, values in curves:
         every = thinned(len(values), SAMPLES)

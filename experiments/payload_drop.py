@@ -20,7 +20,7 @@ from adaptctl.experiments.learning import ADAPTATION_OFF, Found
 from adaptctl.experiments.recovery import WINDOW, Recovery, recovery, recovery_times
 from adaptctl.experiments.rough_model import deviations
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
-from adaptctl.recording import Finding, ControllerRun
+from adaptctl.recording import ControllerRun, Finding
 
 if TYPE_CHECKING:
     from adaptctl.recording.drawing import Drawing

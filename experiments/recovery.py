@@ -51,13 +51,11 @@ def time_to_return(run: ControllerRun, begin: float, end: float, below: float) -
 
 def recovery_times(found: Sequence[Recovery]) -> Figure:
     """A bar a law and event, the events side by side; a law that is not back has its error written instead."""
-    from matplotlib.figure import Figure
-
-    from adaptctl.recording.drawing import DOTS, WIDTH
+    from adaptctl.recording.drawing import sheet
 
     events = list(dict.fromkeys(one.event for one in found))
     runs = list(dict.fromkeys(one.run.label for one in found))
-    figure = Figure(figsize=(WIDTH, 1.0 + 0.3 * len(runs)), dpi=DOTS, layout="constrained")
+    figure = sheet(1.0 + 0.3 * len(runs))
     panels = figure.subplots(1, len(events), sharey=True, squeeze=False)[0]
     for axes, event in zip(panels, events, strict=True):
         _bars(axes, [one for one in found if one.event == event], runs)

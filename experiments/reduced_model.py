@@ -25,7 +25,7 @@ from adaptctl.identifiability import (
     reduce,
     states_within_limits,
 )
-from adaptctl.recording import Finding, ControllerRun
+from adaptctl.recording import ControllerRun, Finding
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -142,12 +142,10 @@ class ReducedModelTracking(Puma560Adaptive):
 
 def error_by_count(counts: tuple[int, ...], runs: tuple[ControllerRun, ...], percent_errors: Array) -> Figure:
     """Final tracking errors and energy errors over the number of components, on logarithmic scales."""
-    from matplotlib.figure import Figure
-
-    from adaptctl.recording.drawing import DOTS, WIDTH
+    from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import MUTED, run_color
 
-    figure = Figure(figsize=(WIDTH, 3.6), dpi=DOTS, layout="constrained")
+    figure = sheet(3.6)
     axes = figure.subplots()
     found = {run.name: run.final_rms_error for run in runs}
     for i, (kind, label) in enumerate(((ADAPTIVE, "adapted from zero"), (FIXED, "true values held"))):

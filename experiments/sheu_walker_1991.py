@@ -6,12 +6,13 @@ import time
 from dataclasses import dataclass
 from typing import ClassVar
 
-from adaptctl.experiments.experiment import Experiment, Progress, setting, settings, text
+from adaptctl.experiments.experiment import Experiment, setting, settings, text
+from adaptctl.experiments.replication.artifacts import shown
 from adaptctl.experiments.replication.items import ALL, ITEMS, chosen
 from adaptctl.experiments.replication.result import Replication
 from adaptctl.experiments.replication.study import Study
 from adaptctl.experiments.replication.verdict import Item
-from adaptctl.recording import Setting
+from adaptctl.recording import Progress, Result, Setting
 
 STAGE = "Tables and figures"
 
@@ -45,8 +46,12 @@ class SheuWalker1991(Experiment):
         super().__post_init__()
         chosen(self.only)
 
+    def run(self, progress: Progress) -> Result:
+        """Result of the replication."""
+        return shown(self.compare(progress))
+
     def compare(self, progress: Progress) -> Replication:
-        """Compute what was asked for, in the paper's order."""
+        """Replication of what was asked for, in the paper's order; of what was computed when it is interrupted."""
         started, names = time.perf_counter(), chosen(self.only)
         study, items = self._study(), list[Item]()
         try:

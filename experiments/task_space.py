@@ -29,7 +29,7 @@ from adaptctl.experiments.learning import ADAPTATION_OFF, Found, Learning
 from adaptctl.experiments.ranged_gain import RangedGain
 from adaptctl.experiments.serial_versus_graph.experiment import AHEAD, ARMS, KNOT, ArmWithTip
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
-from adaptctl.recording import Finding, ControllerRun, Setting
+from adaptctl.recording import ControllerRun, Finding, Setting
 
 if TYPE_CHECKING:
     import gymnasium
@@ -196,13 +196,11 @@ class TaskSpaceTracking(RangedGain, Learning):
 
 def tool_errors(curves: list[tuple[int, ControllerRun, Array]]) -> Figure:
     """The tool's errors over time, on a logarithmic scale."""
-    from matplotlib.figure import Figure
-
-    from adaptctl.recording.drawing import DOTS, WIDTH
+    from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
     from adaptctl.recording.series import thinned
 
-    figure = Figure(figsize=(WIDTH, 3.8), dpi=DOTS, layout="constrained")
+    figure = sheet(3.8)
     axes = figure.subplots()
     for i, run, values in curves:
         every = thinned(len(values), SAMPLES)

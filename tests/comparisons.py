@@ -8,7 +8,7 @@ from adaptctl.arrays import Array
 from adaptctl.control import Sinusoids
 from adaptctl.dynamics import Mechanism
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
-from adaptctl.recording import Comparison, Finding, ControllerRun, Setting, TickCost
+from adaptctl.recording import Comparison, ControllerRun, Finding, Setting, TickCost
 from adaptctl.simulation import Rollout
 
 PERIOD = 2e-3

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from benchmarks.__main__ import SUBJECTS
-from benchmarks.findings import Agreement, Speedup, DisagreementError, Measurement, plain
-from benchmarks.interleaved import Statement, Effort, Spread, race
+from benchmarks.findings import Agreement, DisagreementError, Measurement, Speedup, plain
+from benchmarks.interleaved import Effort, Spread, Statement, race
 from benchmarks.published import agreements, comparisons, inserted, line, measurements
 
 ROOT = Path(__file__).parent.parent

@@ -24,6 +24,7 @@ from adaptctl.experiments.replication.items import ITEMS, chosen
 from adaptctl.experiments.replication.printed import Number, Table, printed
 from adaptctl.experiments.replication.result import Replication
 from adaptctl.experiments.replication.verdict import Item, Verdict
+from adaptctl.experiments.replication.wording import headline
 from adaptctl.experiments.sheu_walker_1991 import SheuWalker1991
 from adaptctl.identifiability import fundamental_basis
 
@@ -293,7 +294,7 @@ def test_an_interruption_keeps_what_was_computed() -> None:
     kept = experiment.compare(stop_at(2))
     assert [item.name for item in kept.items] == ["table1", "table4"]
     assert not kept.complete
-    assert kept.headline().startswith("This run was interrupted.")
+    assert headline(kept).startswith("This run was interrupted.")
     with pytest.raises(KeyboardInterrupt):
         experiment.compare(stop_at(0))
 

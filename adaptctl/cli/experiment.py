@@ -69,7 +69,7 @@ def run_experiment(experiment: Experiment, out: Path, overwrite: bool) -> int:
 def _computed(experiment: Experiment, folder: Path, interruption: Interruption) -> Result:
     """Compute and write, showing how far it is on stderr."""
     with _progress() as told:
-        result = experiment.compare(interruption.heeded(told))
+        result = experiment.run(interruption.heeded(told))
         if not result.complete:
             print("adaptctl: interrupted; writing what was computed", file=sys.stderr)
         result.write(folder, lambda what, share: told("Recording, figures and report", share))
@@ -101,8 +101,8 @@ def _progress() -> Iterator[Callable[[str, float], None]]:
 
 def _tell(result: Result, folder: Path) -> None:
     """The outcome, and where to look, on stdout."""
-    print(result.headline())
-    answers = list(result.facts())
+    print(result.headline)
+    answers = result.facts
     width = max(len(question) for question, _ in answers)
     print("\n".join(f"  {question:<{width}}  {answer}" for question, answer in answers))
     print(f"\nLook at it:  rerun {folder / 'recording.rrd'}\nRead it:     {folder / 'report.html'}")

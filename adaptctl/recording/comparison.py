@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -189,21 +187,3 @@ class Comparison:
     def peak_torque_shares(self) -> Array:
         """The subject's largest applied torque over the limit, a joint each (r,)."""
         return np.asarray(np.abs(self.subject.rollout.applied).max(axis=0) / self.torque_limits)
-
-    def headline(self) -> str:
-        """The outcome in a sentence or two."""
-        from adaptctl.recording.wording import INCOMPLETE, verdict
-
-        return verdict(self) if self.complete else f"{INCOMPLETE}\n{verdict(self)}"
-
-    def facts(self) -> Iterator[tuple[str, str]]:
-        """What a person asks first, and the answers."""
-        from adaptctl.recording.wording import facts
-
-        return facts(self)
-
-    def write(self, folder: Path, progress: Callable[[str, float], object]) -> None:
-        """Write recording, summary, trace, figures and report into a folder that is ready."""
-        from adaptctl.recording.artifacts import write_artifacts
-
-        write_artifacts(folder, self, progress)

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from adaptctl.arrays import Array
 from adaptctl.recording.comparison import Comparison
-from adaptctl.recording.drawing import DOTS, WIDTH, Drawing, write_drawings
+from adaptctl.recording.drawing import Drawing, sheet, write_drawings
 from adaptctl.recording.palette import MUTED, PAPER, joint_color, run_color
 from adaptctl.recording.series import thinned
 from adaptctl.recording.spectrum import shares, threshold
@@ -69,7 +69,7 @@ def drawings(comparison: Comparison) -> Iterator[Drawing]:
 
 def tracking_error(comparison: Comparison) -> Figure:
     """All controllers' errors over time, on a logarithmic scale."""
-    figure = Figure(figsize=(WIDTH, 4.2), dpi=DOTS, layout="constrained")
+    figure = sheet(4.2)
     axes = figure.subplots()
     for i, run in reversed(list(enumerate(comparison.runs))):
         every, foremost = thinned(len(run.rollout.time), SAMPLES), i == 0
@@ -93,7 +93,7 @@ def tracking_error(comparison: Comparison) -> Figure:
 def joint_errors(comparison: Comparison) -> Figure:
     """Errors of every joint, with adaptation and without, on one scale."""
     runs = [run for run in (comparison.subject, comparison.baseline) if run is not None]
-    figure = Figure(figsize=(WIDTH, 2.3 * len(runs) + 0.4), dpi=DOTS, layout="constrained")
+    figure = sheet(2.3 * len(runs) + 0.4)
     for axes, run in zip(
         figure.subplots(len(runs), 1, sharex=True, sharey=True, squeeze=False)[:, 0], runs, strict=True
     ):
@@ -114,7 +114,7 @@ def lyapunov(comparison: Comparison) -> Figure:
     values, time = comparison.subject.lyapunov, comparison.subject.rollout.time
     if values is None:
         raise ValueError("this run has no Lyapunov function")
-    figure = Figure(figsize=(WIDTH, 2.9), dpi=DOTS, layout="constrained")
+    figure = sheet(2.9)
     whole, steps = figure.subplots(1, 2)
     every = thinned(len(time), SAMPLES)
     whole.plot(time[every], values[every], color=run_color(0).hex, linewidth=2.2)
@@ -173,7 +173,7 @@ def parameters(comparison: Comparison) -> Figure:
 def spectrum(comparison: Comparison) -> Figure:
     """Singular values on a logarithmic scale, with the gap."""
     values, rank = shares(comparison.space), comparison.space.rank
-    figure = Figure(figsize=(WIDTH, 3.3), dpi=DOTS, layout="constrained")
+    figure = sheet(3.3)
     axes = figure.subplots()
     place, floor = np.arange(1, len(values) + 1), values.min() / 10.0
     colors = [run_color(0).hex if i <= rank else MUTED.faded(0.35, PAPER).hex for i in place]
@@ -200,7 +200,7 @@ class _Grid(NamedTuple):
 def _small_multiples(count: int, columns: int, height: float) -> _Grid:
     """Panels in rows, the last row as long as it needs to be."""
     rows = -(-count // columns)
-    figure = Figure(figsize=(WIDTH, height * rows + 0.3), dpi=DOTS, layout="constrained")
+    figure = sheet(height * rows + 0.3)
     axes = figure.subplots(rows, columns, sharex=True, squeeze=False).ravel()
     for unused in axes[count:]:
         unused.set_visible(False)

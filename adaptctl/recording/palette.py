@@ -25,6 +25,8 @@ class Color(NamedTuple):
 INK = Color(28, 34, 48)
 """Text and axes on paper."""
 PAPER = Color(255, 255, 255)
+DARK = Color(13, 13, 13)
+"""The background of curves in a recording."""
 MUTED = Color(120, 129, 146)
 """What is there for comparison only."""
 

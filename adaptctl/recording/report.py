@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from adaptctl.description.inertia import PARAMETERS
 from adaptctl.files import write_text
-from adaptctl.recording.comparison import Comparison, Finding, ControllerRun
+from adaptctl.recording.comparison import Comparison, ControllerRun, Finding
 from adaptctl.recording.figures import drawings
 from adaptctl.recording.page import embedded, rendered
 from adaptctl.recording.palette import run_color

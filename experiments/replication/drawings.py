@@ -13,7 +13,7 @@ from adaptctl.arrays import Array
 from adaptctl.experiments.replication.arms import StatedMotion
 from adaptctl.experiments.replication.draws import Draws
 from adaptctl.experiments.replication.printed import Table
-from adaptctl.recording.drawing import DOTS, WIDTH, Drawing
+from adaptctl.recording.drawing import Drawing, sheet
 from adaptctl.recording.palette import INK, MUTED, PAPER, Color, joint_color, run_color
 
 PRINTED = run_color(1)
@@ -69,7 +69,7 @@ def two_parameters(c: float, real: Array, essential: Array, independent: Array) 
 
 
 def _singular_values(values: Array, numbers: Array) -> Figure:
-    figure = Figure(figsize=(WIDTH, 3.4), dpi=DOTS, layout="constrained")
+    figure = sheet(3.4)
     axes = figure.subplots()
     place = np.arange(1.0, len(numbers) + 1.0)
     _bands(axes, place, values, run_color(0))
@@ -83,7 +83,7 @@ def _singular_values(values: Array, numbers: Array) -> Figure:
 
 
 def _percent_errors(panels: Mapping[str, Draws], points: Mapping[str, Mapping[int, float]]) -> Figure:
-    figure = Figure(figsize=(WIDTH, 3.6), dpi=DOTS, layout="constrained")
+    figure = sheet(3.6)
     row = figure.subplots(1, len(panels), sharey=True)
     for i, (axes, (title, draws)) in enumerate(zip(row, panels.items(), strict=True)):
         errors = draws.percent_errors
@@ -108,7 +108,7 @@ def _percent_errors(panels: Mapping[str, Draws], points: Mapping[str, Mapping[in
 def _torque_errors(table: Table, errors: Array) -> Figure:
     joints, columns = errors.shape[-1], [int(column) for column in table.columns]
     rows = -(-joints // 3)
-    figure = Figure(figsize=(WIDTH, 2.3 * rows + 0.3), dpi=DOTS, layout="constrained")
+    figure = sheet(2.3 * rows + 0.3)
     for j, axes in enumerate(np.ravel(figure.subplots(rows, 3, sharex=True, sharey=True))):
         numbers = np.array([float(text) for text in table.rows[f"joint{j + 1}"].split()])
         _bands(axes, np.arange(float(errors.shape[1])), np.maximum(errors[..., j], LEAST), joint_color(j))
@@ -123,7 +123,7 @@ def _torque_errors(table: Table, errors: Array) -> Figure:
 
 
 def _torques(joint: int, motion: StatedMotion, curves: Mapping[str, Array]) -> Figure:
-    figure = Figure(figsize=(WIDTH, 3.6), dpi=DOTS, layout="constrained")
+    figure = sheet(3.6)
     axes = figure.subplots()
     styles: Sequence[tuple[Color, float, object]] = (
         (INK, 3.2, "-"),
@@ -141,7 +141,7 @@ def _torques(joint: int, motion: StatedMotion, curves: Mapping[str, Array]) -> F
 
 
 def _two_parameters(c: float, real: Array, essential: Array, independent: Array) -> Figure:
-    figure = Figure(figsize=(WIDTH, 4.0), dpi=DOTS, layout="constrained")
+    figure = sheet(4.0)
     axes = figure.subplots()
     reach = 1.35 * float(np.abs(independent).max())
     lines = (((1.0, c), 1.0, "essential space", run_color(0)), ((-c, 1.0), 0.5, "null space", MUTED))

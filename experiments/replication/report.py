@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from adaptctl.experiments.replication.printed import printed
-from adaptctl.experiments.replication.verdict import Check, Item, Verdict
+from adaptctl.experiments.replication.result import Replication
+from adaptctl.experiments.replication.verdict import Check, Verdict
+from adaptctl.experiments.replication.wording import INCOMPLETE, facts, headline
 from adaptctl.files import write_text
 from adaptctl.recording.page import embedded, rendered
-
-if TYPE_CHECKING:
-    from adaptctl.experiments.replication.result import Replication
 
 STYLES = {
     Verdict.GIVEN: "given",
@@ -37,18 +36,17 @@ def write_report(path: str | Path, replication: Replication, figures: Mapping[st
 
 def report(replication: Replication, figures: Mapping[str, Path]) -> str:
     """The page's HTML."""
-    from adaptctl.experiments.replication.result import INCOMPLETE
-
     drawings = [drawing for item in replication.items for drawing in item.drawings]
     return rendered(
         "replication.html",
         __package__ or "",
         replication=replication,
+        headline=headline(replication),
         incomplete=INCOMPLETE,
-        facts=list(replication.facts()),
+        facts=list(facts(replication)),
         items=replication.items,
         grids={item.name: grid(item.name, item.checks) for item in replication.items},
-        labels={item.name: label(item) for item in replication.items},
+        labels={item.name: item.label for item in replication.items},
         styles=STYLES,
         verdicts=[(verdict.value, STYLES[verdict], MEANINGS[verdict]) for verdict in Verdict],
         figures=embedded(drawings, figures),
@@ -65,14 +63,6 @@ MEANINGS = {
     Verdict.ERRATUM: "wrong, with a proof by numbers",
     Verdict.NOT_REPRODUCED: "outside of everything that was computed, and not shown to be wrong",
 }
-
-
-def label(item: Item) -> str:
-    """``Table 7``."""
-    for kind in ("table", "figure", "section"):
-        if item.name.startswith(kind):
-            return f"{kind.capitalize()} {item.name.removeprefix(kind)}"
-    return item.name.capitalize()
 
 
 def grid(name: str, checks: Sequence[Check]) -> Grid:

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from adaptctl.experiments.replication.result import Replication
 from adaptctl.experiments.replication.verdict import Check, Claim, Item, Verdict
 from adaptctl.files import write_json
-
-if TYPE_CHECKING:
-    from adaptctl.experiments.replication.result import Replication
 
 SCHEMA = "adaptctl/replication/1"
 

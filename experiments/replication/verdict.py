@@ -139,6 +139,14 @@ class Item:
     scene: Scene | None = None
     """an arm in motion, for the recording"""
 
+    @property
+    def label(self) -> str:
+        """Name as the text has it: ``Table 7``."""
+        for kind in ("table", "figure", "section"):
+            if self.name.startswith(kind):
+                return f"{kind.capitalize()} {self.name.removeprefix(kind)}"
+        return self.name.capitalize()
+
     def count(self, *verdicts: Verdict) -> int:
         """How many printed entries have one of these verdicts."""
         return sum(check.verdict in verdicts for check in self.checks)

@@ -14,8 +14,9 @@ from adaptctl.dynamics import Mechanism, equation_costs, load
 from adaptctl.dynamics.inverse_kinematics import Tip
 from adaptctl.errors import InputError
 from adaptctl.experiments.contest import Contender, Outcome, contest
-from adaptctl.experiments.experiment import ClosedLoopExperiment, Progress, setting, settings, text
+from adaptctl.experiments.experiment import ClosedLoopExperiment, setting, settings, text
 from adaptctl.experiments.learning import ADAPTATION_OFF, ADAPTIVE, FULL, numbers
+from adaptctl.experiments.serial_versus_graph.artifacts import shown
 from adaptctl.experiments.serial_versus_graph.result import OperationCounts, Side, SideBySide
 from adaptctl.identifiability import (
     EssentialSpace,
@@ -24,7 +25,7 @@ from adaptctl.identifiability import (
     essential_space,
     fundamental_basis,
 )
-from adaptctl.recording import Comparison, Setting
+from adaptctl.recording import Comparison, Progress, Result, Setting
 
 if TYPE_CHECKING:
     import gymnasium
@@ -119,8 +120,12 @@ class SerialVersusGraph(ClosedLoopExperiment):
             start_time=self.start_time,
         )
 
+    def run(self, progress: Progress) -> Result:
+        """Result of the arms side by side."""
+        return shown(self.compare(progress))
+
     def compare(self, progress: Progress) -> SideBySide:
-        """One arm after the other. Interrupted, those that were begun."""
+        """Runs of one arm after the other; of those that were begun when it is interrupted."""
         sides: list[Side] = []
         complete = True
         for arm in ARMS:

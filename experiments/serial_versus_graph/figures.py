@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from adaptctl.experiments.serial_versus_graph.result import Side, SideBySide
 from adaptctl.recording.comparison import ControllerRun
-from adaptctl.recording.drawing import DOTS, WIDTH, Drawing
+from adaptctl.recording.drawing import Drawing, sheet
 from adaptctl.recording.palette import GOAL, RUNS, Color
 from adaptctl.recording.series import thinned
 
@@ -51,7 +51,7 @@ def drawings(result: SideBySide) -> Iterator[Drawing]:
 
 def operations(result: SideBySide) -> Figure:
     """Bars of the regressor and of the adaptive tick, reduced and full."""
-    figure = Figure(figsize=(WIDTH, 2.7), dpi=DOTS, layout="constrained")
+    figure = sheet(2.7)
     panels = figure.subplots(1, 2)
     for axes, title, counts in zip(
         panels, ("Slotine-Li regressor", "Adaptive tick"), (_regressors(result), _ticks(result)), strict=True
@@ -71,7 +71,7 @@ def operations(result: SideBySide) -> Figure:
 
 def tip_path(result: SideBySide) -> Figure:
     """The tips' paths in three views."""
-    figure = Figure(figsize=(WIDTH, 3.4), dpi=DOTS, layout="constrained")
+    figure = sheet(3.4)
     for axes, (across, up, view) in zip(figure.subplots(1, 3), VIEWS, strict=True):
         for i, side in enumerate(result.sides):
             tip = side.tips[side.comparison.subject.name]
@@ -88,7 +88,7 @@ def tip_path(result: SideBySide) -> Figure:
 
 def tip_error(result: SideBySide) -> Figure:
     """Both arms' tip errors over time."""
-    figure = Figure(figsize=(WIDTH, 3.6), dpi=DOTS, layout="constrained")
+    figure = sheet(3.6)
     axes = figure.subplots()
     for i, side in enumerate(result.sides):
         for run, label, width, line in _shown(side):
@@ -105,7 +105,7 @@ def tip_error(result: SideBySide) -> Figure:
 
 def lyapunov(result: SideBySide) -> Figure:
     """V over V(0) of the adaptive runs."""
-    figure = Figure(figsize=(WIDTH, 2.6), dpi=DOTS, layout="constrained")
+    figure = sheet(2.6)
     axes = figure.subplots()
     for i, side in enumerate(result.sides):
         run = side.comparison.subject

@@ -1,10 +1,9 @@
-"""What an experiment with several arms on one task hands over."""
+"""Data of several arms on one task: each one's runs, and the paths of its tip."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -90,22 +89,3 @@ class SideBySide:
     def __post_init__(self) -> None:
         if not self.sides:
             raise InputError(f"{self.experiment}: nothing was run, so there is nothing to show")
-
-    def headline(self) -> str:
-        """The outcome in a sentence or two."""
-        from adaptctl.experiments.serial_versus_graph.wording import verdict
-        from adaptctl.recording.wording import INCOMPLETE
-
-        return verdict(self) if self.complete else f"{INCOMPLETE}\n{verdict(self)}"
-
-    def facts(self) -> Iterator[tuple[str, str]]:
-        """What a person asks first, and the answers."""
-        from adaptctl.experiments.serial_versus_graph.wording import facts
-
-        return facts(self)
-
-    def write(self, folder: Path, progress: Callable[[str, float], object]) -> None:
-        """Write recording, summary, traces, figures and report into a folder that is ready."""
-        from adaptctl.experiments.serial_versus_graph.artifacts import write_artifacts
-
-        write_artifacts(folder, self, progress)
