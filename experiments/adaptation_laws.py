@@ -29,17 +29,17 @@ from adaptctl.control import (
     Projection,
     SigmaModification,
     Sinusoids,
-    SlotineLi,
 )
 from adaptctl.control.adaptation.natural import pseudos
 from adaptctl.control.controller import leaves
 from adaptctl.dynamics import Mechanism
+from adaptctl.envs.torque_limits import finite_torque_limits
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.experiments.contest import Contender, Outcome
 from adaptctl.experiments.experiment import setting
 from adaptctl.experiments.learning import ADAPTATION_OFF, Found, Learning, numbers
 from adaptctl.experiments.parameter_errors import SAMPLES, ParameterErrors, parameter_errors
-from adaptctl.experiments.rough_model import deviations, scaled_links
+from adaptctl.experiments.rough_start import RoughStart
 from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
 from adaptctl.recording import ControllerRun, Finding, Setting
 
@@ -80,7 +80,7 @@ EULER = "gradient-euler"
 
 
 @dataclass(frozen=True)
-class AdaptationLaws(Learning):
+class AdaptationLaws(RoughStart, Learning):
     """All laws from one rough model, on one reference and one seed.
 
     Slotine and Li's control law with every adaptation law in turn; then the other control laws, those that
@@ -170,7 +170,7 @@ class AdaptationLaws(Learning):
 
     def motors(self, mechanism: Mechanism) -> Array:
         """The most that the joints' motors give (r,), N m."""
-        return self._limits(mechanism)
+        return finite_torque_limits(mechanism)
 
     def effects(self) -> Iterator[Effect]:
         """What the plant has besides: the noise asked for."""
@@ -203,18 +203,6 @@ class AdaptationLaws(Learning):
             )
         return reference
 
-    def gains(self, mechanism: Mechanism) -> Gains:
-        """Lambda as set, K from typical inertia."""
-        return Gains.from_bandwidth(mechanism, self.bandwidth, self.ratio)
-
-    def adaptation(self, model: ReducedModel) -> Array:
-        """Gamma from how far off the rough model may be."""
-        return self.rate * self._deviations(model) ** 2
-
-    def adaptation_setting(self, mechanism: Mechanism) -> str:
-        """Gamma in words."""
-        return f"{self.rate:g} × (deviation)², {100 * self.parameter_error:.0f} % of each link's and drive's size"
-
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
         """The frequencies; phases follow from the seed."""
         if self.motion == EXCITING:
@@ -226,35 +214,28 @@ class AdaptationLaws(Learning):
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
         """Who drives, in order; the first is the subject."""
         model, full = ReducedModel(mechanism, basis), ReducedModel.full(mechanism)
-        gains, rough = self.gains(mechanism), self._rough(mechanism)
+        gains, first = self.gains(mechanism), self.first(model)
         knows = f"links within {100 * self.parameter_error:.0f} %"
-
-        first = model.regrouping @ rough
-
-        def slotine_li(law: AdaptationLaw[Any] | None) -> SlotineLi:
-            return SlotineLi(model, gains.bandwidth, gains.damping, law, first, self.control_period)
-
         adaptation, control = self._laws(model, first), self._control_laws(model, gains, first)
 
         def contender(name: str) -> Contender:
             if name == "natural":
-                law, start = self._natural(mechanism)
-                natural = SlotineLi(full, gains.bandwidth, gains.damping, law, start, self.control_period)
+                natural = self.slotine_li(full, *self._natural(mechanism))
                 return Contender(name, "Natural, full parameters", knows, natural)
             if name in adaptation:
-                return Contender(name, adaptation[name][0], knows, slotine_li(adaptation[name][1]))
+                return Contender(name, adaptation[name][0], knows, self.slotine_li(model, adaptation[name][1], first))
             return Contender(name, control[name][0], knows, control[name][1])
 
-        off = Contender(ADAPTATION_OFF, "Adaptation off", knows, slotine_li(None))
+        off = Contender(ADAPTATION_OFF, "Adaptation off", knows, self.slotine_li(model, None, first))
         return [*map(contender, self.laws), off]
 
     def _natural(self, mechanism: Mechanism) -> tuple[Natural, Array]:
         """Natural adaptation with the gain that the others have at the rough model, and where it starts."""
-        return Natural(self.rate * self.parameter_error**2), self._rough(mechanism)
+        return Natural(self.rate * self.parameter_error**2), self.rough(mechanism)
 
     def _laws(self, model: ReducedModel, first: Array) -> dict[str, tuple[str, AdaptationLaw[Any]]]:
         """Adaptation laws on the reduced model, by name, with what to call them."""
-        gain, weight = self.adaptation(model), self.prediction / self._limits(model.mechanism) ** 2
+        gain, weight = self.adaptation(model), self.prediction / finite_torque_limits(model.mechanism) ** 2
         return {
             "composite": ("Composite", Composite(gain, weight, self.cutoff)),
             "gradient": ("Gradient", Gradient(gain)),
@@ -272,7 +253,7 @@ class AdaptationLaws(Learning):
 
     def _projected(self, model: ReducedModel, gain: Array, first: Array) -> Projection[Any]:
         """The gradient, within some deviations of the rough model."""
-        reach = BOUNDS * self._deviations(model)
+        reach = BOUNDS * self.deviations(model)
         return Projection(Gradient(gain), first - reach, first + reach)
 
     def _control_laws(self, model: ReducedModel, gains: Gains, first: Array) -> dict[str, tuple[str, Controller[Any]]]:
@@ -337,17 +318,6 @@ class AdaptationLaws(Learning):
         mechanism = outcome.mechanism
         points = self.reference(mechanism)(np.linspace(0.0, self.duration, SAMPLES))
         return ParameterErrors.along(ReducedModel(mechanism, basis), points.p, points.v, points.a)
-
-    def _rough(self, mechanism: Mechanism) -> Array:
-        return scaled_links(mechanism, self.parameter_error, self.seed)
-
-    def _deviations(self, model: ReducedModel) -> Array:
-        return deviations(model, self._rough(model.mechanism), self.parameter_error)
-
-    def _limits(self, mechanism: Mechanism) -> Array:
-        from adaptctl.envs.torque_limits import finite_torque_limits
-
-        return finite_torque_limits(mechanism)
 
 
 @lru_cache(maxsize=4)

@@ -93,9 +93,9 @@ class FrictionInJoints(OnRealPlant):
         bare = ReducedModel(smooth, fundamental_basis(essential_space(smooth, seed=self.seed)))
         bandwidth, knows = self.gains(mechanism).bandwidth, f"links within {100 * self.parameter_error:.0f} %"
         return [
-            Contender(ADAPTIVE, f"{len(model.columns)} parameters, with friction", knows, self.slotine_li(model)),
-            Contender(ADAPTATION_OFF, "Adaptation off", knows, self.slotine_li(model, adapting=False)),
-            Contender(NO_COLUMNS, f"{len(bare.columns)} parameters, no friction", knows, self.slotine_li(bare)),
+            Contender(ADAPTIVE, f"{len(model.columns)} parameters, with friction", knows, self.from_rough(model)),
+            Contender(ADAPTATION_OFF, "Adaptation off", knows, self.from_rough(model, adapting=False)),
+            Contender(NO_COLUMNS, f"{len(bare.columns)} parameters, no friction", knows, self.from_rough(bare)),
             Contender(
                 "computed-torque",
                 "Computed torque, true drives",

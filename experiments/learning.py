@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.control import ComputedTorque, Gains, SlotineLi, mapped_gain
+from adaptctl.control import AdaptationLaw, ComputedTorque, Gains, SlotineLi, mapped_gain
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.experiments.contest import Contender, Outcome, contest
 from adaptctl.experiments.experiment import ClosedLoopExperiment, setting, settings, text
@@ -136,15 +136,12 @@ class Learning(ClosedLoopExperiment):
         true = np.asarray(mechanism.inertial_parameters)
         wrong = f"{100 * self.parameter_error:.0f} % off"
 
-        def slotine_li(on: ReducedModel, adaptation: Array | None) -> SlotineLi:
-            return SlotineLi(on, gains.bandwidth, gains.damping, adaptation, period=self.control_period)
-
         def computed_torque(parameters: Array) -> ComputedTorque:
             return ComputedTorque(mechanism, gains.bandwidth, parameters=parameters)
 
         return [
-            Contender(ADAPTIVE, f"Slotine-Li, {k} parameters", "nothing", slotine_li(model, gain)),
-            Contender(ADAPTATION_OFF, "Slotine-Li, adaptation off", "nothing", slotine_li(model, None)),
+            Contender(ADAPTIVE, f"Slotine-Li, {k} parameters", "nothing", self.slotine_li(model, gain)),
+            Contender(ADAPTATION_OFF, "Slotine-Li, adaptation off", "nothing", self.slotine_li(model)),
             Contender("computed-torque", "Computed torque, true model", "everything", computed_torque(true)),
             Contender(
                 "computed-torque-wrong",
@@ -153,14 +150,21 @@ class Learning(ClosedLoopExperiment):
                 computed_torque(scaled_links(mechanism, self.parameter_error, self.seed)),
             ),
             Contender("computed-torque-none", "Computed torque, no model", "nothing", computed_torque(0.0 * true)),
-            Contender(FULL, f"Slotine-Li, all {everything} parameters", "nothing", slotine_li(full, full_gain)),
+            Contender(FULL, f"Slotine-Li, all {everything} parameters", "nothing", self.slotine_li(full, full_gain)),
             Contender(
                 MAPPED,
                 f"Slotine-Li, {k} parameters, Γ mapped",
                 "nothing",
-                slotine_li(model, mapped_gain(model, full_gain)),
+                self.slotine_li(model, mapped_gain(model, full_gain)),
             ),
         ]
+
+    def slotine_li(
+        self, model: ReducedModel, adaptation: AdaptationLaw[Any] | Array | None = None, first: Array | None = None
+    ) -> SlotineLi:
+        """Slotine and Li's law with this experiment's gains, on a model; by default from zero, and not adapting."""
+        gains = self.gains(model.mechanism)
+        return SlotineLi(model, gains.bandwidth, gains.damping, adaptation, first, self.control_period)
 
     def _settings(self, mechanism: Mechanism, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
         gains = self.gains(mechanism)

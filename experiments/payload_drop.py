@@ -134,7 +134,7 @@ class PayloadDrop(AdaptationLaws):
     def _natural(self, mechanism: Mechanism) -> tuple[Natural, Array]:
         """From half a payload on the last link, whose rate gives it the gain there that the other laws have."""
         last = len(mechanism.description.bodies) - 1
-        rough, law = self._rough(mechanism), super()._natural(mechanism)[0]
+        rough, law = self.rough(mechanism), super()._natural(mechanism)[0]
         first = self._body(0.5).added_to(rough, last)
         rates = np.full(len(first) - 9 * (last + 1), float(law.rate))
         off = np.hypot(self.parameter_error * rough[10 * last], self.payload)
@@ -148,8 +148,8 @@ class PayloadDrop(AdaptationLaws):
         mass = share * self.payload
         return Payload(mass, np.array([0.0, 0.0, self.lever]), mass * self.size**2 / 6.0 * np.eye(3))
 
-    def _deviations(self, model: ReducedModel) -> Array:
+    def deviations(self, model: ReducedModel) -> Array:
         """How far off the rough model may be, a payload like this on the last link included."""
         nothing = np.zeros(len(model.mechanism.parameter_names))
         loaded = self._body().added_to(nothing, len(model.mechanism.description.bodies) - 1)
-        return np.hypot(super()._deviations(model), deviations(model, loaded, 1.0))
+        return np.hypot(super().deviations(model), deviations(model, loaded, 1.0))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.control import SlotineLi, Subspace
+from adaptctl.control import Subspace
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.experiments.contest import Contender, Outcome
@@ -68,11 +68,7 @@ class ReducedModelTracking(Puma560Adaptive):
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
         """Adapting controllers by falling s, then fixed ones, then one that knows nothing."""
         model, reduction, space_basis = ReducedModel(mechanism, basis), *self._reduction(mechanism)
-        gains = self.gains(mechanism)
         self._require_counts(mechanism, model, len(reduction.weights))
-
-        def slotine_li(law: Subspace | None, first: Array) -> SlotineLi:
-            return SlotineLi(model, gains.bandwidth, gains.damping, law, first, self.control_period)
 
         nothing = np.zeros(len(model.columns))
         directions = model.regrouping @ space_basis[:, reduction.order]
@@ -80,11 +76,11 @@ class ReducedModelTracking(Puma560Adaptive):
         found = []
         for s in self.components:
             law = Subspace(gain[:s], directions[:, :s])
-            found.append(Contender(f"{ADAPTIVE}-{s}", f"Adapting {s}", "nothing", slotine_li(law, nothing)))
+            found.append(Contender(f"{ADAPTIVE}-{s}", f"Adapting {s}", "nothing", self.slotine_li(model, law, nothing)))
         for s in self.components:
             first = model.regrouping @ reduction.parameters(s)
-            found.append(Contender(f"{FIXED}-{s}", f"True {s}", f"{s} components", slotine_li(None, first)))
-        return [*found, Contender(ADAPTATION_OFF, "Adaptation off", "nothing", slotine_li(None, nothing))]
+            found.append(Contender(f"{FIXED}-{s}", f"True {s}", f"{s} components", self.slotine_li(model, None, first)))
+        return [*found, Contender(ADAPTATION_OFF, "Adaptation off", "nothing", self.slotine_li(model, None, nothing))]
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
         """The energy errors, as in Table 3, and the tracking errors of each s."""

@@ -78,7 +78,7 @@ class Saturation(OnRealPlant):
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
         """Who drives, in order; the first is the subject."""
         model = ReducedModel(mechanism, basis)
-        law, off = self.slotine_li(model), self.slotine_li(model, adapting=False)
+        law, off = self.from_rough(model), self.from_rough(model, adapting=False)
         limits, knows = self.torque_limits(mechanism), f"links within {100 * self.parameter_error:.0f} %"
         return [
             Contender(ADAPTIVE, "Frozen while saturated", knows, Guarded(law, limits, self.rate_limit)),

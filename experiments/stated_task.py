@@ -12,7 +12,7 @@ from adaptctl.arrays import Array
 from adaptctl.control import Gains, Sinusoids
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
-from adaptctl.experiments.experiment import setting
+from adaptctl.experiments.experiment import require_count, setting
 from adaptctl.experiments.learning import Learning
 from adaptctl.experiments.ranged_gain import RangedGain
 from adaptctl.recording import Setting
@@ -42,9 +42,7 @@ class StatedTask(RangedGain, Learning):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("damping", "center", "amplitude", "frequency"):
-            if (count := len(getattr(self, name))) != self.joints:
-                raise InputError(f"{name}: expected {self.joints} numbers, one a joint, got {count}")
+        require_count(self, ("damping", "center", "amplitude", "frequency"), self.joints, "one a joint")
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
         """The arm's tracking environment on this experiment's reference."""

@@ -13,10 +13,6 @@ from adaptctl.arrays import Array
 from adaptctl.control import (
     Composite,
     ComputedTorque,
-    Gains,
-    Sinusoids,
-    SlotineLi,
-    Spline,
     TaskSpaceSlotineLi,
 )
 from adaptctl.dynamics import Mechanism
@@ -24,10 +20,9 @@ from adaptctl.dynamics.inverse_kinematics import Tip
 from adaptctl.envs.torque_limits import finite_torque_limits
 from adaptctl.errors import InputError
 from adaptctl.experiments.contest import Contender, Outcome
-from adaptctl.experiments.experiment import setting
+from adaptctl.experiments.experiment import require_count, setting
 from adaptctl.experiments.learning import ADAPTATION_OFF, Found, Learning
-from adaptctl.experiments.ranged_gain import RangedGain
-from adaptctl.experiments.serial_versus_graph.experiment import AHEAD, ARMS, KNOT, ArmWithTip
+from adaptctl.experiments.tip_path import ARMS, ArmWithTip, TipPath
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
 from adaptctl.recording import ControllerRun, Finding, Setting
 
@@ -43,7 +38,7 @@ SAMPLES = 600
 
 
 @dataclass(frozen=True)
-class TaskSpaceTracking(RangedGain, Learning):
+class TaskSpaceTracking(TipPath, Learning):
     """The tool of an arm of three freedoms on a path in the world, from estimates of zero.
 
     Task-space Slotine-Li, with the gradient, with composite adaptation, and with a damped Jacobian; against
@@ -71,9 +66,7 @@ class TaskSpaceTracking(RangedGain, Learning):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("center", "amplitude", "frequency", "phase"):
-            if (count := len(getattr(self, name))) != 3:
-                raise InputError(f"{name}: expected 3 numbers, x, y and z, got {count}")
+        require_count(self, ("center", "amplitude", "frequency", "phase"), 3, "x, y and z")
 
     @property
     def purpose(self) -> str:
@@ -92,22 +85,11 @@ class TaskSpaceTracking(RangedGain, Learning):
         return gymnasium.make(
             "adaptctl.envs:adaptctl/Tracking-v0",
             robot=mechanism,
-            reference=self.reference(mechanism),
+            reference=self.in_joints(self.tip(mechanism), self.arm),
             duration=self.duration,
             control_period=self.control_period,
             initial_error=self.initial_error,
         )
-
-    @property
-    def path(self) -> Sinusoids:
-        """Where the tool should be, in the world, m."""
-        center, amplitude, frequency = np.array(self.center), np.array(self.amplitude), np.array(self.frequency)
-        return Sinusoids(center, amplitude, frequency, np.array(self.phase))
-
-    def reference(self, mechanism: Mechanism) -> Spline:
-        """The path in joints."""
-        times = np.arange(0.0, self.duration + AHEAD + KNOT, KNOT)
-        return Spline(self.tip(mechanism).joints(self.path(times).p, np.array(self.arm.start)), times)
 
     @property
     def arm(self) -> ArmWithTip:
@@ -119,18 +101,11 @@ class TaskSpaceTracking(RangedGain, Learning):
 
     def tip(self, mechanism: Mechanism) -> Tip:
         """The tool."""
-        return Tip(mechanism, self.arm.link, np.array(self.arm.tip))
-
-    def gains(self, mechanism: Mechanism) -> Gains:
-        """Lambda as set, K from typical inertia."""
-        return Gains.from_bandwidth(mechanism, self.bandwidth, self.stiffness)
+        return self.arm.on(mechanism)
 
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
         """The path, and how it becomes joints."""
-        yield Setting(
-            "path", "x(t) = centre + fade(t) · amplitude · sin(2π · frequency · t + phase)", "of the tool, in the world"
-        )
-        yield Setting("reference", f"spline of degree 5, knots every {KNOT:g} s", "in joints, by inverse kinematics")
+        yield from self.path_settings("tool")
         yield Setting("tool", " ".join(f"{x:g}" for x in self.arm.tip), f"m, in the frame of {self.arm.link}")
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
@@ -152,14 +127,13 @@ class TaskSpaceTracking(RangedGain, Learning):
                 reference_in_joints=True,
             )
 
-        joints = SlotineLi(model, gains.bandwidth, gains.damping, gain, period=self.control_period)
         true = ComputedTorque(mechanism, gains.bandwidth)
         return [
             Contender("task-space", "Task space, gradient", "nothing", task_space(gain)),
             Contender(ADAPTATION_OFF, "Task space, adaptation off", "nothing", task_space(None)),
             Contender("task-space-composite", "Task space, composite", "nothing", task_space(composite)),
             Contender("task-space-damped", "Task space, damped", "nothing", task_space(gain, self.singularity)),
-            Contender("joint-space", "Joints, gradient", "nothing", joints),
+            Contender("joint-space", "Joints, gradient", "nothing", self.slotine_li(model, gain)),
             Contender("computed-torque", "Computed torque, true model", "everything", true),
         ]
 

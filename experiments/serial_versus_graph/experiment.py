@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from adaptctl.control import Gains, PriorRanges, Sinusoids, SlotineLi, Spline, adaptation_gain
+from adaptctl.control import SlotineLi
 from adaptctl.dynamics import Mechanism, equation_costs, load
 from adaptctl.dynamics.inverse_kinematics import Tip
-from adaptctl.errors import InputError
 from adaptctl.experiments.contest import Contender, Outcome, contest
-from adaptctl.experiments.experiment import ClosedLoopExperiment, setting, settings, text
+from adaptctl.experiments.experiment import ClosedLoopExperiment, require_count, setting, settings, text
 from adaptctl.experiments.learning import ADAPTATION_OFF, ADAPTIVE, FULL, numbers
 from adaptctl.experiments.serial_versus_graph.artifacts import shown
 from adaptctl.experiments.serial_versus_graph.result import OperationCounts, Side, SideBySide
+from adaptctl.experiments.tip_path import ARMS, ArmWithTip, TipPath
 from adaptctl.identifiability import (
     EssentialSpace,
     FundamentalBasis,
@@ -30,38 +30,9 @@ from adaptctl.recording import Comparison, Progress, Result, Setting
 if TYPE_CHECKING:
     import gymnasium
 
-KNOT = 0.02
-"""s between the samples that inverse kinematics turns into joints"""
-AHEAD = 1.0
-"""s beyond the end that a reference is asked for"""
-
 
 @dataclass(frozen=True)
-class ArmWithTip:
-    """One of the two, the point that is its tip, and where inverse kinematics starts."""
-
-    name: str
-    label: str
-    robot: str
-    link: str
-    tip: tuple[float, float, float]
-    """m, in that link's frame"""
-    start: tuple[float, float, float]
-    """rad, on the branch that is meant: elbow up, forearm ahead"""
-    printed_rank: int
-    """Table 13 of the paper"""
-
-
-ARMS = (
-    # The forearm to the flange, with the wrist held straight: d4 + d6 of the PUMA 560, along link 3's z axis.
-    ArmWithTip("serial", "Three-joint PUMA", "puma560_arm3", "link3", (0.0, 0.0, 0.48935), (0.0, -1.5, 3.0), 16),
-    # The forearm's end: 0.5 m past the elbow, which is 0.41 m from its frame.
-    ArmWithTip("graph", "Five-bar", "semi_direct_drive", "link5", (0.91, 0.0, 0.0), (0.0, -1.5, -3.1), 26),
-)
-
-
-@dataclass(frozen=True)
-class SerialVersusGraph(ClosedLoopExperiment):
+class SerialVersusGraph(TipPath, ClosedLoopExperiment):
     """The three-joint PUMA and the semi-direct-drive arm: parameters, operations and tracking on one path in space.
 
     Both tips follow one path, turned into joints by inverse kinematics, and start off it by the same way. Both are
@@ -95,9 +66,7 @@ class SerialVersusGraph(ClosedLoopExperiment):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("center", "amplitude", "frequency", "phase", "start_off"):
-            if (count := len(getattr(self, name))) != 3:
-                raise InputError(f"{name}: expected 3 numbers, x, y and z, got {count}")
+        require_count(self, ("center", "amplitude", "frequency", "phase", "start_off"), 3, "x, y and z")
 
     @property
     def purpose(self) -> str:
@@ -107,17 +76,6 @@ class SerialVersusGraph(ClosedLoopExperiment):
             "three joints, and the semi-direct-drive arm, whose forearm follows through a closed loop. How much does "
             "the loop cost? Both tips follow one path in space, and both controllers start knowing nothing, by the "
             "same distance off it. The PUMA's wrist is held straight, its tip is the flange."
-        )
-
-    @property
-    def path(self) -> Sinusoids:
-        """Where both tips should be, in the world, m."""
-        return Sinusoids(
-            np.array(self.center),
-            np.array(self.amplitude),
-            np.array(self.frequency),
-            np.array(self.phase),
-            start_time=self.start_time,
         )
 
     def run(self, progress: Progress) -> Result:
@@ -152,7 +110,7 @@ class SerialVersusGraph(ClosedLoopExperiment):
         """One arm's offline stage and runs."""
         progress("independent parameters from energies", 0.0)
         mechanism = load(arm.robot)
-        tip = Tip(mechanism, arm.link, np.array(arm.tip))
+        tip = arm.on(mechanism)
         space = essential_space(mechanism, seed=self.seed)
         basis = fundamental_basis(space)
         env = self._environment(tip, arm)
@@ -172,19 +130,10 @@ class SerialVersusGraph(ClosedLoopExperiment):
             printed_rank=arm.printed_rank,
         )
 
-    def reference(self, tip: Tip, arm: ArmWithTip) -> Spline:
-        """The path in joints."""
-        times = np.arange(0.0, self.duration + AHEAD + KNOT, KNOT)
-        return Spline(tip.joints(self.path(times).p, np.array(arm.start)), times)
-
-    def gains(self, mechanism: Mechanism) -> Gains:
-        """Lambda as set, K by one rule for both."""
-        return Gains.from_bandwidth(mechanism, self.bandwidth, self.stiffness)
-
     def _environment(self, tip: Tip, arm: ArmWithTip) -> gymnasium.Env[Any, Any]:
         import gymnasium
 
-        reference = self.reference(tip, arm)
+        reference = self.in_joints(tip, arm)
         first = reference(0.0).p
         off = tip.joints(tip.at(first) + np.array(self.start_off), first) - first
         return gymnasium.make(
@@ -199,10 +148,9 @@ class SerialVersusGraph(ClosedLoopExperiment):
     def _contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
         """Learning on the independent parameters first; then the same with adaptation off, and on all."""
         model, full, gains = ReducedModel(mechanism, basis), ReducedModel.full(mechanism), self.gains(mechanism)
-        ranges = PriorRanges(self.mass_range, self.first_moment_range, self.inertia_range)
 
         def slotine_li(on: ReducedModel, adapts: bool = True) -> SlotineLi:
-            gain = adaptation_gain(on, ranges, self.rate) if adapts else None
+            gain = self.adaptation(on) if adapts else None
             return SlotineLi(on, gains.bandwidth, gains.damping, gain, period=self.control_period)
 
         k, everything = len(model.columns), len(full.columns)
@@ -241,10 +189,7 @@ class SerialVersusGraph(ClosedLoopExperiment):
             for own in side.comparison.settings:
                 yield Setting(f"{own.name}, {side.name}", own.value, own.meaning)
         yield Setting("first estimate", "0", "of every parameter")
-        yield Setting(
-            "path", "x(t) = centre + fade(t) · amplitude · sin(2π · frequency · t + phase)", "of the tip, in the world"
-        )
-        yield Setting("reference", f"spline of degree 5, knots every {KNOT:g} s", "in joints, by inverse kinematics")
+        yield from self.path_settings("tip")
         for entry in settings(self):
             yield Setting(
                 f"--{entry.name.replace('_', '-')}", text(getattr(self, entry.name)), entry.metadata["meaning"]
