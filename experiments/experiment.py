@@ -9,7 +9,7 @@ from dataclasses import Field, dataclass, field, fields
 from typing import Any, ClassVar
 
 from adaptctl.errors import InputError, NonFiniteError
-from adaptctl.recording import Progress, Result
+from adaptctl.recording import Progress, Result, Setting
 
 LONGEST = 300_000
 """control periods a run may have: all of them are kept in memory"""
@@ -67,6 +67,13 @@ def settings(experiment: Experiment | type[Experiment]) -> Iterator[Field[Any]]:
     """Fields that can be chosen, the experiment's own before those that all have."""
     common = {entry.name for entry in fields(ClosedLoopExperiment)}
     yield from sorted(fields(experiment), key=lambda entry: entry.name in common)
+
+
+def stated(experiment: Experiment) -> Iterator[Setting]:
+    """Settings of an experiment for the record, as flags of the command line."""
+    for entry in settings(experiment):
+        name = f"--{entry.name.replace('_', '-')}"
+        yield Setting(name, text(getattr(experiment, entry.name)), entry.metadata["meaning"])
 
 
 def text(value: object) -> str:

@@ -13,7 +13,7 @@ from adaptctl.arrays import Array
 from adaptctl.control import AdaptationLaw, ComputedTorque, Gains, SlotineLi, mapped_gain
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.experiments.contest import Contender, Outcome, contest
-from adaptctl.experiments.experiment import ClosedLoopExperiment, setting, settings, text
+from adaptctl.experiments.experiment import ClosedLoopExperiment, setting, stated
 from adaptctl.experiments.rough_model import scaled_links
 from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
 from adaptctl.recording import Comparison, ControllerRun, Finding, Progress, Result, Setting, shown, wording
@@ -173,9 +173,7 @@ class Learning(ClosedLoopExperiment):
         yield Setting("Γ", self.adaptation_setting(mechanism), "adaptation gain: rate × (prior range)²")
         yield Setting("first estimate", self.first_estimate, "of every parameter")
         yield from self.reference_settings(env)
-        for entry in settings(self):
-            name = entry.name.replace("_", "-")
-            yield Setting(f"--{name}", text(getattr(self, entry.name)), entry.metadata["meaning"])
+        yield from stated(self)
 
 
 class Found:

@@ -6,13 +6,13 @@ import time
 from dataclasses import dataclass
 from typing import ClassVar
 
-from adaptctl.experiments.experiment import Experiment, setting, settings, text
+from adaptctl.experiments.experiment import Experiment, setting, stated
 from adaptctl.experiments.replication.artifacts import shown
 from adaptctl.experiments.replication.items import ALL, ITEMS, chosen
 from adaptctl.experiments.replication.result import Replication
 from adaptctl.experiments.replication.study import Study
 from adaptctl.experiments.replication.verdict import Item
-from adaptctl.recording import Progress, Result, Setting
+from adaptctl.recording import Progress, Result
 
 STAGE = "Tables and figures"
 
@@ -67,10 +67,7 @@ class SheuWalker1991(Experiment):
             title=self.title,
             study=study,
             items=tuple(items),
-            settings=tuple(
-                Setting(f"--{entry.name.replace('_', '-')}", text(getattr(self, entry.name)), entry.metadata["meaning"])
-                for entry in settings(self)
-            ),
+            settings=tuple(stated(self)),
             seconds=time.perf_counter() - started,
             complete=len(items) == len(names),
         )

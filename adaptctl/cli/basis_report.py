@@ -1,4 +1,4 @@
-"""What `adaptctl basis` prints for a person to read."""
+"""Report of `adaptctl basis` for a person to read."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from rich import box
 from rich.console import Group, RenderableType
-from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from adaptctl.cli.output import titled
 from adaptctl.description import Link
 from adaptctl.dynamics import Mechanism
 from adaptctl.identifiability import EssentialSpace, FundamentalBasis, Reduction
@@ -36,11 +36,11 @@ def report(
 ) -> Iterator[RenderableType]:
     """The parts from top to bottom."""
     yield header(mechanism, space, basis)
-    yield _titled("Singular values of the energy differences (log scale)", spectrum(space))
-    yield _titled("Parameters that are enough", *grid(mechanism, basis, width))
-    yield _titled("How the others add to them (* is the regrouped parameter; SI units)", equations(basis))
+    yield titled("Singular values of the energy differences (log scale)", spectrum(space))
+    yield titled("Parameters that are enough", *grid(mechanism, basis, width))
+    yield titled("How the others add to them (* is the regrouped parameter; SI units)", equations(basis))
     if reduction is not None:
-        yield _titled("Model reduction", energy_error(reduction))
+        yield titled("Model reduction", energy_error(reduction))
 
 
 def header(mechanism: Mechanism, space: EssentialSpace, basis: FundamentalBasis) -> Group:
@@ -108,10 +108,6 @@ def energy_error(reduction: Reduction) -> Text:
         f"{reduction.percent_error:.3g} % (equation 23 of Sheu and Walker), over {reduction.states}, "
         "with this robot's parameters."
     )
-
-
-def _titled(title: str, *parts: RenderableType) -> Group:
-    return Group(Text(), Text(title, style="bold"), *(Padding(part, (0, 0, 0, 2), expand=False) for part in parts))
 
 
 def _bar(share: float) -> int:

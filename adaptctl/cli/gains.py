@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
+
+from adaptctl.cli.output import print_json, print_parts
 
 if TYPE_CHECKING:
     from adaptctl.control.gains.gain_design import GainDesign
@@ -46,7 +47,13 @@ def gains(
             design = by_poles(mechanism, poles, period=period, delay=delay)
         case "lqr":
             design = by_lqr(mechanism, *weights, period=period, delay=delay)
-    (_print_json if json else _print)(design.require_carried())
+    design.require_carried()
+    if json:
+        print_json(as_builtins(design))
+    else:
+        from adaptctl.cli.gains_report import report
+
+        print_parts(report(design))
 
 
 def as_builtins(design: GainDesign) -> dict[str, Any]:
@@ -87,20 +94,3 @@ def _finite(value: float) -> float | None:
     from math import isfinite
 
     return value if isfinite(value) else None
-
-
-def _print_json(design: GainDesign) -> None:
-    import json
-
-    json.dump(as_builtins(design), sys.stdout, indent=2, allow_nan=False)
-    sys.stdout.write("\n")
-
-
-def _print(design: GainDesign) -> None:
-    from rich.console import Console
-
-    from adaptctl.cli.gains_report import report
-
-    console = Console()
-    for part in report(design):
-        console.print(part)

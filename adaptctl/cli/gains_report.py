@@ -1,4 +1,4 @@
-"""What `adaptctl gains` prints for a person to read."""
+"""Report of `adaptctl gains` for a person to read."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from collections.abc import Iterator
 
 from rich import box
 from rich.console import Group, RenderableType
-from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from adaptctl.cli.output import titled
 from adaptctl.control.gains.gain_design import GainDesign
 
 METHODS = {"bandwidth": "from a bandwidth and a damping ratio", "poles": "by pole placement", "lqr": "by LQR"}
@@ -23,9 +23,9 @@ def report(design: GainDesign) -> Iterator[RenderableType]:
         (design.mechanism.name, "bold"),
         f": gains {METHODS[design.method]}, discretised for a control period of {design.period:g} s{late}",
     )
-    yield _titled("Gains (SI units; computed torque has ω and ζ, Slotine and Li's law Λ and K)", _gains(design))
-    yield _titled("Margins of each loop alone (inertia is the least there is, over the typical)", _margins(design))
-    yield _titled("All joints together", _together(design))
+    yield titled("Gains (SI units; computed torque has ω and ζ, Slotine and Li's law Λ and K)", _gains(design))
+    yield titled("Margins of each loop alone (inertia is the least there is, over the typical)", _margins(design))
+    yield titled("All joints together", _together(design))
 
 
 def _gains(design: GainDesign) -> Table:
@@ -73,10 +73,6 @@ def _room(design: GainDesign) -> str:
         f"The period carries poles {design.fastest:.3g} times as fast: the fastest at "
         f"{design.fastest * design.highest:.4g} 1/s instead of {design.highest:.4g}."
     )
-
-
-def _titled(title: str, part: RenderableType) -> Group:
-    return Group(Text(), Text(title, style="bold"), Padding(part, (0, 0, 0, 2), expand=False))
 
 
 def _table(first: str, *others: str) -> Table:

@@ -13,7 +13,7 @@ from adaptctl.control import SlotineLi
 from adaptctl.dynamics import Mechanism, equation_costs, load
 from adaptctl.dynamics.inverse_kinematics import Tip
 from adaptctl.experiments.contest import Contender, Outcome, contest
-from adaptctl.experiments.experiment import ClosedLoopExperiment, require_count, setting, settings, text
+from adaptctl.experiments.experiment import ClosedLoopExperiment, require_count, setting, stated
 from adaptctl.experiments.learning import ADAPTATION_OFF, ADAPTIVE, FULL, numbers
 from adaptctl.experiments.serial_versus_graph.artifacts import shown
 from adaptctl.experiments.serial_versus_graph.result import OperationCounts, Side, SideBySide
@@ -190,10 +190,7 @@ class SerialVersusGraph(TipPath, ClosedLoopExperiment):
                 yield Setting(f"{own.name}, {side.name}", own.value, own.meaning)
         yield Setting("first estimate", "0", "of every parameter")
         yield from self.path_settings("tip")
-        for entry in settings(self):
-            yield Setting(
-                f"--{entry.name.replace('_', '-')}", text(getattr(self, entry.name)), entry.metadata["meaning"]
-            )
+        yield from stated(self)
 
 
 def _told(progress: Progress, arm: str, what: str, share: float) -> None:
