@@ -48,7 +48,7 @@ def inserted(page: str, text: str, command: str = BENCH) -> str:
 
 
 def comparisons(found: Iterable[Finding]) -> str:
-    """How many times faster, with quartiles."""
+    """Table of the speed-ups, with quartiles."""
 
     def row(one: Speedup) -> Row:
         times = seconds(one.ours), seconds(one.theirs), _times(one.ratio)
@@ -59,7 +59,7 @@ def comparisons(found: Iterable[Finding]) -> str:
 
 
 def measurements(found: Iterable[Finding]) -> str:
-    """What stands for itself."""
+    """Table of the measurements."""
 
     def row(one: Measurement) -> Row:
         return one.what, _value(one.value, one.unit), _at_most(one)
@@ -68,7 +68,7 @@ def measurements(found: Iterable[Finding]) -> str:
 
 
 def agreements(found: Iterable[Finding]) -> str:
-    """What was compared before it was timed."""
+    """Table of the agreements that were checked before anything was timed."""
 
     def row(one: Agreement) -> Row:
         difference = f"{one.difference:.0e} {one.unit}".strip()
@@ -79,7 +79,7 @@ def agreements(found: Iterable[Finding]) -> str:
 
 
 def line(finding: Finding) -> str:
-    """For whoever watches."""
+    """Line about a finding for the screen."""
     if isinstance(finding, Agreement):
         return f"{finding.what} against {finding.against}: {finding.difference:.0e} {finding.unit}".rstrip()
     if isinstance(finding, Measurement):
@@ -91,7 +91,7 @@ def line(finding: Finding) -> str:
 
 
 def seconds(spread: Spread) -> str:
-    """A median time in a unit that suits it."""
+    """Text of a median time in a unit that suits it."""
     return _plain_value(spread.median, "s")
 
 

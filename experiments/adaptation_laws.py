@@ -1,4 +1,4 @@
-"""Every adaptation law, and every control law, on one scenario: an arm known roughly, a motion that excites it."""
+"""Comparison of all adaptation laws and control laws on an arm known roughly and a motion that excites it."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ EULER = "gradient-euler"
 
 @dataclass(frozen=True)
 class AdaptationLaws(RoughStart, Learning):
-    """All laws from one rough model, on one reference and one seed.
+    """Runs of all laws from one rough model, on one reference and one seed.
 
     Slotine and Li's control law with every adaptation law in turn; then the other control laws, those that
     adapt with the gradient.
@@ -136,7 +136,7 @@ class AdaptationLaws(RoughStart, Learning):
 
     @property
     def purpose(self) -> str:
-        """What is asked."""
+        """Question that the experiment answers, in a paragraph."""
         return (
             "An arm whose links are known within "
             f"{100 * self.parameter_error:.0f} % follows sums of sinusoids that excite it. {self.comparing}"
@@ -150,7 +150,7 @@ class AdaptationLaws(RoughStart, Learning):
     """How laws are compared, and in what."""
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """The tracking environment on the reference, with the effects."""
+        """Tracking environment on the reference, with the effects."""
         import gymnasium
 
         return gymnasium.make(
@@ -169,18 +169,18 @@ class AdaptationLaws(RoughStart, Learning):
     """rad or m: the error of a joint that ends a run"""
 
     def motors(self, mechanism: Mechanism) -> Array:
-        """The most that the joints' motors give (r,), N m."""
+        """Largest torques (r,) that the joints' motors give, N m."""
         return finite_torque_limits(mechanism)
 
     def effects(self) -> Iterator[Effect]:
-        """What the plant has besides: the noise asked for."""
+        """Effects of the plant: the noise asked for."""
         from adaptctl.simulation.effects import Encoder
 
         if self.velocity_noise:
             yield Encoder(velocity_noise=self.velocity_noise)
 
     def reference(self, mechanism: Mechanism) -> Sinusoids:
-        """Five sinusoids a joint about a bent posture, phases and exact frequencies by seed; or the most telling."""
+        """Five sinusoids a joint about a bent posture, phases and exact frequencies by seed; or the most exciting."""
         if self.motion == EXCITING:
             return most_exciting(mechanism, self.seed)
         if mechanism.dof > len(CENTER):
@@ -192,7 +192,7 @@ class AdaptationLaws(RoughStart, Learning):
         return Sinusoids(center, self.amplitude / np.sqrt(frequency / 0.2), frequency, phase)
 
     def followed(self, mechanism: Mechanism) -> Sinusoids:
-        """The reference, where the loops, if any, allow all of it."""
+        """Reference that the loops, if any, allow all of. Raises InputError where they do not."""
         reference = self.reference(mechanism)
         p = reference(np.linspace(0.0, self.duration, REACHES)).p
         apart = mechanism.continuation is not None and not mechanism.continuation.reachable(p).all()
@@ -204,7 +204,7 @@ class AdaptationLaws(RoughStart, Learning):
         return reference
 
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
-        """The frequencies; phases follow from the seed."""
+        """Settings that state the reference: its frequencies; phases follow from the seed."""
         if self.motion == EXCITING:
             yield Setting("reference", "Fourier series of five harmonics of 0.1 Hz a joint", "optimised for condition")
             return
@@ -212,7 +212,7 @@ class AdaptationLaws(RoughStart, Learning):
         yield Setting("reference frequencies", numbers(np.array(FREQUENCIES)), "Hz, ±20 % by joint and seed")
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Who drives, in order; the first is the subject."""
+        """Contenders in the order in which they drive; the first is the subject."""
         model, full = ReducedModel(mechanism, basis), ReducedModel.full(mechanism)
         gains, first = self.gains(mechanism), self.first(model)
         knows = f"links within {100 * self.parameter_error:.0f} %"
@@ -230,7 +230,7 @@ class AdaptationLaws(RoughStart, Learning):
         return [*map(contender, self.laws), off]
 
     def _natural(self, mechanism: Mechanism) -> tuple[Natural, Array]:
-        """Natural adaptation with the gain that the others have at the rough model, and where it starts."""
+        """Natural adaptation with the others' gain at the rough model, and its first estimate (P,)."""
         return Natural(self.rate * self.parameter_error**2), self.rough(mechanism)
 
     def _laws(self, model: ReducedModel, first: Array) -> dict[str, tuple[str, AdaptationLaw[Any]]]:
@@ -252,12 +252,12 @@ class AdaptationLaws(RoughStart, Learning):
         }
 
     def _projected(self, model: ReducedModel, gain: Array, first: Array) -> Projection[Any]:
-        """The gradient, within some deviations of the rough model."""
+        """Gradient law with estimates kept within some deviations of the rough model."""
         reach = BOUNDS * self.deviations(model)
         return Projection(Gradient(gain), first - reach, first + reach)
 
     def _control_laws(self, model: ReducedModel, gains: Gains, first: Array) -> dict[str, tuple[str, Controller[Any]]]:
-        """The other control laws, by name, with what to call them."""
+        """Control laws besides Slotine and Li's, by name, with what to call them."""
         gain, period = self.adaptation(model), self.control_period
         stiffness, resetting = (
             gains.bandwidth * gains.damping,
@@ -280,7 +280,7 @@ class AdaptationLaws(RoughStart, Learning):
         }
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Each law's parameter error at the end, and what its tick costs in Python."""
+        """Findings: each law's parameter error at the end, and the time of its tick in Python."""
         errors = self._errors(outcome, basis)
         contenders = {c.name: c for c in self.contenders(errors.model.mechanism, basis)}
         for run in outcome.runs:
@@ -294,14 +294,14 @@ class AdaptationLaws(RoughStart, Learning):
             yield Finding(f"tick_floats.{run.name}", 1e6 * cost, "us", f"{run.label}: a tick on Python floats")
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """The parameter errors."""
+        """Sentence with the parameter errors at the end."""
         off = found.of.get(f"parameter_error.{ADAPTATION_OFF}", np.nan)
         adapting = [run for run in outcome.runs if run.name != ADAPTATION_OFF]
         errors = ", ".join(found.each("parameter_error", adapting, rising=True))
         return f"From a parameter error of {off:.2g}, {self.duration:g} s end at {errors}." if errors else None
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
-        """The parameter errors over time."""
+        """Figure of the parameter errors over time."""
         from adaptctl.recording.drawing import Drawing
 
         errors = self._errors(outcome, basis)
@@ -322,7 +322,7 @@ class AdaptationLaws(RoughStart, Learning):
 
 @lru_cache(maxsize=4)
 def most_exciting(mechanism: Mechanism, seed: int) -> Sinusoids:
-    """The reference that `exciting_reference` finds for all that can be told of a mechanism."""
+    """Reference that `exciting_reference` finds for all parameters of a mechanism's reduced model."""
     from adaptctl.control.excitation.exciting_reference import exciting_reference
 
     if mechanism.description.loops is not None:
@@ -332,7 +332,7 @@ def most_exciting(mechanism: Mechanism, seed: int) -> Sinusoids:
 
 
 def smallest_eigenvalue(mechanism: Mechanism, run: ControllerRun) -> Finding:
-    """The smallest eigenvalue of any link's pseudo-inertia over a run that adapts all parameters."""
+    """Smallest eigenvalue of any link's pseudo-inertia over a run that adapts all parameters."""
     bodies = len(mechanism.description.bodies)
     tens = run.rollout.estimate[:, : 10 * bodies].reshape(-1, bodies, 10)
     value = float(np.linalg.eigvalsh(pseudos(tens))[..., 0].min())
@@ -341,7 +341,7 @@ def smallest_eigenvalue(mechanism: Mechanism, run: ControllerRun) -> Finding:
 
 
 def float_tick(controller: Controller[Any], run: ControllerRun) -> float:
-    """The median time (s) of a tick on Python's floats."""
+    """Median time (s) of a tick on Python's floats."""
     o = run.rollout
     kept = leaves(controller.init(o.p[0], o.v[0]))
     costs = []

@@ -1,4 +1,4 @@
-"""Several controllers on one environment, one after the other, under equal conditions."""
+"""Contests: several controllers on one environment, one after the other, under equal conditions."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ TIMED_TICKS, REPETITIONS = 1000, 10
 
 @dataclass(frozen=True, eq=False)
 class Contender:
-    """A controller, what to call it, and what it knows of the arm."""
+    """Controller of a contest, what to call it, and what it knows of the arm."""
 
     name: str
     label: str
@@ -36,7 +36,7 @@ class Contender:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """The runs of a contest; when it was interrupted, those that were begun."""
+    """Runs of a contest; when it was interrupted, those that were begun."""
 
     mechanism: Mechanism
     runs: tuple[ControllerRun, ...]
@@ -50,7 +50,7 @@ def contest(
     seed: int,
     progress: Progress,
 ) -> Outcome:
-    """Drive the environment with each contender from the same seed.
+    """Outcome of driving the environment with each contender from the same seed.
 
     Ctrl-C ends the contest and keeps what was run; before anything was run it passes.
     """
@@ -90,7 +90,7 @@ def _run(
 
 
 def _lyapunov(controller: Controller[Any], run: Rollout, mechanism: Mechanism) -> Array | None:
-    """The Lyapunov function of a law that adapts."""
+    """Lyapunov function (T,) of a law that adapts; None where it has none, or its truth changes."""
     if not isinstance(controller, SlotineLi) or controller.adaptation_law is None or not len(run.time):
         return None
     if controller.model.regrouping.shape[1] != len(mechanism.parameter_names):
@@ -103,7 +103,7 @@ def _lyapunov(controller: Controller[Any], run: Rollout, mechanism: Mechanism) -
 
 
 def tick_cost(controller: Controller[Any], run: Rollout) -> TickCost:
-    """What one control tick costs, over states of a run."""
+    """Cost of one control tick, over states of a run."""
     picked = np.linspace(0, len(run.time) - 1, TIMED_TICKS).astype(int)
     states = [run.p[picked], run.v[picked], run.reference_p[picked], run.reference_v[picked], run.reference_a[picked]]
     called, kernel = _called(controller, states), controller.kernel
@@ -116,7 +116,7 @@ def tick_cost(controller: Controller[Any], run: Rollout) -> TickCost:
 
 
 def _called(controller: Controller[Any], states: list[Array]) -> float:
-    """The median time (s) of a tick called from Python."""
+    """Median time (s) of a tick called from Python."""
     state = controller.init(states[0][0], states[1][0])
     ticks = [(p, v, ReferencePoint(*reference)) for p, v, *reference in zip(*states, strict=True)]
     return float(np.median([_duration(controller.step, state, *tick) for tick in ticks]))

@@ -57,7 +57,7 @@ class ClosedLoopExperiment(Experiment):
 
 
 def require_count(experiment: Experiment, names: Iterable[str], count: int, meaning: str) -> None:
-    """Raises InputError where a setting of several numbers has not `count` of them: "one a joint"."""
+    """Check that settings have `count` numbers each, such as "one a joint". Raises InputError."""
     for name in names:
         if (given := len(getattr(experiment, name))) != count:
             raise InputError(f"{name}: expected {count} numbers, {meaning}, got {given}")
@@ -84,7 +84,7 @@ def text(value: object) -> str:
 
 
 def _require(entry: Field[Any], value: object) -> None:
-    """A setting is of its default's kind, and every number in it finite and within its bounds."""
+    """Check that a setting is of its default's kind, every number in it finite and within bounds."""
     default: Any = entry.default
     many = isinstance(default, tuple)
     values = value if isinstance(value, tuple) else (value,)

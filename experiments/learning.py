@@ -1,4 +1,4 @@
-"""What experiments in adaptive tracking have in common: the contenders, and what is made of their runs."""
+"""Common part of experiments in adaptive tracking: the contenders, and the comparison of their runs."""
 
 from __future__ import annotations
 
@@ -56,15 +56,15 @@ class Learning(ClosedLoopExperiment):
     @property
     @abstractmethod
     def purpose(self) -> str:
-        """What is asked, in a paragraph."""
+        """Question that the experiment answers, in a paragraph."""
 
     def mechanism(self) -> Mechanism:
-        """What is driven: the robot, unless a subclass makes more of it."""
+        """Mechanism that is driven: the robot, unless a subclass makes more of it."""
         return load(self.robot)
 
     @abstractmethod
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """The environment that everybody drives."""
+        """Environment that all contenders drive."""
 
     @abstractmethod
     def gains(self, mechanism: Mechanism) -> Gains:
@@ -72,15 +72,15 @@ class Learning(ClosedLoopExperiment):
 
     @abstractmethod
     def adaptation(self, model: ReducedModel) -> Array:
-        """The diagonal (k,) of Gamma for the parameters of a model."""
+        """Diagonal (k,) of Gamma for the parameters of a model."""
 
     @abstractmethod
     def adaptation_setting(self, mechanism: Mechanism) -> str:
-        """Gamma, as it is told."""
+        """Gamma in words."""
 
     @abstractmethod
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
-        """The reference, stated where the settings alone do not tell."""
+        """Settings that state the reference where the experiment's own do not."""
 
     def run(self, progress: Progress) -> Result:
         """Result of the comparison."""
@@ -116,11 +116,11 @@ class Learning(ClosedLoopExperiment):
         )
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """What is measured besides the runs."""
+        """Findings besides the runs."""
         return one_controller(outcome)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """What was found, in a sentence or two; None where it is how much adaptation is worth."""
+        """Outcome in a sentence or two; None where it is how much adaptation is worth."""
         return None
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
@@ -128,7 +128,7 @@ class Learning(ClosedLoopExperiment):
         return iter(())
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Who drives, in order; the first is the subject."""
+        """Contenders in the order in which they drive; the first is the subject."""
         model, full, k = ReducedModel(mechanism, basis), ReducedModel.full(mechanism), len(basis.columns)
         gains = self.gains(mechanism)
         everything = len(mechanism.parameter_names)
@@ -177,17 +177,17 @@ class Learning(ClosedLoopExperiment):
 
 
 class Found:
-    """Findings by name, as a person reads them."""
+    """Values of findings by name, and their texts for a person."""
 
     def __init__(self, findings: Sequence[Finding]) -> None:
         self.of = {finding.name: finding.value for finding in findings}
 
     def told(self, name: str, scale: float = 1.0) -> str:
-        """A value with two digits."""
+        """Text of a finding's value, scaled, with two digits."""
         return wording.number(scale * self.of[name], 2)
 
     def each(self, what: str, runs: Sequence[ControllerRun], unit: str = "", *, rising: bool = False) -> list[str]:
-        """The findings `what.run` of the runs that have one, such as "0.12 s (Gradient)"."""
+        """Texts of the findings `what.run` of the runs that have one, such as "0.12 s (Gradient)"."""
         owners = [run for run in runs if f"{what}.{run.name}" in self.of]
         if rising:
             owners.sort(key=lambda run: self.of[f"{what}.{run.name}"])
@@ -195,12 +195,12 @@ class Found:
 
 
 def numbers(values: Array) -> str:
-    """Numbers in a row."""
+    """Text of numbers (n,), four digits each, apart by commas."""
     return ", ".join(f"{value:.4g}" for value in values)
 
 
 def one_controller(outcome: Outcome) -> Iterator[Finding]:
-    """Whether reduced and full adaptation are one controller."""
+    """Finding on whether reduced and full adaptation are one controller: the largest difference of torques."""
     runs = {run.name: run for run in outcome.runs}
     if MAPPED not in runs or FULL not in runs:
         return

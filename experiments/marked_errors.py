@@ -1,4 +1,4 @@
-"""Parameter errors over time, and below them when a run was marked: saturated, loaded, stopped."""
+"""Figure of parameter errors over time, with the times at which each run was marked below."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class Marked(NamedTuple):
-    """A run's parameter error (T,) and when it was marked (T,)."""
+    """Run with its parameter error (T,) and its mark (T,), positive where it was marked."""
 
     run: ControllerRun
     error: Array
@@ -24,7 +24,7 @@ class Marked(NamedTuple):
 
 
 def marked_errors(curves: Sequence[Marked], meaning: str) -> Figure:
-    """Errors on a logarithmic scale, and a bar a run that is filled while the run was marked."""
+    """Figure of errors on a logarithmic scale, and a bar a run, filled while the run was marked."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
     from adaptctl.recording.series import thinned

@@ -1,4 +1,4 @@
-"""What experiments with real effects have in common: a PUMA with its rotors, a stated reference, a rough model."""
+"""Common part of experiments with real effects: a PUMA with rotors, a stated reference, a rough model."""
 
 from __future__ import annotations
 
@@ -63,10 +63,10 @@ class OnRealPlant(RoughStart, Learning):
 
     @abstractmethod
     def effects(self, mechanism: Mechanism) -> Sequence[Effect]:
-        """What the plant has besides rigid links."""
+        """Effects of the plant besides rigid links."""
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """The tracking environment with the effects; no error ends a run, so that all can be compared."""
+        """Tracking environment with the effects; no error ends a run, so that all can be compared."""
         import gymnasium
 
         if mechanism.dof != JOINTS:
@@ -87,11 +87,11 @@ class OnRealPlant(RoughStart, Learning):
         )
 
     def torque_limits(self, mechanism: Mechanism) -> Array:
-        """The limits (r,) of the joints' torques, N m."""
+        """Limits (r,) of the joints' torques, N m."""
         return finite_torque_limits(mechanism)
 
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
-        """The settings say it all."""
+        """Setting that states the reference's formula."""
         yield Setting("reference", "p(t) = centre + fade(t) · amplitude · sin(2π · frequency · t)", "faded in over 2 s")
 
     def from_rough(self, model: ReducedModel, *, adapting: bool = True) -> SlotineLi:

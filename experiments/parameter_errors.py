@@ -1,4 +1,4 @@
-"""How far estimates are from the truth, in the torque that the errors make."""
+"""Parameter errors of runs, weighed by the torque that they make."""
 
 from __future__ import annotations
 
@@ -32,18 +32,18 @@ class ParameterErrors:
 
     @classmethod
     def along(cls, model: ReducedModel, p: Array, v: Array, a: Array) -> ParameterErrors:
-        """Weighed along a motion (T, r)."""
+        """Parameter errors weighed along a motion (T, r) of a model."""
         rows = model.torque_regressor(p, v, a)
         return cls(model, np.sqrt(np.mean(rows**2, axis=(0, 1))))
 
     def of(self, run: ControllerRun) -> Array | None:
-        """The error (T,) over a run, in shares of the torque of all parameters; None for a law that knows none."""
+        """Error (T,) over a run, in shares of the torque of all parameters; None for a law that estimates none."""
         if run.rollout.estimate.shape[1] == 0:
             return None
         return self._apart(self._reduced(run.rollout.estimate), self.model.fundamental_parameters)
 
     def apart(self, one: Array, other: Array) -> float:
-        """How far two estimates (k,) are from each other, likewise."""
+        """Distance between two estimates (k,), in the same shares."""
         return float(self._apart(self._reduced(one), self._reduced(other)))
 
     def _reduced(self, estimate: Array) -> Array:
@@ -57,7 +57,7 @@ class ParameterErrors:
 
 
 def parameter_errors(curves: Sequence[tuple[int, ControllerRun, Array]]) -> Figure:
-    """Parameter errors over time, on a logarithmic scale, each named where it ends."""
+    """Figure of parameter errors over time, on a logarithmic scale, each named where it ends."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
     from adaptctl.recording.series import thinned

@@ -1,4 +1,4 @@
-"""How long a law takes to have its error back after an event, and a figure of that."""
+"""Times that errors take to return after an event, and a figure of them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TWICE = 2.0
 
 @dataclass(frozen=True)
 class Recovery:
-    """What an event did to a run's error."""
+    """Return of a run's error after an event."""
 
     run: ControllerRun
     event: str
@@ -34,14 +34,14 @@ class Recovery:
 
 
 def recovery(run: ControllerRun, event: str, earlier: float, begin: float, end: float) -> Recovery:
-    """That from an event at `begin` (s) to the next at `end`."""
+    """Recovery of a run from an event at `begin` (s) to the next at `end`."""
     end = min(end, run.duration)
     left = run.rms_error(max(begin, end - WINDOW), end) or np.nan
     return Recovery(run, event, earlier, time_to_return(run, begin, end, TWICE * earlier), left / earlier)
 
 
 def time_to_return(run: ControllerRun, begin: float, end: float, below: float) -> float | None:
-    """s from `begin` to the first WINDOW, ended before `end`, over which the RMS error is below a bound."""
+    """Time (s) from `begin` to the first WINDOW before `end` with an RMS error below a bound; None for never."""
     length = round(WINDOW / run.rollout.control_period)
     coming = run.moving_rms_error(WINDOW)[length - 1 :]
     time = run.rollout.time[: len(coming)]
@@ -50,7 +50,7 @@ def time_to_return(run: ControllerRun, begin: float, end: float, below: float) -
 
 
 def recovery_times(found: Sequence[Recovery]) -> Figure:
-    """A bar a law and event, the events side by side; a law that is not back has its error written instead."""
+    """Figure with a bar a law and event, the events side by side; a law that is not back has its error written."""
     from adaptctl.recording.drawing import sheet
 
     events = list(dict.fromkeys(one.event for one in found))

@@ -1,4 +1,4 @@
-"""How well a controller tracks that carries only some of the arm's essential components."""
+"""Tracking with controllers that carry only some of the arm's essential components."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class ReducedModelTracking(Puma560Adaptive):
 
     @property
     def purpose(self) -> str:
-        """What is asked."""
+        """Question that the experiment answers, in a paragraph."""
         return (
             "Sheu and Walker sort the components of the essential parameters by the energy that each carries, and "
             "tell how little energy is lost when only the first s are kept. Here the controller carries only these: "
@@ -66,7 +66,7 @@ class ReducedModelTracking(Puma560Adaptive):
         )
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Adapting controllers by falling s, then fixed ones, then one that knows nothing."""
+        """Contenders: adapting ones by falling s, then fixed ones, then one that knows nothing."""
         model, reduction, space_basis = ReducedModel(mechanism, basis), *self._reduction(mechanism)
         self._require_counts(mechanism, model, len(reduction.weights))
 
@@ -83,7 +83,7 @@ class ReducedModelTracking(Puma560Adaptive):
         return [*found, Contender(ADAPTATION_OFF, "Adaptation off", "nothing", self.slotine_li(model, None, nothing))]
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """The energy errors, as in Table 3, and the tracking errors of each s."""
+        """Findings: the energy errors, as in Table 3, and the tracking errors of each s."""
         errors = self._reduction(outcome.mechanism)[0].percent_errors
         for s in self.components:
             yield Finding(f"energy_error.{s}", float(errors[s]), "%", f"energy error of {s} components (equation 23)")
@@ -92,7 +92,7 @@ class ReducedModelTracking(Puma560Adaptive):
                 yield Finding(f"final_rms_error.{run.name}", 1e3 * error, "mrad", f"{run.label}: RMS error, last 2 s")
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """The tracking errors by count."""
+        """Sentence with the tracking errors by number of components."""
         counts = ", ".join(map(str, self.components))
         adapted, held = (
             ", ".join(found.told(f"final_rms_error.{kind}-{s}") for s in self.components) for kind in (ADAPTIVE, FIXED)
@@ -104,7 +104,7 @@ class ReducedModelTracking(Puma560Adaptive):
         )
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
-        """Tracking and energy errors over s."""
+        """Figure of tracking and energy errors over s."""
         from adaptctl.recording.drawing import Drawing
 
         errors = self._reduction(outcome.mechanism)[0].percent_errors
@@ -116,14 +116,14 @@ class ReducedModelTracking(Puma560Adaptive):
         )
 
     def _reduction(self, mechanism: Mechanism) -> tuple[Reduction, Array]:
-        """The model reduction, and V1 (P, k), over states within the limits."""
+        """Model reduction over states within the limits, and V1 (P, k)."""
         space = essential_space(
             mechanism, seed=self.seed, states=states_within_limits(mechanism, self.samples, self.seed)
         )
         return reduce(space, mechanism, components=space.rank), space.basis
 
     def _gain(self, mechanism: Mechanism, basis: Array) -> Array:
-        """The rate times the variance of each v_j'D, the parameters' prior ranges being independent."""
+        """Gains (k,): the rate times the variance of each v_j'D, the parameters' prior ranges being independent."""
         return np.asarray(self.rate * (basis.T**2 @ self.ranges.of(mechanism.parameter_names) ** 2))
 
     def _require_counts(self, mechanism: Mechanism, model: ReducedModel, rank: int) -> None:
@@ -137,7 +137,7 @@ class ReducedModelTracking(Puma560Adaptive):
 
 
 def error_by_count(counts: tuple[int, ...], runs: tuple[ControllerRun, ...], percent_errors: Array) -> Figure:
-    """Final tracking errors and energy errors over the number of components, on logarithmic scales."""
+    """Figure of final tracking errors and energy errors over the number of components, on logarithmic scales."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import MUTED, run_color
 

@@ -1,4 +1,4 @@
-"""Sheu and Walker (1991), replicated: every table and figure beside what is computed, with a verdict."""
+"""Replication of Sheu and Walker (1991): every table and figure beside what is computed, with a verdict."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ STAGE = "Tables and figures"
 
 @dataclass(frozen=True)
 class SheuWalker1991(Experiment):
-    """The paper's PUMA 560 and semi-direct-drive arm, from random energies to verdicts."""
+    """Replication of the paper on its PUMA 560 and semi-direct-drive arm, from random energies to verdicts."""
 
     name: ClassVar[str] = "sheu-walker-1991"
     title: ClassVar[str] = "Sheu and Walker (1991), replicated"

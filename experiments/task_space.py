@@ -1,4 +1,4 @@
-"""A tool that follows a path in the world: control of the tool against control of the joints."""
+"""Comparison of control of the tool against control of the joints, on a tool's path in the world."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ SAMPLES = 600
 
 @dataclass(frozen=True)
 class TaskSpaceTracking(TipPath, Learning):
-    """The tool of an arm of three freedoms on a path in the world, from estimates of zero.
+    """Tracking of a path in the world with the tool of an arm of three freedoms, from estimates of zero.
 
     Task-space Slotine-Li, with the gradient, with composite adaptation, and with a damped Jacobian; against
     Slotine-Li in joints on the same path turned into joints, adaptation off, and computed torque with the truth.
@@ -70,7 +70,7 @@ class TaskSpaceTracking(TipPath, Learning):
 
     @property
     def purpose(self) -> str:
-        """What is asked."""
+        """Question that the experiment answers, in a paragraph."""
         return (
             "A tool follows a path in the world, and nobody tells the controller the arm's inertial parameters. The "
             "task-space law takes the tool's error and chooses joint velocities through the Jacobian; the law in "
@@ -79,7 +79,7 @@ class TaskSpaceTracking(TipPath, Learning):
         )
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """The tracking environment on the path, turned into joints."""
+        """Tracking environment on the path, turned into joints."""
         import gymnasium
 
         return gymnasium.make(
@@ -93,23 +93,23 @@ class TaskSpaceTracking(TipPath, Learning):
 
     @property
     def arm(self) -> ArmWithTip:
-        """What is known of the robot's tool."""
+        """Arm whose tool is known. Raises InputError for another robot."""
         known = {arm.robot: arm for arm in ARMS}
         if self.robot not in known:
             raise InputError(f"robot: expected one whose tool is known, {' or '.join(known)}, got {self.robot!r}")
         return known[self.robot]
 
     def tip(self, mechanism: Mechanism) -> Tip:
-        """The tool."""
+        """Tool of a mechanism."""
         return self.arm.on(mechanism)
 
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
-        """The path, and how it becomes joints."""
+        """Settings that state the path, how it becomes joints, and the tool."""
         yield from self.path_settings("tool")
         yield Setting("tool", " ".join(f"{x:g}" for x in self.arm.tip), f"m, in the frame of {self.arm.link}")
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Who drives, in order; the first is the subject."""
+        """Contenders in the order in which they drive; the first is the subject."""
         model, gains = ReducedModel(mechanism, basis), self.gains(mechanism)
         gain, tool = self.adaptation(model), np.array(self.arm.tip)
         composite = Composite(gain, self.prediction / finite_torque_limits(mechanism) ** 2)
@@ -152,7 +152,7 @@ class TaskSpaceTracking(TipPath, Learning):
         return f"The tool's RMS error in the last {END:g} s, mm: {errors}."
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
-        """The tool's errors over time."""
+        """Figure of the tool's errors over time."""
         from adaptctl.recording.drawing import Drawing
 
         curves = [(i, run, self._tool_errors(outcome.mechanism, run)) for i, run in enumerate(outcome.runs)]
@@ -169,7 +169,7 @@ class TaskSpaceTracking(TipPath, Learning):
 
 
 def tool_errors(curves: list[tuple[int, ControllerRun, Array]]) -> Figure:
-    """The tool's errors over time, on a logarithmic scale."""
+    """Figure of the tool's errors over time, on a logarithmic scale."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
     from adaptctl.recording.series import thinned

@@ -1,4 +1,4 @@
-"""Paths of a tip in space, and the arms that follow them: the task that arms of three freedoms share."""
+"""Task of arms of three freedoms: paths of a tip in space, and the arms that follow them."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class ArmWithTip:
     """number of independent parameters in Table 13 of Sheu and Walker (1991)"""
 
     def on(self, mechanism: Mechanism) -> Tip:
-        """The tip on this arm's mechanism. Raises InputError where it has no such link."""
+        """Tip of this arm's mechanism. Raises InputError where it has no such link."""
         return Tip(mechanism, self.link, np.array(self.tip))
 
 
@@ -61,12 +61,12 @@ class TipPath(RangedGain):
 
     @property
     def path(self) -> Sinusoids:
-        """Where the tip should be, in the world, m."""
+        """Desired path of the tip in the world, m."""
         center, amplitude, frequency = np.array(self.center), np.array(self.amplitude), np.array(self.frequency)
         return Sinusoids(center, amplitude, frequency, np.array(self.phase), self.start_time)
 
     def in_joints(self, tip: Tip, arm: ArmWithTip) -> Spline:
-        """The path in joints, by inverse kinematics. Raises InputError where it is out of reach."""
+        """Path in joints, by inverse kinematics. Raises InputError where it is out of reach."""
         times = np.arange(0.0, self.duration + AHEAD + KNOT, KNOT)
         return Spline(tip.joints(self.path(times).p, np.array(arm.start)), times)
 
@@ -75,7 +75,7 @@ class TipPath(RangedGain):
         return Gains.from_bandwidth(mechanism, self.bandwidth, self.stiffness)
 
     def path_settings(self, tip: str) -> Iterator[Setting]:
-        """The path of what is called `tip`, and how it becomes joints."""
+        """Settings that state the path of what is called `tip`, and how it becomes joints."""
         law = "x(t) = centre + fade(t) · amplitude · sin(2π · frequency · t + phase)"
         yield Setting("path", law, f"of the {tip}, in the world")
         yield Setting("reference", f"spline of degree 5, knots every {KNOT:g} s", "in joints, by inverse kinematics")

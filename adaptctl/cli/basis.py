@@ -58,7 +58,7 @@ def basis(
 def as_builtins(
     mechanism: Mechanism, space: EssentialSpace, basis: FundamentalBasis, reduction: Reduction | None = None
 ) -> dict[str, Any]:
-    """The result in JSON's types; `columns` count from 0, `regrouping` is K, `gap` that of the certificate.
+    """Basis in JSON's types; `columns` count from 0, `regrouping` is K, `gap` that of the certificate.
 
     Friction, which enters no energy, is in none of them.
     """
@@ -89,7 +89,7 @@ def as_builtins(
 
 
 def _reduction(mechanism: Mechanism, energy_error: float) -> Reduction:
-    """How far the model reduces within the joints' limits, which is where the robot works."""
+    """Model reduction within the joints' limits, which is where the robot works."""
     from adaptctl.identifiability import essential_space, reduce, states_within_limits
 
     states = states_within_limits(mechanism, 2 * len(mechanism.parameter_names) + 1)

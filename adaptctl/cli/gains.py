@@ -57,7 +57,7 @@ def gains(
 
 
 def as_builtins(design: GainDesign) -> dict[str, Any]:
-    """The design in JSON's types, a joint each; null for what is infinite, and where no cascade exists."""
+    """Gain design in JSON's types, a joint each; null for what is infinite, and where no cascade exists."""
     mechanism, cascade = design.mechanism, design.damped_enough
     joints = [
         {

@@ -17,7 +17,7 @@ METHODS = {"bandwidth": "from a bandwidth and a damping ratio", "poles": "by pol
 
 
 def report(design: GainDesign) -> Iterator[RenderableType]:
-    """The parts from top to bottom."""
+    """Parts of the report from top to bottom."""
     late = f" and a delay of {design.delay}" if design.delay else ""
     yield Text.assemble(
         (design.mechanism.name, "bold"),
@@ -57,7 +57,7 @@ def _margins(design: GainDesign) -> Table:
 
 
 def _together(design: GainDesign) -> Group:
-    """What the sampled loop of the whole arm carries."""
+    """Sampled gain of the whole arm, and the fastest poles that the period carries."""
     gain = Text.assemble(
         "T_c λ_max(M⁻¹K) = ",
         (f"{design.sampled_gain:.3g}", "bold green"),

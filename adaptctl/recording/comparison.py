@@ -1,4 +1,4 @@
-"""What an experiment hands over to be shown: several controllers on one arm, one reference, one seed."""
+"""Comparisons as data: runs of several controllers on one arm, one reference, one seed."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ BEGINNING = 1.0
 
 @dataclass(frozen=True)
 class TickCost:
-    """What one control tick costs."""
+    """Cost of one control tick."""
 
     called: float
     """s, called from Python"""
@@ -37,7 +37,7 @@ class TickCost:
 
 @dataclass(frozen=True, eq=False)
 class ControllerRun:
-    """One controller in closed loop, and what to call it."""
+    """Closed-loop run of one controller, with its names."""
 
     name: str
     """short and fit for a file: ``adaptive``"""
@@ -53,7 +53,7 @@ class ControllerRun:
 
     @property
     def duration(self) -> float:
-        """s in closed loop."""
+        """Time in closed loop, s."""
         return len(self.rollout.time) * self.rollout.control_period
 
     def rms_error(self, start: float = 0.0, stop: float = np.inf) -> float | None:
@@ -86,7 +86,7 @@ class ControllerRun:
 
     @property
     def lyapunov_max_increase(self) -> float | None:
-        """The largest rise of the Lyapunov function from one sample to the next, 0 when it never rises."""
+        """Largest rise of the Lyapunov function from one sample to the next, J; 0 when it never rises."""
         if self.lyapunov is None or len(self.lyapunov) == 0:
             return None
         return max(0.0, float(np.diff(self.lyapunov).max(initial=0.0)))
@@ -94,7 +94,7 @@ class ControllerRun:
 
 @dataclass(frozen=True)
 class Setting:
-    """One thing that was chosen, for the record."""
+    """Name, value and meaning of something that was chosen, for the record."""
 
     name: str
     value: str
@@ -103,7 +103,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that was measured besides the runs."""
+    """Name, value, unit and meaning of something that was measured besides the runs."""
 
     name: str
     """the key in summary.json"""
@@ -114,7 +114,7 @@ class Finding:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Runs on one arm, one reference and one seed; the first is the adaptive one, the experiment's subject."""
+    """Runs on one arm, one reference and one seed; the first is the experiment's subject, which adapts."""
 
     experiment: str
     title: str
@@ -155,7 +155,7 @@ class Comparison:
 
     @cached_property
     def model(self) -> ReducedModel:
-        """What the subject estimates: the fundamental parameters, and all friction."""
+        """Model whose parameters the subject estimates: the fundamental ones, and all friction."""
         return ReducedModel(self.mechanism, self.basis)
 
     @property
@@ -170,17 +170,17 @@ class Comparison:
 
     @property
     def position_units(self) -> tuple[str, ...]:
-        """rad or m, a joint each."""
+        """Units of position (r,): rad or m."""
         return tuple("rad" if joint.kind.turns else "m" for joint in self.mechanism.primary_joints)
 
     @property
     def torque_units(self) -> tuple[str, ...]:
-        """N m or N, a joint each."""
+        """Units of torque (r,): N m or N."""
         return tuple("N·m" if joint.kind.turns else "N" for joint in self.mechanism.primary_joints)
 
     @property
     def error_unit(self) -> str:
-        """What a thousandth of a joint's position is called."""
+        """Unit of a thousandth of a joint's position: mrad, mm, or both."""
         return ", ".join(f"m{unit}" for unit in sorted(set(self.position_units), reverse=True))
 
     @property

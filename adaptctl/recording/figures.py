@@ -1,4 +1,4 @@
-"""The figures of a comparison's report."""
+"""Figures of a comparison's report."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def write_figures(folder: str | Path, comparison: Comparison) -> dict[str, Path]
 
 
 def drawings(comparison: Comparison) -> Iterator[Drawing]:
-    """The figures of a comparison, in the order of the report."""
+    """Figures of a comparison, in the order of the report."""
     unit = comparison.error_unit
     yield Drawing(
         "tracking-error",
@@ -68,7 +68,7 @@ def drawings(comparison: Comparison) -> Iterator[Drawing]:
 
 
 def tracking_error(comparison: Comparison) -> Figure:
-    """All controllers' errors over time, on a logarithmic scale."""
+    """Figure of all controllers' errors over time, on a logarithmic scale."""
     figure = sheet(4.2)
     axes = figure.subplots()
     for i, run in reversed(list(enumerate(comparison.runs))):
@@ -91,7 +91,7 @@ def tracking_error(comparison: Comparison) -> Figure:
 
 
 def joint_errors(comparison: Comparison) -> Figure:
-    """Errors of every joint, with adaptation and without, on one scale."""
+    """Figure of every joint's errors, with adaptation and without, on one scale."""
     runs = [run for run in (comparison.subject, comparison.baseline) if run is not None]
     figure = sheet(2.3 * len(runs) + 0.4)
     for axes, run in zip(
@@ -110,7 +110,7 @@ def joint_errors(comparison: Comparison) -> Figure:
 
 
 def lyapunov(comparison: Comparison) -> Figure:
-    """The Lyapunov function, and its fall at every step."""
+    """Figure of the Lyapunov function, and of its fall at every step."""
     values, time = comparison.subject.lyapunov, comparison.subject.rollout.time
     if values is None:
         raise ValueError("this run has no Lyapunov function")
@@ -138,7 +138,7 @@ def lyapunov(comparison: Comparison) -> Figure:
 
 
 def torque(comparison: Comparison) -> Figure:
-    """Every joint's torque between its limits."""
+    """Figure of every joint's torque between its limits."""
     rollout, dof = comparison.subject.rollout, len(comparison.joint_names)
     time = rollout.time
     grid = _small_multiples(dof, columns=3, height=1.75)
@@ -157,7 +157,7 @@ def torque(comparison: Comparison) -> Figure:
 
 
 def parameters(comparison: Comparison) -> Figure:
-    """Every estimate against the truth, one small panel each."""
+    """Figure of every estimate against the truth, one small panel each."""
     names, rollout, truth = comparison.model.names, comparison.subject.rollout, comparison.true_parameters
     every = thinned(len(rollout.time), SAMPLES // 6)
     grid = _small_multiples(len(names), columns=6, height=1.12)
@@ -171,7 +171,7 @@ def parameters(comparison: Comparison) -> Figure:
 
 
 def spectrum(comparison: Comparison) -> Figure:
-    """Singular values on a logarithmic scale, with the gap."""
+    """Figure of the singular values on a logarithmic scale, with the gap."""
     values, rank = shares(comparison.space), comparison.space.rank
     figure = sheet(3.3)
     axes = figure.subplots()

@@ -1,4 +1,4 @@
-"""One meaning, one colour: in the recording, the figures and the report alike."""
+"""Colours, one for each meaning, in recordings, figures and reports alike."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ class Color(NamedTuple):
 
     @property
     def hex(self) -> str:
-        """As HTML and Matplotlib write it."""
+        """Hexadecimal form of HTML and Matplotlib: ``#1b6cd6``."""
         return f"#{self.red:02x}{self.green:02x}{self.blue:02x}"
 
     def faded(self, share: float, towards: Color) -> Color:
-        """Mixed with another colour: 0 leaves it, 1 is the other."""
+        """Mixture with another colour: a share of 0 leaves this one, 1 is the other."""
         return Color(*(round(mine + share * (other - mine)) for mine, other in zip(self, towards, strict=True)))
 
 
@@ -65,10 +65,10 @@ BASE = Color(96, 104, 120)
 
 
 def run_color(index: int) -> Color:
-    """The colour of the index-th run."""
+    """Colour of the index-th run."""
     return RUNS[index % len(RUNS)]
 
 
 def joint_color(index: int) -> Color:
-    """The colour of the index-th joint or curve."""
+    """Colour of the index-th joint or curve."""
     return JOINTS[index % len(JOINTS)]

@@ -1,4 +1,4 @@
-"""A comparison as a rerun recording: the arm in motion, and everything else over the same time."""
+"""Recording of a comparison for rerun: the arm in motion, and all curves over the same time."""
 
 from __future__ import annotations
 
@@ -127,6 +127,6 @@ def _contents(comparison: Comparison) -> ScreenContents:
 
 
 def _shown(comparison: Comparison) -> list[ControllerRun]:
-    """The runs whose errors get a view each: the subject, adaptation off, then the rest."""
+    """Runs whose errors get a view each: the subject, adaptation off, then the rest."""
     first = [run for run in (comparison.subject, comparison.baseline) if run is not None]
     return first + [run for run in comparison.runs if run not in first]

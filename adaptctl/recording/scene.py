@@ -1,4 +1,4 @@
-"""The arm in three dimensions, in a rerun recording."""
+"""Arms in three dimensions, in a rerun recording."""
 
 from __future__ import annotations
 
@@ -166,7 +166,7 @@ def quaternions(rotations: Array) -> Array:
 
 
 def _along(direction: Array) -> Array:
-    """The unit quaternion, x y z w, that turns the z axis into a direction (3,)."""
+    """Unit quaternion, x y z w, that turns the z axis into a direction (3,)."""
     x, y, z = direction / np.linalg.norm(direction)
     if z < -1.0 + 1e-12:
         return np.array([1.0, 0.0, 0.0, 0.0])

@@ -1,4 +1,4 @@
-"""A mechanism as a person recognises it: capsules along its links, cylinders about its joints."""
+"""Shapes that stand for a mechanism: capsules along its links, cylinders about its joints."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ROOT_RADIUS, TIP_RADIUS = 0.062, 0.026
 
 
 class Solid(Enum):
-    """How a shape looks."""
+    """Kinds of shapes: a link's, a joint's, and the tool at the tip."""
 
     LINK = "link"
     JOINT = "joint"
@@ -29,7 +29,7 @@ class Solid(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A round solid fixed to a link, from `start` to `end` (3,) in that link's frame; lengths in m."""
+    """Round solid fixed to a link, from `start` to `end` (3,) in that link's frame; lengths in m."""
 
     link: int
     solid: Solid
@@ -45,7 +45,7 @@ class Shape:
 
 @dataclass(frozen=True, eq=False)
 class Skeleton:
-    """Everything drawn of a mechanism, and the point whose path is of interest."""
+    """Shapes of a mechanism, and the point whose path is of interest."""
 
     shapes: tuple[Shape, ...]
     reach: float
@@ -56,7 +56,7 @@ class Skeleton:
 
 
 def skeleton(mechanism: Mechanism) -> Skeleton:
-    """What to draw of a mechanism: its offsets between joints, and its joints' axes.
+    """Shapes of a mechanism: its offsets between joints, and its joints' axes.
 
     An offset goes along the joint's axis first and square to it then, as an arm's shoulder does.
     """
@@ -73,7 +73,7 @@ def skeleton(mechanism: Mechanism) -> Skeleton:
 
 
 def with_tip(parts: Skeleton, link: int, tip: Array) -> Skeleton:
-    """The same with another point (3,) of a link as its tip, to which that link then reaches."""
+    """Skeleton with another point (3,) of a link as its tip, to which that link then reaches."""
     start = parts.tip if link == parts.tip_link else np.zeros(3)
     body = [shape for shape in parts.shapes if shape.solid is not Solid.TOOL]
     ball = max(shape.radius for shape in parts.shapes if shape.solid is Solid.TOOL)
@@ -94,12 +94,12 @@ def reach_behind(mechanism: Mechanism) -> Array:
 
 
 def tip_path(parts: Skeleton, rotations: Array, translations: Array) -> Array:
-    """The tip (..., 3) in the world for link rotations (..., N, 3, 3) and origins (..., N, 3)."""
+    """Positions (..., 3) of the tip in the world for link rotations (..., N, 3, 3) and origins (..., N, 3)."""
     return translations[..., parts.tip_link, :] + rotations[..., parts.tip_link, :, :] @ parts.tip
 
 
 def attachments(description: Description) -> list[list[Array]]:
-    """For every link, where others hang on it or meet it in a loop (3,), in its frame; its end where none do."""
+    """Points (3,) of every link, in its frame, where others hang on it or meet it in a loop; its end without any."""
     points: list[list[Array]] = [[] for _ in description.links]
     for link in description.links:
         if link.parent != GROUND:
@@ -113,7 +113,7 @@ def attachments(description: Description) -> list[list[Array]]:
 
 
 def _with_end(points: list[Array], link: Link) -> list[Array]:
-    """The link's end too, where it reaches beyond all that hangs on it or meets it: a forearm past its elbow.
+    """Points of a link, its end among them where it reaches beyond the others: a forearm past its elbow.
 
     A link all of whose neighbours sit in its own joint is a part of that joint, wherever its mass is.
     """
@@ -137,12 +137,12 @@ def _link_shapes(links: tuple[Link, ...], index: int, ends: Sequence[Array], rad
 
 
 def _joint(link: Link) -> tuple[Array, Array]:
-    """Where a link's joint is in the link's frame, and its axis there."""
+    """Position of a link's joint in the link's frame, and the joint's axis there."""
     return link.far.inverse.translation, link.far.rotation.T @ link.joint.axis
 
 
 def _end(link: Link) -> Array:
-    """Where a link ends: its frame, or its centre of mass when its frame is at the joint."""
+    """End of a link: its frame's origin, or its centre of mass when that is at the joint."""
     start, _ = _joint(link)
     if np.linalg.norm(start) > SHORTEST or link.inertia[0] <= 0.0:
         return np.zeros(3)
@@ -150,7 +150,7 @@ def _end(link: Link) -> Array:
 
 
 def _depths(links: tuple[Link, ...]) -> NDArray[np.int64]:
-    """How many links each one has before it; parents come before their children."""
+    """Number of links before each link (N,); parents come before their children."""
     depths = np.zeros(len(links), dtype=np.int64)
     for i, link in enumerate(links):
         depths[i] = 0 if link.parent == GROUND else depths[link.parent] + 1

@@ -1,4 +1,4 @@
-"""The energy matrix's singular values against the threshold that tells them apart."""
+"""Spectrum of the energy matrix: singular values against the threshold in their gap."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A rerun recording as a file: written beside its place, read back, and put there."""
+"""Files of rerun recordings: written beside their place, read back, and put there."""
 
 from __future__ import annotations
 

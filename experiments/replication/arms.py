@@ -21,7 +21,7 @@ FROM, TO, FASTEST = "position from [rad]", "position to [rad]", "velocity to [ra
 
 @dataclass(frozen=True, eq=False)
 class StatedMotion:
-    """Positions (T, r) of an arm at times (T,), and its torque regressors Y (T, r, P) there."""
+    """Positions (T, r) of an arm along the stated sinusoid at times (T,), and its torque regressors Y (T, r, P)."""
 
     time: Array
     p: Array
@@ -30,7 +30,7 @@ class StatedMotion:
 
 @dataclass(frozen=True, eq=False)
 class SampledArm:
-    """A mechanism in a box: p = mixing u with lower < u < upper (rad), and velocities (rad/s) up to a bound.
+    """Mechanism sampled in a box: p = mixing u with lower < u < upper (rad), velocities (rad/s) up to a bound.
 
     For the PUMA u is p. For the semi-direct-drive arm it is p1, p2 and p2 - p3, which is what Table 9 bounds.
     """
@@ -71,7 +71,7 @@ class SampledArm:
         return StatedMotion(time, p, stacked_rows(rows, time.shape))
 
     def energies(self, p: Array, v: Array) -> Array:
-        """E (..., P)."""
+        """Energy regressors E (..., P) at positions and velocities (..., r)."""
         E = self.mechanism.equations.energy_regressor(column(self._configuration(p)), column(v))
         return stacked(E.of, p.shape[:-1])
 

@@ -1,4 +1,4 @@
-"""The figures of the replication: the paper's own, and its tables with all seeds."""
+"""Figures of the replication: the paper's own, and its tables with all seeds."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ LEAST = 1e-10
 
 
 def singular_values(draws: Draws, numbers: Array) -> Drawing:
-    """Table 2 with all seeds."""
+    """Figure of Table 2 with all seeds."""
     caption = (
         f"Table 2: the {draws.rank} singular values that are not round-off. Line: median of {len(draws.reductions)} "
         "seeds; bands: from the 5th to the 95th percentile, and all; crosses: printed."
@@ -33,7 +33,7 @@ def singular_values(draws: Draws, numbers: Array) -> Drawing:
 
 
 def percent_errors(panels: Mapping[str, Draws], points: Mapping[str, Mapping[int, float]]) -> Drawing:
-    """Figure 3 with all seeds."""
+    """Drawing of Figure 3 with all seeds."""
     caption = (
         "Figure 3: error of the energy over the number of components kept. Line: median of the seeds; bands: from the "
         "5th to the 95th percentile, and all; crosses: printed in Tables 3 and 10; arrows: the text's upper bounds."
@@ -42,7 +42,7 @@ def percent_errors(panels: Mapping[str, Draws], points: Mapping[str, Mapping[int
 
 
 def torque_errors(name: str, table: Table, errors: Array) -> Drawing:
-    """Tables 3 and 10 with all seeds."""
+    """Figure of Table 3 or 10 with all seeds."""
     caption = (
         f"{name.replace('-', ' ').title()}: mean square torque errors over the number of components kept, a joint "
         "each. Line: median of the seeds; bands: from the 5th to the 95th percentile, and all; crosses: printed."
@@ -51,7 +51,7 @@ def torque_errors(name: str, table: Table, errors: Array) -> Drawing:
 
 
 def torques(name: str, joint: int, motion: StatedMotion, curves: Mapping[str, Array]) -> Drawing:
-    """Figures 4 and 6: a joint's torque along the stated sinusoid; the first curve is the actual one."""
+    """Drawing of Figure 4 or 6: a joint's torque along the stated sinusoid; the first curve is the actual one."""
     caption = (
         f"{name.replace('-', ' ').title()}: torque of joint {joint} along the stated sinusoid, with all parameters and "
         "with the largest components of the first seed's draw; mean square errors in the legend."
@@ -60,7 +60,7 @@ def torques(name: str, joint: int, motion: StatedMotion, curves: Mapping[str, Ar
 
 
 def two_parameters(c: float, real: Array, essential: Array, independent: Array) -> Drawing:
-    """Figure 1: section 4.2's plane of two parameters."""
+    """Drawing of Figure 1: section 4.2's plane of two parameters."""
     caption = (
         f"Figure 1: two parameters of which only m1 + c m2 matters, c = {c:g}. The real parameters, projected onto the "
         "essential space; a null vector leads from there to the independent parameters, where m2 is zero."

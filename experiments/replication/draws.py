@@ -1,4 +1,4 @@
-"""The paper's one random draw, drawn many times: spectra, energy errors and reduced parameters of every seed."""
+"""Random draws of states, many where the paper made one: spectra, energy errors and reduced parameters."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Draws:
 
     @classmethod
     def of(cls, arm: SampledArm, seeds: Sequence[int], samples: int, velocity_scale: float) -> Draws:
-        """Draw `samples` states a seed, as section 5.1 does once."""
+        """Draws of `samples` states a seed, as section 5.1 makes one."""
         drawn = [arm.states(np.random.default_rng(seed), samples, velocity_scale) for seed in seeds]
         p, v = (np.stack(parts) for parts in zip(*drawn, strict=True))
         H = np.diff(arm.energies(p, v), axis=1)
@@ -34,7 +34,7 @@ class Draws:
 
     @property
     def rank(self) -> int:
-        """k, the certified one."""
+        """Certified rank k of the arm."""
         return self.arm.space.rank
 
     @property
@@ -44,7 +44,7 @@ class Draws:
 
     @property
     def weights(self) -> Array:
-        """|beta_j| (seeds, k) by falling size."""
+        """Weights |beta_j| (seeds, k) by falling size."""
         return np.abs(np.stack([reduction.weights for reduction in self.reductions]))
 
     def torque_errors(self, motion: StatedMotion) -> Array:

@@ -1,4 +1,4 @@
-"""Every draw as a table in a Parquet file: one row for each arm, seed and component."""
+"""Table of all draws in a Parquet file: one row for each arm, seed and component."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SCHEMA = "adaptctl/replication-draws/1"
 
 
 def write_draws(path: str | Path, study: Study) -> None:
-    """Write the draws that were made, losslessly compressed."""
+    """Write the draws that were made, losslessly compressed. Raises FileError."""
     about = {"schema": SCHEMA, "samples": str(study.samples), "velocity_scale": repr(study.velocity_scale)}
     write_columns(path, _columns(study), about)
 

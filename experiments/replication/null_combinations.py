@@ -18,7 +18,7 @@ STATES = 500
 
 
 def combination(text: str, links: int = 6) -> Array:
-    """The coefficients (10 N,) of a sum like the above."""
+    """Coefficients (10 N,) of a sum like the above."""
     out = np.zeros(10 * links)
     for factor, term in _terms(text):
         out[index(term[:-1], term[-1])] = factor * sign(term[:-1])
@@ -26,7 +26,7 @@ def combination(text: str, links: int = 6) -> Array:
 
 
 def torque_share(arm: SampledArm, text: str) -> float:
-    """The largest torque of a combination at random states, over the largest that one of its terms makes."""
+    """Largest torque of a combination at random states, over the largest that one of its terms makes."""
     vector = combination(text)
     p, v, a = np.random.default_rng(0).normal(size=(3, STATES, arm.mechanism.dof))
     Y = arm.mechanism.torque_regressor(p, v, a)

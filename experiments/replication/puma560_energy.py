@@ -1,4 +1,4 @@
-"""Tables 1 to 3: where the PUMA 560 is sampled, its singular values, and what fewer components make of torques."""
+"""Items of Tables 1 to 3: the PUMA 560's ranges, its singular values, and torque errors of fewer components."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ FIRST = 34
 
 
 def table1(study: Study) -> Item:
-    """The ranges: an input."""
+    """Item of Table 1, the ranges: an input."""
     table, limits = printed().tables["table1"], [joint.limits for joint in study.puma.mechanism.primary_joints]
     used = {
         FROM: [x.lower for x in limits],
@@ -59,7 +59,7 @@ def table1(study: Study) -> Item:
 
 
 def table2(study: Study) -> Item:
-    """The singular values: one draw of 101 states, drawn many times."""
+    """Item of Table 2, the singular values: one draw of 101 states, drawn many times."""
     table, draws = printed().tables["table2"], study.puma_draws
     k, values = draws.rank, draws.singular_values
     texts = [text for _, _, text in table.entries()]
@@ -96,7 +96,7 @@ def table2(study: Study) -> Item:
 
 
 def table3(study: Study) -> Item:
-    """Torque errors along a sinusoid that the paper does not state."""
+    """Item of Table 3: torque errors along a sinusoid that the paper does not state."""
     table, draws = printed().tables["table3"], study.puma_draws
     checks = checked_torque_errors(table, draws.percent_errors, study.puma_torque_errors)
     return Item(
@@ -124,7 +124,7 @@ def table3(study: Study) -> Item:
 
 
 def _first_34(draws: Draws) -> Claim:
-    """Whether 34 directions stand apart: by singular values they do, by weights they do not."""
+    """Claim that 34 directions stand apart: by singular values they do, by weights they do not."""
     values, weights = draws.singular_values[:, : draws.rank], draws.weights
     ratios = values[:, :-1] / values[:, 1:]
     apart = (ratios.argmax(axis=1) == FIRST - 1) & (ratios[:, FIRST - 1] > 10.0)

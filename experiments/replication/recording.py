@@ -1,4 +1,4 @@
-"""The replication as a rerun recording: both arms along the stated sinusoids, the verdicts, the figures."""
+"""Recording of the replication for rerun: both arms along the stated sinusoids, the verdicts, the figures."""
 
 from __future__ import annotations
 
@@ -39,14 +39,14 @@ def write_recording(path: str | Path, replication: Replication, figures: Mapping
 
 
 def verdicts_markdown(replication: Replication) -> str:
-    """The outcome, and a verdict for every item."""
+    """Outcome and verdicts of all items, in Markdown."""
     answers = "\n".join(f"| {question} | **{answer}** |" for question, answer in facts(replication))
     verdicts = "\n".join(f"- **{item.label}**, {item.verdict.value}: {item.summary}" for item in replication.items)
     return f"{headline(replication)}\n\n| | |\n|---|---|\n{answers}\n\n{verdicts}\n"
 
 
 def evidence_markdown(items: Sequence[Item]) -> str:
-    """Claims and evidence of every item that has some."""
+    """Claims and evidence of every item that has some, in Markdown."""
     parts = []
     for item in items:
         claims = [f"- “{claim.saying.quote}”: **{claim.verdict.value}**. {claim.found}." for claim in item.claims]

@@ -1,4 +1,4 @@
-"""The replication as one HTML page that needs nothing else."""
+"""Report of the replication: one HTML page that needs nothing else."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ STYLES = {
 
 
 class Grid(NamedTuple):
-    """Checks as the paper's table has them; None where it has a blank that was not checked."""
+    """Checks in the rows and columns of the paper's table; None where a blank was not checked."""
 
     columns: list[str]
     rows: list[tuple[str, list[Check | None]]]
 
 
 def write_report(path: str | Path, replication: Replication, figures: Mapping[str, Path]) -> None:
-    """Write the page with the figures, given as files by name, inside."""
+    """Write the page with the figures, given as files by name, inside. Raises FileError."""
     write_text(path, report(replication, figures))
 
 
 def report(replication: Replication, figures: Mapping[str, Path]) -> str:
-    """The page's HTML."""
+    """HTML of the page."""
     drawings = [drawing for item in replication.items for drawing in item.drawings]
     return rendered(
         "replication.html",
@@ -66,7 +66,7 @@ MEANINGS = {
 
 
 def grid(name: str, checks: Sequence[Check]) -> Grid:
-    """Rows and columns in the order of the printed table, or else in that in which they come."""
+    """Checks in the order of the printed table, or else in that in which they come."""
     table = printed().tables.get(name)
     present = dict.fromkeys(check.column for check in checks)
     columns = [column for column in (table.columns if table else present) if column in present]

@@ -12,7 +12,7 @@ from adaptctl.recording import Setting
 
 @dataclass(frozen=True, eq=False)
 class Replication:
-    """What of the paper was computed again, in its order."""
+    """Items of the paper that were computed again, in its order."""
 
     experiment: str
     title: str

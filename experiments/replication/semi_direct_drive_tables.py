@@ -1,4 +1,4 @@
-"""Tables 9 to 12: the semi-direct-drive arm, of which the paper prints ranges but neither lengths nor inertias."""
+"""Items of Tables 9 to 12: the semi-direct-drive arm, whose lengths and inertias the paper does not print."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ INEQUALITIES = (1e-3, 1e-5, 1e-7, 1e-9)
 
 
 def table9(study: Study) -> Item:
-    """The ranges: an input."""
+    """Item of Table 9, the ranges: an input."""
     table, arm = printed().tables["table9"], study.five_bar
     checks = tuple(given(*entry, _limit(arm, *entry[:2])) for entry in table.entries() if entry[2] != BLANK)
     bends = np.linspace(arm.lower[2], arm.upper[2], 200)
@@ -66,7 +66,7 @@ def table9(study: Study) -> Item:
 
 
 def table10(study: Study) -> Item:
-    """Torque errors of an arm that is not printed, along a sinusoid that is not printed."""
+    """Item of Table 10: torque errors of an arm and along a sinusoid that are not printed."""
     table = printed().tables["table10"]
     near, generic = study.nearly_parallel_draws, study.five_bar_draws
     checks = checked_torque_errors(table, near.percent_errors, study.nearly_parallel_torque_errors)
@@ -111,7 +111,7 @@ def table10(study: Study) -> Item:
 
 
 def table11(study: Study) -> Item:
-    """The priority table: an input."""
+    """Item of Table 11, the priorities: an input."""
     table, names = printed().tables["table11"], study.five_bar.mechanism.parameter_names
     order = study.priority("table11", study.five_bar.mechanism).indices(names)
     places = {names[j]: i + 1 for i, j in enumerate(order)}
@@ -120,7 +120,7 @@ def table11(study: Study) -> Item:
 
 
 def table12(study: Study) -> Item:
-    """The independent parameters of the arm with a loop."""
+    """Item of Table 12: the independent parameters of the arm with a loop."""
     table, basis, draws = printed().tables["table12"], study.five_bar_basis, study.five_bar_draws
     checks = tuple(
         marked(row, link, text, index(row, link) in basis.columns, Verdict.NOT_REPRODUCED)

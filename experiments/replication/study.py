@@ -1,4 +1,4 @@
-"""What the tables share, computed when first asked for: so that one table alone costs no more than it needs."""
+"""Arms, draws and torques that the tables share, computed when first asked for."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from adaptctl.identifiability import (
 
 @dataclass(frozen=True)
 class Study:
-    """The experiment's choices, and the arms, draws and torques that follow from them."""
+    """Choices of the experiment, and the arms, draws and torques that follow from them."""
 
     seed: int
     seeds: int
@@ -45,12 +45,12 @@ class Study:
 
     @cached_property
     def arm3(self) -> Mechanism:
-        """Its first three joints."""
+        """First three joints of the PUMA."""
         return load("puma560_arm3")
 
     @cached_property
     def arm3_space(self) -> EssentialSpace:
-        """Theirs, alone."""
+        """Essential space of the first three joints."""
         return essential_space(self.arm3)
 
     @cached_property
@@ -60,22 +60,22 @@ class Study:
 
     @cached_property
     def nearly_parallel(self) -> SampledArm:
-        """The same with sides that are equal but for a small share."""
+        """Semi-direct-drive arm with sides that are equal but for a small share."""
         return semi_direct_drive(near_parallelogram(self.unequal))
 
     @cached_property
     def puma_draws(self) -> Draws:
-        """Table 2 and Figure 3, many times."""
+        """Draws of Table 2 and Figure 3."""
         return self._draws(self.puma)
 
     @cached_property
     def five_bar_draws(self) -> Draws:
-        """Figure 3's other arm, many times."""
+        """Draws of Figure 3's other arm."""
         return self._draws(self.five_bar)
 
     @cached_property
     def nearly_parallel_draws(self) -> Draws:
-        """The same for nearly equal sides."""
+        """Draws of the arm with nearly equal sides."""
         return self._draws(self.nearly_parallel)
 
     @cached_property
@@ -90,12 +90,12 @@ class Study:
 
     @cached_property
     def nearly_parallel_motion(self) -> StatedMotion:
-        """The same of the one with nearly equal sides."""
+        """The stated sinusoid of the arm with nearly equal sides."""
         return self.nearly_parallel.sinusoid(self.frequency, self.motion_samples)
 
     @cached_property
     def puma_torque_errors(self) -> Array:
-        """(seeds, 37, 6), (N m)^2."""
+        """Mean square torque errors (seeds, 37, 6) of the PUMA, (N m)^2."""
         return self.puma_draws.torque_errors(self.puma_motion)
 
     @cached_property
@@ -110,23 +110,23 @@ class Study:
 
     @cached_property
     def puma_basis(self) -> FundamentalBasis:
-        """What Table 4 yields with exact right angles."""
+        """Basis that Table 4's priorities yield with exact right angles."""
         return fundamental_basis(self.puma.space, self.priority("table4", self.puma.mechanism))
 
     @cached_property
     def five_bar_basis(self) -> FundamentalBasis:
-        """What Table 11 yields."""
+        """Basis that Table 11's priorities yield."""
         return fundamental_basis(self.five_bar.space, self.priority("table11", self.five_bar.mechanism))
 
     def priority(self, table: str, mechanism: Mechanism) -> Priority:
-        """A priority table of the paper."""
+        """Priorities of a table of the paper, for a mechanism."""
         entries = list(printed().tables[table].entries())
         order = sorted(entries, key=lambda entry: int(entry[2]))
         return Priority(tuple(mechanism.parameter_names[index(row, link)] for row, link, _ in order))
 
     @property
     def drawn(self) -> dict[str, Draws]:
-        """The draws that were made, by arm."""
+        """Draws that were made, by arm."""
         labels = {
             "puma_draws": "puma560",
             "five_bar_draws": "semi_direct_drive",
@@ -136,7 +136,7 @@ class Study:
 
     @property
     def choices(self) -> tuple[str, ...]:
-        """How the draws were made, in words."""
+        """Choices behind the draws, in words."""
         return (
             f"{self.seeds} draws of {self.samples} states, positions uniform within the table's ranges",
             f"velocities uniform up to {self.velocity_scale:.4g} times the table's bound, so that their root mean "

@@ -1,4 +1,4 @@
-"""The replication as JSON: every printed entry beside the computed one, with its verdict."""
+"""Summary of the replication as JSON: every printed entry beside the computed one, with its verdict."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ SCHEMA = "adaptctl/replication/1"
 
 
 def write_summary(path: str | Path, replication: Replication) -> None:
-    """Write `summary` as JSON."""
+    """Write `summary` as JSON, whole or not at all. Raises FileError."""
     write_json(path, summary(replication))
 
 
 def summary(replication: Replication) -> dict[str, Any]:
-    """What was computed and what came of it."""
+    """Summary in JSON's types: counts, and every item with its checks and claims."""
     items = replication.items
     return {
         "schema": SCHEMA,

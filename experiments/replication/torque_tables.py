@@ -1,4 +1,4 @@
-"""Tables 3 and 10: how far torques are off when only some components are kept."""
+"""Torque errors of Tables 3 and 10, when only some components are kept."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ CLOSE = (0.05, 0.01, 0.001)
 
 
 def checked_torque_errors(table: Table, percent: Array, errors: Array) -> tuple[Check, ...]:
-    """Every entry against percent errors (seeds, k + 1) and torque errors (seeds, k + 1, r)."""
+    """Checks of every entry against percent errors (seeds, k + 1) and torque errors (seeds, k + 1, r)."""
     last = percent.shape[1] - 1
     checks = []
     for row, column, text in table.entries():
@@ -41,7 +41,7 @@ def medians(percent: Array, errors: Array) -> Relations:
 
 
 def fewest_components(claim: str, printed_count: int, draws: Draws, errors: Array, motion: StatedMotion) -> Claim:
-    """How many components a very close torque needs, on every joint."""
+    """Claim on the number of components that a very close torque needs, on every joint."""
     needed = {share: _needed(draws, errors, motion, share) for share in CLOSE}
     judged = float(np.mean(needed[CLOSE[0]] >= printed_count))
     middle = ", ".join(f"{np.median(count):.0f} within {percent(share)}" for share, count in needed.items())

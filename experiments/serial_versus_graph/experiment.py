@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SerialVersusGraph(TipPath, ClosedLoopExperiment):
-    """The three-joint PUMA and the semi-direct-drive arm: parameters, operations and tracking on one path in space.
+    """Comparison of the three-joint PUMA and the five-bar: parameters, operations, tracking on one path in space.
 
     Both tips follow one path, turned into joints by inverse kinematics, and start off it by the same way. Both are
     driven by Slotine and Li's controller from zero, on the independent parameters and on all, and with adaptation
@@ -70,7 +70,7 @@ class SerialVersusGraph(TipPath, ClosedLoopExperiment):
 
     @property
     def purpose(self) -> str:
-        """What is asked."""
+        """Question that the experiment answers, in a paragraph."""
         return (
             "Sheu and Walker compare two arms whose end points move with three degrees of freedom: the PUMA's first "
             "three joints, and the semi-direct-drive arm, whose forearm follows through a closed loop. How much does "
@@ -107,7 +107,7 @@ class SerialVersusGraph(TipPath, ClosedLoopExperiment):
         )
 
     def side(self, arm: ArmWithTip, progress: Progress) -> Side:
-        """One arm's offline stage and runs."""
+        """Offline stage and runs of one arm."""
         progress("independent parameters from energies", 0.0)
         mechanism = load(arm.robot)
         tip = arm.on(mechanism)
@@ -146,7 +146,7 @@ class SerialVersusGraph(TipPath, ClosedLoopExperiment):
         )
 
     def _contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Learning on the independent parameters first; then the same with adaptation off, and on all."""
+        """Contenders: learning on the independent parameters, with adaptation off, and on all parameters."""
         model, full, gains = ReducedModel(mechanism, basis), ReducedModel.full(mechanism), self.gains(mechanism)
 
         def slotine_li(on: ReducedModel, adapts: bool = True) -> SlotineLi:
@@ -198,5 +198,5 @@ def _told(progress: Progress, arm: str, what: str, share: float) -> None:
 
 
 def regressor_counts(mechanism: Mechanism, basis: FundamentalBasis) -> OperationCounts:
-    """What the Slotine-Li regressor costs, compiled, at a configuration that closes the loops."""
+    """Operations of the compiled Slotine-Li regressor at a configuration that closes the loops."""
     return OperationCounts(equation_costs(mechanism, basis.columns).regressor, equation_costs(mechanism).regressor)

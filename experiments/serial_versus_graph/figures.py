@@ -1,4 +1,4 @@
-"""The figures of a report on arms side by side."""
+"""Figures of the report on arms side by side."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ AXES = "xyz"
 
 
 def side_color(index: int) -> Color:
-    """The colour of the index-th arm."""
+    """Colour of the index-th arm."""
     return (RUNS[0], RUNS[3], RUNS[2])[index % 3]
 
 
 def drawings(result: SideBySide) -> Iterator[Drawing]:
-    """The figures, in the order of the report."""
+    """Figures of arms side by side, in the order of the report."""
     if all(side.comparison.subject.cost for side in result.sides):
         yield Drawing(
             "operations",
@@ -50,7 +50,7 @@ def drawings(result: SideBySide) -> Iterator[Drawing]:
 
 
 def operations(result: SideBySide) -> Figure:
-    """Bars of the regressor and of the adaptive tick, reduced and full."""
+    """Figure of the operations of the regressor and of the adaptive tick, reduced and full."""
     figure = sheet(2.7)
     panels = figure.subplots(1, 2)
     for axes, title, counts in zip(
@@ -70,7 +70,7 @@ def operations(result: SideBySide) -> Figure:
 
 
 def tip_path(result: SideBySide) -> Figure:
-    """The tips' paths in three views."""
+    """Figure of the tips' paths in three views."""
     figure = sheet(3.4)
     for axes, (across, up, view) in zip(figure.subplots(1, 3), VIEWS, strict=True):
         for i, side in enumerate(result.sides):
@@ -87,7 +87,7 @@ def tip_path(result: SideBySide) -> Figure:
 
 
 def tip_error(result: SideBySide) -> Figure:
-    """Both arms' tip errors over time."""
+    """Figure of both arms' tip errors over time."""
     figure = sheet(3.6)
     axes = figure.subplots()
     for i, side in enumerate(result.sides):
@@ -104,7 +104,7 @@ def tip_error(result: SideBySide) -> Figure:
 
 
 def lyapunov(result: SideBySide) -> Figure:
-    """V over V(0) of the adaptive runs."""
+    """Figure of V over V(0) of the adaptive runs."""
     figure = sheet(2.6)
     axes = figure.subplots()
     for i, side in enumerate(result.sides):

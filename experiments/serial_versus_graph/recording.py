@@ -1,4 +1,4 @@
-"""Arms side by side as a rerun recording: one scene, and the same curves of each."""
+"""Recording of arms side by side for rerun: one scene, and the same curves of each."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def _log_tip_error(recording: rr.RecordingStream, side: Side, run: ControllerRun
 
 
 def _floor(result: SideBySide) -> float:
-    """The floor's height (m): low enough for everything that moves to stay above it."""
+    """Height of the floor (m): low enough for everything that moves to stay above it."""
     return min(
         floor_height(side.comparison.mechanism, _parts(side), side.comparison.subject.rollout.p)
         for side in result.sides
@@ -67,7 +67,7 @@ def _floor(result: SideBySide) -> float:
 
 
 def _markdown(result: SideBySide) -> str:
-    """The outcome, and the table."""
+    """Summary in Markdown: the outcome, and the table."""
     warning = "" if result.complete else f"**{INCOMPLETE}**\n\n"
     heads = " | ".join(side.label for side in result.sides)
     lines = [f"| | {heads} |", "|---" * (1 + len(result.sides)) + "|"]
@@ -79,7 +79,7 @@ def _markdown(result: SideBySide) -> str:
 
 
 def _blueprint(result: SideBySide) -> rrb.Blueprint:
-    """Both arms and the table on the left, curves on the right."""
+    """Layout of the screen: both arms and the table on the left, curves on the right."""
     left = rrb.Vertical(_scene(result), views.text("summary", "Table"), row_shares=[1, 1])
     curves = [views.curves("/tip_error", "Distance of the tip from its path, powers of ten of a mm")]
     curves.append(views.curves("/lyapunov", "Lyapunov function over its first value · must never rise"))

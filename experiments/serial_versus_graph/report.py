@@ -1,4 +1,4 @@
-"""The report of arms side by side: one HTML page that needs nothing else."""
+"""Report of arms side by side: one HTML page that needs nothing else."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ class OperationCounts:
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """One of the arms: its runs, and where its tip was."""
+    """Runs of one of the arms, and the path of its tip."""
 
     name: str
     """short and fit for a file: ``serial``"""
@@ -45,12 +45,12 @@ class Side:
 
     @property
     def full(self) -> ControllerRun | None:
-        """The adaptive run on all parameters."""
+        """Adaptive run on all parameters; None where it was not run."""
         return next((run for run in self.comparison.runs if run.name == "adaptive-full"), None)
 
     @property
     def joints(self) -> int:
-        """Joints of the mechanism, those that were cut among them."""
+        """Number of the mechanism's joints, those that were cut among them."""
         return len(self.comparison.mechanism.links) + self.closures
 
     def tip_errors(self, run: ControllerRun) -> Array:
@@ -58,24 +58,24 @@ class Side:
         return np.asarray(np.linalg.norm(self.tips[run.name] - self.desired[run.name], axis=-1))
 
     def tip_rms(self, run: ControllerRun | None, start: float = 0.0, stop: float = np.inf) -> float | None:
-        """Root mean square of that distance over a stretch of time; None without samples."""
+        """Root mean square of `tip_errors` over a stretch of time, m; None without samples."""
         if run is None:
             return None
         inside = (run.rollout.time >= start) & (run.rollout.time < stop)
         return float(np.sqrt(np.mean(self.tip_errors(run)[inside] ** 2))) if inside.any() else None
 
     def first_tip_rms(self, run: ControllerRun | None) -> float | None:
-        """Over the first second."""
+        """`tip_rms` over the first second, m."""
         return self.tip_rms(run, stop=BEGINNING)
 
     def final_tip_rms(self, run: ControllerRun | None) -> float | None:
-        """Over the last two seconds that were run."""
+        """`tip_rms` over the last two seconds that were run, m."""
         return None if run is None else self.tip_rms(run, start=run.duration - SETTLED)
 
 
 @dataclass(frozen=True, eq=False)
 class SideBySide:
-    """Arms on one task; of the second and later ones only those that were begun when it was interrupted."""
+    """Runs of several arms on one task; of those only that were begun when it was interrupted."""
 
     experiment: str
     title: str

@@ -1,4 +1,4 @@
-"""What is said of arms side by side, in the recording and in the report alike."""
+"""Sentences and rows about arms side by side, the same in the recording and in the report."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ WHY_NOT_16 = (
 
 
 class Row(NamedTuple):
-    """A line of the table: what, and a value for each arm."""
+    """Row of the table: what it tells, and a value for each arm."""
 
     what: str
     values: tuple[str, ...]
@@ -25,7 +25,7 @@ class Row(NamedTuple):
 
 
 def verdict(result: SideBySide) -> str:
-    """The outcome in a sentence or two."""
+    """Outcome in a sentence or two."""
     ranks = " and ".join(f"{side.label} {side.comparison.space.rank}" for side in result.sides)
     said = f"Independent parameters: {ranks}. "
     ticks = [_flops(side.comparison.subject) for side in result.sides]
@@ -41,13 +41,13 @@ def verdict(result: SideBySide) -> str:
 
 
 def facts(result: SideBySide) -> Iterator[tuple[str, str]]:
-    """What a person asks first, and the answers, one for each arm."""
+    """Questions that a person asks first, and the answers, one for each arm."""
     for what in FACTS:
         yield what, " · ".join(next(row for row in rows(result) if row.what == what).values)
 
 
 def rows(result: SideBySide) -> list[Row]:
-    """The paper's Table 13, and what it stands for: operations, time, tracking."""
+    """Rows of the table: those of the paper's Table 13, then operations, time and tracking."""
     found = []
     for what, told in QUESTIONS:
         found.append(Row(what, ()) if told is None else Row(what, tuple(told(side) for side in result.sides)))
