@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array
-from adaptctl.description.inertia import PARAMETERS, pseudo_inertia
+from adaptctl.description.inertia import UNIT_PSEUDO_INERTIAS, pseudo_inertia
 from adaptctl.errors import AdaptctlError, InputError, MissingExtraError
 from adaptctl.identifiability.reduced_model import ReducedModel
 
@@ -22,9 +22,6 @@ REALISABLE = 1e-6
 """Relative distance below which fundamental parameters count as realisable: the solver's accuracy."""
 SLACK = 1e-3
 """Share by which the distance may be exceeded to come nearer to the prior, where nothing is realisable."""
-
-_UNITS = np.stack([pseudo_inertia(unit) for unit in np.eye(len(PARAMETERS))])
-"""(10, 4, 4): the pseudo-inertia of each unit parameter."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,5 +154,5 @@ def _roots(model: ReducedModel, prior: Array) -> list[Array]:
 
 def _as_ten(root: Array) -> Array:
     """The matrix (10, 16) that takes X, column by column, to the ten of the pseudo-inertia G X G'."""
-    to_ten = np.linalg.pinv(_UNITS.reshape(10, 16).T)
+    to_ten = np.linalg.pinv(UNIT_PSEUDO_INERTIAS.reshape(10, 16).T)
     return np.asarray(to_ten @ np.kron(root, root))
