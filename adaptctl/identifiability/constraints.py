@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Literal
@@ -21,7 +20,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.constrained_mechanism import Parametrisation, RelatedMechanism
 from adaptctl.errors import FileError, InputError, NotFoundError
 from adaptctl.files import read_toml
-from adaptctl.identifiability.priority import Priority
+from adaptctl.identifiability.priority import Priority, suggestion
 from adaptctl.identifiability.sampling import characteristic_length
 from adaptctl.identifiability.scaled_rank import length_scales
 from adaptctl.identifiability.selection import removable
@@ -158,7 +157,7 @@ def _system(relations: Sequence[Relation], names: Sequence[str]) -> tuple[Array,
     for row, relation in zip(A, relations, strict=True):
         for name, weight in relation.weights.items():
             if name not in place:
-                raise NotFoundError(f"{relation}: there is no inertial parameter {name!r}; {_nearest(name, names)}")
+                raise NotFoundError(f"{relation}: there is no inertial parameter {name!r}; {suggestion(name, names)}")
             row[place[name]] = weight
     return A, np.array([relation.value for relation in relations])
 
@@ -177,11 +176,6 @@ def _independent(relations: Sequence[Relation], A: Array, b: Array) -> list[int]
                 continue
         kept.append(i)
     return kept
-
-
-def _nearest(name: str, names: Sequence[str]) -> str:
-    close = get_close_matches(name, names, n=1)
-    return f"did you mean {close[0]!r}?" if close else f"there are {', '.join(names[:10])}, ..."
 
 
 _Nested = dict[str, float | dict[str, float]]

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, get_args
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen_array
+from adaptctl.arrays import Array, checked, frozen_array
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.constrained_mechanism import RelatedMechanism
 from adaptctl.errors import InputError, RankError
@@ -105,10 +104,7 @@ class EssentialSpace:
 
     def project(self, parameters: ArrayLike) -> Array:
         """Essential parameters D_E = V1 V1' D (..., P) of inertial parameters D (..., P). Raises `InputError`."""
-        D = np.asarray(parameters, dtype=np.float64)
-        if D.ndim == 0 or D.shape[-1] != len(self.parameter_names):
-            raise InputError(f"parameters: expected shape (..., {len(self.parameter_names)}), got {D.shape}")
-        return (D @ self.basis) @ self.basis.T
+        return (checked(parameters, len(self.parameter_names), "parameters") @ self.basis) @ self.basis.T
 
     @cached_property
     def _triangle(self) -> Array:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen_array
+from adaptctl.arrays import Array, checked, frozen_array
 from adaptctl.errors import FileError, InputError, RankError
 from adaptctl.identifiability.basis_file import BasisFile, Robot
 from adaptctl.identifiability.essential_space import EssentialSpace
@@ -71,10 +71,7 @@ class FundamentalBasis:
 
     def fundamental_parameters(self, parameters: ArrayLike) -> Array:
         """Fundamental parameters beta = K D (..., k) of inertial parameters D (..., P). Raises `InputError`."""
-        D = np.asarray(parameters, dtype=np.float64)
-        if D.ndim == 0 or D.shape[-1] != len(self.parameter_names):
-            raise InputError(f"parameters: expected shape (..., {len(self.parameter_names)}), got {D.shape}")
-        return D @ self.regrouping.T
+        return checked(parameters, len(self.parameter_names), "parameters") @ self.regrouping.T
 
     def equations(self) -> tuple[str, ...]:
         """The regrouping equations (k,) in readable form."""

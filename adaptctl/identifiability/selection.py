@@ -1,9 +1,9 @@
 """Independent rows and columns, chosen one after another by modified Gram-Schmidt.
 
-Twice, since two questions are asked. `removable` walks an order that a user gives, over null vectors of a whole
-mechanism, and only what it takes matters: it orthogonalises twice. `independent_columns` may prefer the largest ones
-and gives directions to go on with; it is for a few columns at a time, link by link, where once is enough.
-(`scipy.linalg.qr` can pivot, by size alone, and takes 0.1 s to import.)
+There are two functions, for two questions. `removable` walks an order that a user gives, over null vectors of a whole
+mechanism down to any tolerance, so it orthogonalises twice; only the choice counts. `independent_columns` falls back on
+the largest column and gives directions to go on with. Neither needs SciPy, whose `qr` pivots by size alone and takes
+0.1 s to import.
 """
 
 from __future__ import annotations
