@@ -9,7 +9,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.constrained_mechanism import Parametrisation, RelatedMechanism
+from adaptctl.dynamics.constrained_mechanism import Parametrisation, ConstrainedMechanism
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.identifiability.constraints import Constraints, Relation
 from adaptctl.identifiability.priority import Priority
@@ -21,7 +21,9 @@ INDEPENDENT = 1e-9
 """What of a relation must be its own, beside those before it."""
 
 
-def constrained(mechanism: Mechanism, constraints: Constraints, priority: Priority | None = None) -> RelatedMechanism:
+def constrained(
+    mechanism: Mechanism, constraints: Constraints, priority: Priority | None = None
+) -> ConstrainedMechanism:
     """The mechanism on the parameters that the constraints leave: each takes one away.
 
     A relation takes away the parameter that the priority would remove first (default: Table 4's rule) and that no
@@ -37,7 +39,7 @@ def constrained(mechanism: Mechanism, constraints: Constraints, priority: Priori
     if len(kept) == len(names):
         raise InputError(f"{mechanism.name}: the constraints leave no parameter")
     order = (priority or Priority()).indices(names)
-    return RelatedMechanism(mechanism, _parametrisation(A[kept] * scales, b[kept], scales, order, mechanism))
+    return ConstrainedMechanism(mechanism, _parametrisation(A[kept] * scales, b[kept], scales, order, mechanism))
 
 
 def _parametrisation(A: Array, b: Array, scales: Array, order: Sequence[int], mechanism: Mechanism) -> Parametrisation:

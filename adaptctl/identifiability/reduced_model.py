@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.constrained_mechanism import RelatedMechanism
 from adaptctl.errors import InputError
 from adaptctl.identifiability.fundamental_basis import FundamentalBasis
 
@@ -82,8 +81,7 @@ class ReducedModel:
         """Torque (..., r) that gives the accelerations a, with parameters beta (..., k), the true ones by default."""
         values = self.fundamental_parameters if beta is None else self._checked(beta)
         torque = np.einsum("...ij,...j->...i", self.torque_regressor(p, v, a), values)
-        known = self.mechanism.known_torque(p, v, a) if isinstance(self.mechanism, RelatedMechanism) else 0.0
-        return np.asarray(torque + known)
+        return np.asarray(torque + self.mechanism.known_torque(p, v, a))
 
     def embed(self, beta: ArrayLike) -> Array:
         """D_I = F1 beta (..., P): beta at the kept columns, zeros elsewhere, with the same torques."""
