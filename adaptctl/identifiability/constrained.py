@@ -9,7 +9,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.constrained_mechanism import Parametrisation, ConstrainedMechanism
+from adaptctl.dynamics.constrained_mechanism import ConstrainedMechanism, Parametrisation
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.identifiability.constraints import Constraints, Relation
 from adaptctl.identifiability.priority import Priority
