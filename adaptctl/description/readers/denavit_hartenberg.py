@@ -15,8 +15,6 @@ from adaptctl.description.readers.entries import MAX_ENTRIES, LinkEntry, Triple
 from adaptctl.errors import FileError, InputError
 from adaptctl.files import read_toml
 
-SCHEMA = "adaptctl/denavit-hartenberg/1"
-
 X, Z = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 
 

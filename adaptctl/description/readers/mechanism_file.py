@@ -16,8 +16,6 @@ from adaptctl.description.readers.entries import MAX_ENTRIES, FrameEntry, LinkEn
 from adaptctl.errors import FileError, InputError, NotFoundError
 from adaptctl.files import read_toml
 
-SCHEMA = "adaptctl/mechanism/1"
-
 Entry = TypeVar("Entry")
 Part = TypeVar("Part")
 
