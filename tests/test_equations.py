@@ -59,6 +59,7 @@ def test_sizes_are_the_mechanisms(mechanism: Mechanism) -> None:
     assert (e.dof, e.parameters) == (mechanism.dof, len(mechanism.parameter_names))
     assert e.joints == len(e.links) == len(mechanism.links)
     motion = e.motion(*map(column, states(mechanism)))
+    assert isinstance(e, Equations)
     assert isinstance(motion, Motion)
     assert len(motion.numbers) == e.motion_size
 

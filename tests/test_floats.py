@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -26,6 +27,11 @@ def test_floats_and_native_code_give_the_same() -> None:
     assert [part.shape for part in plain] == [part.shape for part in native] == [(3,), (2,), (0,)]
     for one, other in zip(plain, native, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-14)
+
+
+def test_the_docs_know_the_largest_that_is_compiled() -> None:
+    text = (Path(__file__).parent.parent / "docs" / "concepts.md").read_text(encoding="utf-8")
+    assert f"Mechanisms of more than {LARGEST_COMPILED} links run the same equations in Python" in text
 
 
 def test_what_is_short_enough_is_compiled() -> None:

@@ -60,7 +60,7 @@ def read_toml_mechanism(path: str | Path) -> Description:
     schema = read_toml(path, _Head).schema
     if schema not in SCHEMAS:
         known = ", ".join(map(repr, SCHEMAS))
-        raise FileError(f"{path}: unknown schema {schema!r}; expected one of {known} - at `$.schema`")
+        raise FileError(f"{path}: Invalid schema {schema!r} - at `$.schema`; expected one of {known}")
     return _imported(SCHEMAS[schema])(path)
 
 
