@@ -40,7 +40,7 @@ class OnFloats:
 
     @property
     def call(self) -> OnFloats:
-        """The same, as a kernel's bare call."""
+        """Itself: a kernel has a faster `call`, this has not."""
         return self
 
 

@@ -93,7 +93,7 @@ class Kernel:
 
 @dataclass(frozen=True)
 class Given:
-    """What a kernel takes: names and lengths."""
+    """The arguments of a kernel, names and lengths, and how they are checked."""
 
     kernel: str
     columns: Mapping[str, int]

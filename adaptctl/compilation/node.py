@@ -13,7 +13,7 @@ from adaptctl.compilation.refusal import untraceable
 
 
 class _Traced(Expression):
-    """What nodes and truths share: they refuse to give away a value they do not have."""
+    """A traced value, number or truth: it refuses to give away a value that it does not have yet."""
 
     __slots__ = ()
     __hash__ = Expression.__hash__

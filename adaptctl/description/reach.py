@@ -19,7 +19,7 @@ def joint_line(link: Link) -> tuple[Array, Array]:
 
 
 def link_end(link: Link) -> Array:
-    """Where a link ends (3,), m, in its frame: the frame's origin, or the centre of mass if that is at the joint."""
+    """The end of a link (3,), m, in its frame: the frame's origin, or the centre of mass if that is at the joint."""
     start, _ = joint_line(link)
     if np.linalg.norm(start) > AT_JOINT or link.inertia[0] <= 0.0:
         return np.zeros(3)

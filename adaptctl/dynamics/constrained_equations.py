@@ -104,7 +104,7 @@ class ConstrainedEquations(Equations):
 
     @property
     def motion_size(self) -> int:
-        """How many numbers a motion has."""
+        """Number of numbers in a motion."""
         return self.whole.motion_size
 
     def forward_dynamics(self, q: Column, v: Column, torque: Column, parameters: Column) -> Column:

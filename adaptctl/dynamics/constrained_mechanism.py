@@ -82,7 +82,7 @@ class ConstrainedMechanism(Mechanism):
 
     @property
     def energetic(self) -> int:
-        """How many of the free parameters enter the energy."""
+        """Number of free parameters that enter the energy."""
         return sum(i < self.whole.energetic for i in self.parametrisation.left)
 
     @property

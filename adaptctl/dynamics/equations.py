@@ -103,7 +103,7 @@ class Equations(ABC):
     @property
     @abstractmethod
     def motion_size(self) -> int:
-        """How many numbers a motion has."""
+        """Number of numbers in a motion."""
 
     @abstractmethod
     def mass_matrix(self, q: Column, parameters: Column) -> list[list[Scalar]]:

@@ -128,7 +128,7 @@ class LoopEquations(Equations):
 
     @property
     def motion_size(self) -> int:
-        """How many numbers a motion has."""
+        """Number of numbers in a motion."""
         return len(self.closing.primary) * len(self.closing.dependent) + self.tree.motion_size
 
     def forward_dynamics(self, q: Column, v: Column, torque: Column, parameters: Column) -> Column:

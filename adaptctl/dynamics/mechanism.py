@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class Mechanism:
-    """What a robotics engineer asks of a mechanism: energies, torques, regressors, accelerations.
+    """A mechanism's energies, torques, regressors and accelerations, on arrays.
 
     Trailing axes are the mathematics, leading axes are samples: p, v, a, torque are (..., r), regressors
     (..., P) and (..., r, P). Angles in rad, lengths in m, torques in N m (N for a prismatic joint).
@@ -116,7 +116,7 @@ class Mechanism:
 
     @property
     def energetic(self) -> int:
-        """How many of the parameters enter the energy: all but friction, which comes last."""
+        """Number of parameters that enter the energy: all but friction, which comes last."""
         return self.description.energetic
 
     @property

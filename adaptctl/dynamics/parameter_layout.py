@@ -31,7 +31,7 @@ class ParameterLayout:
         return self.driven + len(self.drives)
 
     def sorted_out(self, columns: Sequence[int]) -> tuple[dict[int, int], dict[int, int]]:
-        """Of the asked columns, those of bodies as columns of ten a link, and those of drives by number."""
+        """The asked columns of bodies, each with its column of ten a link, and those of drives, with their numbers."""
         of_bodies = {c: 10 * self.bodies[c // 10] + c % 10 for c in columns if c < self.driven}
         return of_bodies, {c: c - self.driven for c in columns if c >= self.driven}
 
@@ -45,7 +45,7 @@ class ParameterLayout:
         return Column(tens)
 
     def owned(self, tens: Column) -> Sequence[Scalar]:
-        """Of ten entries a link (10N,), those that are parameters."""
+        """The entries that are parameters, from ten a link (10N,)."""
         return [x for i in self.bodies for x in tens.of[10 * i : 10 * i + 10]]
 
     def of_drives(self, parameters: Column) -> Sequence[Scalar]:

@@ -131,7 +131,7 @@ class TreeEquations(Equations):
 
     @property
     def motion_size(self) -> int:
-        """How many numbers a motion has."""
+        """Number of numbers in a motion."""
         return sum(link.coordinates + 12 for link in self.segments) + len(self.layout.drives)
 
     def mass_matrix(self, p: Column, parameters: Column) -> list[list[Scalar]]:

@@ -64,7 +64,7 @@ class CouplingEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class ConditionEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """Where the mechanism may work: lower < sum of weight times primary coordinate < upper (rad or m)."""
+    """A bound on where the mechanism may work: lower < sum of weight times primary coordinate < upper (rad or m)."""
 
     name: Name
     weights: dict[Name, float]

@@ -50,7 +50,7 @@ def builtin_names() -> tuple[str, ...]:
 
 
 class _Head(msgspec.Struct):
-    """What every TOML file of a mechanism begins with."""
+    """The field that every TOML file of a mechanism has."""
 
     schema: str
 
@@ -113,6 +113,6 @@ def _warn_of_inconsistency(description: Description, remark: str) -> None:
 
 
 def _is_impossible(ten: Array) -> bool:
-    """Whether not even a body shrunk to rods, points or nothing has these ten: real files hold such bodies."""
+    """True where not even a body shrunk to rods, points or nothing, as real files hold them, has these ten."""
     eigenvalues = np.linalg.eigvalsh(pseudo_inertia(ten))
     return bool(eigenvalues[0] < -1e-12 * eigenvalues[-1])

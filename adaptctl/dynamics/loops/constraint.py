@@ -78,7 +78,7 @@ class Constraint:
         self._seen = self.first.rotation.T
 
     def residual(self) -> list[Scalar]:
-        """What must vanish: m for positions, rad (to first order) for attitudes."""
+        """The gap between the closing frames: m for positions, rad (to first order) for attitudes; zero when closed."""
         gap = self._seen @ (self.second.origin - self.first.origin)
         turn = product(self._seen, self.second.rotation)
         attitude = {
@@ -160,8 +160,8 @@ class Follower:
 
 @dataclass(frozen=True)
 class Closing:
-    """How a tree's joints hang together: loops and couplings, which of their rows are independent, which joints
-    are primary, and which depend on them."""
+    """All closures and couplings of a tree, which of their rows are independent, which joints are primary, and
+    which depend on them."""
 
     loops: tuple[Loop, ...]
     followers: tuple[Follower, ...]
@@ -171,13 +171,13 @@ class Closing:
 
     @property
     def looped(self) -> tuple[bool, ...]:
-        """Which primary joints move a closure, themselves or through joints that follow them."""
+        """The primary joints (r,) that move a closure, themselves or through joints that follow them."""
         links = {link for loop in self.loops for chain in (loop.first, loop.second) for link in chain.links}
         links |= {c.leader for c in self.followers if c.follower in links}
         return tuple(joint in links for joint in self.primary)
 
     def residual(self, places: Sequence[Placement], q: Column) -> Column:
-        """What must vanish, independent rows only."""
+        """The loops' and couplings' gaps, independent rows only: zero at a closed configuration."""
         rows = [x for loop in self.loops for x in Constraint(places, loop).residual()]
         rows += [q[c.follower] - c.ratio * q[c.leader] - c.offset for c in self.followers]
         return Column(rows[i] for i in self.rows)

@@ -64,7 +64,7 @@ STILL = Products(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def products(w: Vec, r: Vec) -> Products:
-    """Of a link's two angular velocities, which may be one."""
+    """The products of a link's two angular velocities, which may be one."""
     if w is r:
         return Products(w.x * w.x, w.x * w.y, w.y * w.y, w.x * w.z, w.y * w.z, w.z * w.z)
     h = 0.5 * w
@@ -73,7 +73,7 @@ def products(w: Vec, r: Vec) -> Products:
 
 
 class LinkMotion:
-    """How a link moves under two velocities: its point u accelerates by acc (less gravity) + lever u.
+    """A link's motion under two velocities: its point u accelerates by acc (less gravity) + lever u.
 
     `products` are those of its two angular velocities, `alpha` is its angular acceleration.
     """

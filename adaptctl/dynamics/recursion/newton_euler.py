@@ -23,7 +23,7 @@ def joint_torques(places: Sequence[Placement], moving: Sequence[LinkMotion], par
 
 
 def joint_power(place: Placement, load: Wrench) -> Scalar:
-    """What a link's wrench asks of its joint: the power of a unit joint rate."""
+    """The joint torque that balances a link's wrench: its power at a unit joint rate."""
     z = place.segment.axis
     if not place.segment.turns:
         return dot(load.force, z)
@@ -31,7 +31,7 @@ def joint_power(place: Placement, load: Wrench) -> Scalar:
 
 
 def lifted(place: Placement, load: Wrench) -> Wrench:
-    """The same wrench about the parent's origin, in the parent's frame."""
+    """The wrench about the parent's origin, in the parent's frame."""
     force = place.up(load.force)
     moment = place.up(load.moment + cross(place.shift, load.force))
     return Wrench(force, moment + cross(place.segment.near, force))

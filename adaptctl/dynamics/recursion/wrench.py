@@ -21,7 +21,7 @@ class Wrench:
 
 
 def wrench(motion: LinkMotion, ten: Sequence[Scalar]) -> Wrench:
-    """What the link's motion takes: f = m acc + lever mc, n = mc x acc + the moment of its inertia."""
+    """The wrench that moves the link: f = m acc + lever mc, n = mc x acc + the moment of its inertia."""
     m, mc = ten[0], Vec(ten[1], ten[2], ten[3])
     force = m * motion.acc + motion.lever @ mc
     moment = cross(mc, motion.acc)
