@@ -15,7 +15,7 @@ _AXES = Mat.of(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
 
 
 @dataclass(frozen=True)
-class Side:
+class ClosureSide:
     """One side of a closure: the links from just below the common ancestor to the one that carries the closing
     frame, and that frame's rotation and origin in it."""
 
@@ -28,8 +28,8 @@ class Side:
 class Loop:
     """A closure between two sides that part at a common link, or at the ground."""
 
-    first: Side
-    second: Side
+    first: ClosureSide
+    second: ClosureSide
     kind: ClosureKind
 
 
@@ -56,7 +56,7 @@ def product(a: Mat, b: Mat) -> Mat:
     return Mat(*(Vec(dot(row, columns.x), dot(row, columns.y), dot(row, columns.z)) for row in (a.x, a.y, a.z)))
 
 
-def reach(places: Sequence[Placement], side: Side) -> Reach:
+def reach(places: Sequence[Placement], side: ClosureSide) -> Reach:
     """The side, followed outward from the common link."""
     rotation, origin, hinges = _AXES, ZERO, []
     for i in side.links:
