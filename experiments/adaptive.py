@@ -11,6 +11,7 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.control import Gains, PriorRanges, sampled_gain, typical_inertia
 from adaptctl.description import GROUND
+from adaptctl.description.reach import reach_behind
 from adaptctl.dynamics import Mechanism
 from adaptctl.envs.random_reference import random_sinusoids
 from adaptctl.envs.torque_limits import finite_torque_limits
@@ -18,7 +19,6 @@ from adaptctl.experiments.experiment import setting
 from adaptctl.experiments.learning import Learning, numbers
 from adaptctl.identifiability import ReducedModel
 from adaptctl.recording import Setting
-from adaptctl.recording.skeleton import reach_behind
 
 if TYPE_CHECKING:
     import gymnasium
@@ -114,7 +114,7 @@ def _link_ranges(model: ReducedModel, heaviest: float) -> Array:
     """
     mechanism = model.mechanism
     inertia = _behind(mechanism)
-    levers = np.maximum(reach_behind(mechanism), SHORTEST_LEVER) / 3.0
+    levers = np.maximum(reach_behind(mechanism.links), SHORTEST_LEVER) / 3.0
     masses = np.minimum(inertia / levers**2, heaviest)
     by_owner: dict[str, PriorRanges] = {}
     for link, mass, moment in zip(mechanism.links, masses.tolist(), inertia.tolist(), strict=True):

@@ -13,6 +13,7 @@ from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError
 from adaptctl.identifiability import essential_space, random_states, states_within_limits
 from adaptctl.identifiability.branch import REGULAR
+from adaptctl.scalars import Column
 
 
 @pytest.mark.parametrize("name", sorted(RECIPES))
@@ -95,3 +96,21 @@ def test_each_way_is_gone_as_far_as_if_it_were_alone(name: str) -> None:
     progress = mechanism.continuation.progress(p)
     np.testing.assert_array_equal(progress, [mechanism.continuation.progress(x[None])[0] for x in p])
     assert 0.0 < progress.min() < 1.0 == progress.max()
+
+
+@pytest.mark.parametrize("name", ["four-bar", "planar weld", "spatial point"])
+def test_a_loop_that_is_open_is_off_the_branch(name: str) -> None:
+    """Open by more than 1e-9 m or rad is lost, however regular; round-off is not."""
+    mechanism, _ = random_loop(1, RECIPES[name])
+    continuation = mechanism.continuation
+    assert continuation is not None
+    dependent = list(continuation.equations.closing.dependent)
+    block = np.array([c.of for c in continuation.equations.dependent_block(Column(continuation.reference.tolist()))])
+    way = np.linalg.solve(block.T, np.eye(len(dependent))[0])
+    for gap, open_loop in ((1e-12, False), (2e-9, True), (1e-7, True), (1e-5, True), (1e-3, True)):
+        q = continuation.reference.copy()
+        q[dependent] += gap * way
+        residual = continuation.equations.residual(Column(q.tolist()))
+        assert max(map(abs, residual)) == pytest.approx(gap, rel=0.5, abs=1e-13)
+        assert bool(continuation.regularity(q) == 0.0) is open_loop
+        assert bool(continuation.surely_regular(Column(q.tolist()))) is not open_loop

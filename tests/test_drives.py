@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -123,3 +125,15 @@ def test_drives_can_be_given_and_taken_away() -> None:
 def test_negative_friction_is_refused(bad: dict[str, float]) -> None:
     with pytest.raises(InputError, match=f"{next(iter(bad))}: expected a finite number of at least 0"):
         Drive(**bad)
+
+
+def test_coulomb_friction_fades_below_the_speed_that_the_docs_name() -> None:
+    """At that speed v / sqrt(v^2 + w^2) is 1/sqrt(2): with w twice as large it would be 0.45."""
+    text = (Path(__file__).parent.parent / "docs" / "concepts.md").read_text(encoding="utf-8")
+    (figure,) = re.findall(r"Coulomb friction fades below ([0-9.]+) rad/s", text)
+    plain = random_tree(4, 1)
+    rubbing = plain.with_drives(Drive(coulomb=1.0))
+    for factor, share in ((1.0, 1.0 / np.sqrt(2.0)), (-1.0, -1.0 / np.sqrt(2.0)), (1e-3, 1e-3), (100.0, 1.0)):
+        p, v, a = np.zeros(1), np.array([factor * float(figure)]), np.zeros(1)
+        torque = rubbing.inverse_dynamics(p, v, a) - plain.inverse_dynamics(p, v, a)
+        np.testing.assert_allclose(torque, share, rtol=1e-4)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
 from adaptctl.description import GROUND, Description, Link
+from adaptctl.description.reach import chain_reach, joint_line, link_end
 from adaptctl.dynamics import Mechanism
 
 SHORTEST = 1e-6
@@ -64,7 +65,7 @@ def skeleton(mechanism: Mechanism) -> Skeleton:
     ends = attachments(mechanism.description)
     depths = _depths(links)
     tip_link = int(np.argmax(depths))
-    tip, reach = _end(links[tip_link]), _reach(links, tip_link) or 1.0
+    tip, reach = link_end(links[tip_link]), chain_reach(links, tip_link) or 1.0
     slimness = depths / max(float(depths.max()), 1.0)
     radii = reach * (ROOT_RADIUS + slimness * (TIP_RADIUS - ROOT_RADIUS))
     shapes = [shape for i in range(len(links)) for shape in _link_shapes(links, i, ends[i], float(radii[i]))]
@@ -80,17 +81,6 @@ def with_tip(parts: Skeleton, link: int, tip: Array) -> Skeleton:
     arm = Shape(link, Solid.LINK, start, tip, min(shape.radius for shape in body if shape.solid is Solid.LINK))
     reach = parts.reach + arm.length
     return Skeleton((*body, arm, Shape(link, Solid.TOOL, tip, tip, ball)), reach, link, tip)
-
-
-def reach_behind(mechanism: Mechanism) -> Array:
-    """From every link's joint to the farthest end behind it, along the links (N,), m."""
-    links = mechanism.links
-    longest = np.array([float(np.linalg.norm(_end(link) - _joint(link)[0])) for link in links])
-    for i in reversed(range(len(links))):
-        if (parent := links[i].parent) != GROUND:
-            step = float(np.linalg.norm(links[i].near.translation - _joint(links[parent])[0]))
-            longest[parent] = max(longest[parent], step + longest[i])
-    return longest
 
 
 def tip_path(parts: Skeleton, rotations: Array, translations: Array) -> Array:
@@ -117,7 +107,7 @@ def _with_end(points: list[Array], link: Link) -> list[Array]:
 
     A link all of whose neighbours sit in its own joint is a part of that joint, wherever its mass is.
     """
-    (joint, _), end = _joint(link), _end(link)
+    (joint, _), end = joint_line(link), link_end(link)
     farthest = max((float(np.linalg.norm(point - joint)) for point in points), default=0.0)
     part_of_joint = bool(points) and farthest <= SHORTEST
     beyond = np.linalg.norm(end - joint) > farthest + SHORTEST
@@ -126,7 +116,7 @@ def _with_end(points: list[Array], link: Link) -> list[Array]:
 
 def _link_shapes(links: tuple[Link, ...], index: int, ends: Sequence[Array], radius: float) -> Iterator[Shape]:
     link = links[index]
-    start, axis = _joint(link)
+    start, axis = joint_line(link)
     for goal in ends:
         corner = start + axis * float(axis @ (goal - start))
         for a, b in ((start, corner), (corner, goal)):
@@ -136,31 +126,9 @@ def _link_shapes(links: tuple[Link, ...], index: int, ends: Sequence[Array], rad
     yield Shape(index, Solid.JOINT, start - half, start + half, 1.2 * radius)
 
 
-def _joint(link: Link) -> tuple[Array, Array]:
-    """Position of a link's joint in the link's frame, and the joint's axis there."""
-    return link.far.inverse.translation, link.far.rotation.T @ link.joint.axis
-
-
-def _end(link: Link) -> Array:
-    """End of a link: its frame's origin, or its centre of mass when that is at the joint."""
-    start, _ = _joint(link)
-    if np.linalg.norm(start) > SHORTEST or link.inertia[0] <= 0.0:
-        return np.zeros(3)
-    return link.inertia[1:4] / link.inertia[0]
-
-
 def _depths(links: tuple[Link, ...]) -> NDArray[np.int64]:
     """Number of links before each link (N,); parents come before their children."""
     depths = np.zeros(len(links), dtype=np.int64)
     for i, link in enumerate(links):
         depths[i] = 0 if link.parent == GROUND else depths[link.parent] + 1
     return depths
-
-
-def _reach(links: tuple[Link, ...], index: int) -> float:
-    """Length of the chain from its first joint to the end of a link."""
-    length = float(np.linalg.norm(_end(links[index]) - _joint(links[index])[0]))
-    while (parent := links[index].parent) != GROUND:
-        length += float(np.linalg.norm(links[index].near.translation - _joint(links[parent])[0]))
-        index = parent
-    return length
