@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from adaptctl.simulation.real_plant import RealPlant
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_trees import random_chain, random_tree
@@ -37,7 +38,6 @@ from adaptctl.simulation.effects import (
     TorqueLimit,
     TorqueRateLimit,
 )
-from adaptctl.simulation.real_plant import RealPlant
 from adaptctl.simulation.stiffness import friction_rate, substeps_for_friction
 
 PERIOD = 1e-3

@@ -9,6 +9,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+from adaptctl.envs.preview import BLOCK, Preview
 from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from gymnasium.wrappers import RescaleAction
@@ -29,7 +30,6 @@ from adaptctl.envs import (
     VectorTrackingEnv,
     random_sinusoids,
 )
-from adaptctl.envs.preview import BLOCK, Preview
 from adaptctl.envs.torque_limits import finite_torque_limits
 from adaptctl.envs.tracking import OPTIONS
 from adaptctl.errors import InputError, NonFiniteError, NotFoundError, PhysicalConsistencyWarning

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, numbers, per_joint
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column
 
@@ -87,22 +87,18 @@ class LoadEffect(Effect):
         """The inertial parameters (..., P) with what is added at a time (s)."""
 
 
-def per_joint(values: ArrayLike, dof: int, what: str) -> Array:
-    """Numbers (r,) of at least zero, one for all joints or one each. Infinity is allowed."""
-    array = np.asarray(values, dtype=np.float64)
-    if array.shape not in ((), (dof,)):
-        raise InputError(f"{what}: expected a number or {dof} of them, got shape {array.shape}")
-    require_at_least_zero(array, what)
-    return np.broadcast_to(array, (dof,)).copy()
+def at_least_zero(values: ArrayLike, dof: int, what: str) -> Array:
+    """Numbers (r,) of at least zero, one for all joints or one each. Infinity is allowed.
 
-
-def require_at_least_zero(values: ArrayLike, what: str) -> None:
-    """Refuse numbers below zero and NaN."""
-    if not np.all(np.asarray(values, dtype=np.float64) >= 0.0):
-        raise InputError(f"{what}: expected numbers of at least 0, got {np.asarray(values).tolist()}")
+    Raises `InputError` on a wrong shape, on numbers below zero and on NaN.
+    """
+    given = numbers(values, what)
+    if not np.all(given >= 0.0):
+        raise InputError(f"{what}: expected numbers of at least 0, got {given.tolist()}")
+    return per_joint(given, dof, what)
 
 
 def require_positive(value: float, what: str, unit: str) -> None:
-    """Refuse a number that is not positive and finite."""
+    """Raise `InputError` for a number that is not positive and finite."""
     if not (np.isfinite(value) and value > 0.0):
         raise InputError(f"{what}: expected a positive number of {unit}, got {value}")

@@ -11,7 +11,7 @@ from adaptctl.arrays import Array
 from adaptctl.dynamics.recursion.drive import SLOW
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column, Scalar, sqrt
-from adaptctl.simulation.effects.effect import JointEffect, per_joint, require_positive
+from adaptctl.simulation.effects.effect import JointEffect, at_least_zero, require_positive
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ class Friction(JointEffect):
     def _each(self, dof: int) -> Array:
         """The three (3, r)."""
         names = ("viscous", "coulomb", "stribeck")
-        return np.array([per_joint(getattr(self, name), dof, f"friction: {name}") for name in names])
+        return np.array([at_least_zero(getattr(self, name), dof, f"friction: {name}") for name in names])
 
 
 def _sign(v: Scalar) -> Scalar:

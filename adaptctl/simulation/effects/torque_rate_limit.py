@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array
 from adaptctl.scalars import Column, clip
-from adaptctl.simulation.effects.effect import ActuatorEffect, per_joint
+from adaptctl.simulation.effects.effect import ActuatorEffect, at_least_zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +23,7 @@ class TorqueRateLimit(ActuatorEffect):
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
         """One number, or one a joint."""
-        per_joint(self.rate, dof, "torque rate limit")
+        at_least_zero(self.rate, dof, "torque rate limit")
 
     def start(self, torque: Array, control_period: float) -> Array:
         """The torque now (r,)."""
@@ -31,6 +31,6 @@ class TorqueRateLimit(ActuatorEffect):
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
         """The nearest torque within reach of the last one."""
-        steps = (per_joint(self.rate, len(torque), "torque rate limit") * control_period).tolist()
+        steps = (at_least_zero(self.rate, len(torque), "torque rate limit") * control_period).tolist()
         given = Column(clip(x, y - step, y + step) for x, y, step in zip(torque, memory, steps, strict=True))
         return given, given
