@@ -1,7 +1,6 @@
 """One control period of a plant over scalars of any kind: limits, drives, motion and sensors in turn.
 
-`Plant.step` is this on arrays, `ClosedLoop` a controller's law before it, and a vector environment's step the facts that
-are told of it.
+`Plant.step` is this on arrays; `ClosedLoop` has a controller's law before it, a vector environment's step facts after.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The physical arm: equations of motion under a torque held over each control period, and what real arms have besides."""
+"""The physical arm: equations of motion under a torque held over each control period, and what real arms add."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any, NoReturn
 
 import numpy as np
@@ -21,7 +22,7 @@ from adaptctl.scalars import Column, Scalar, column
 from adaptctl.simulation.effects import Effect, LoadEffect, PlantEffects
 from adaptctl.simulation.held_motion import held_motion
 from adaptctl.simulation.integrator import Integrator, RungeKutta4
-from adaptctl.simulation.period import ControlPeriod, PeriodOutcome
+from adaptctl.simulation.period import ControlPeriod
 from adaptctl.simulation.plant_state import PlantState
 
 
@@ -64,7 +65,7 @@ class Plant:
         """Number of joints r."""
         return self.mechanism.dof
 
-    @property
+    @cached_property
     def loads(self) -> tuple[LoadEffect, ...]:
         """The effects that change the inertial parameters in mid-motion."""
         return self._effects.loads
@@ -136,15 +137,14 @@ class Plant:
         shape and `NonFiniteError` on NaN or infinity in any argument, or when the motion itself runs away.
         """
         true = self._true(state.time) if parameters is None else parameters
-        shaken = self._silence if noise is None else noise
-        q, v, drives, sensors, measured_p, measured_v, applied, clipped, marks = self._advance(
-            state.q, state.v, state.drives, state.sensors, self._finite(torque), shaken, true
-        )
+        kept = (state.drives, state.sensors, self._silence if noise is None else noise) if self._chained else ()
+        q, v, applied, clipped, *chained = self._advance(state.q, state.v, self._finite(torque), true, *kept)
         if not math.isfinite(q.dot(q) + v.dot(v)):
             self._blame(state, true)
         p = q if self._primary is None else q[self._primary]
-        time, beyond = state.time + self.control_period, bool(clipped[0])
-        return PlantState(time, p, v, q, measured_p, measured_v, applied, beyond, marks, drives, sensors)
+        measured_p, measured_v, marks, drives, sensors = chained or (p, v, state.marks, state.drives, state.sensors)
+        time = state.time + self.control_period
+        return PlantState(time, p, v, q, measured_p, measured_v, applied, clipped > 0.0, marks, drives, sensors)
 
     def limited(self, torque: ArrayLike) -> Array:
         """The torque (r,) clipped to the limits. Raises as `step` does."""
@@ -190,12 +190,18 @@ class Plant:
         return q if self._primary is None else Column(q[i] for i in self._primary)
 
     @cached_property
-    def _advance(self) -> Callable[..., tuple[Array, ...]]:
-        def period(**columns: Column) -> PeriodOutcome:
-            return self.equation(columns)
+    def _advance(self) -> Callable[..., tuple[Any, ...]]:
+        """A control period on arrays; of a plant with nothing between controller and joints, the motion alone."""
+        empty, chained = Column(()), self._chained
 
-        sizes = self.sizes | {"torque": self.dof, "noise": self.noise_size}
-        return self._native(period, "plant", sizes)
+        def period(**columns: Column) -> tuple[Any, ...]:
+            outcome = self.equation({"drives": empty, "sensors": empty, "noise": empty, **columns})
+            after = outcome.measured_p, outcome.measured_v, outcome.marks, outcome.drives, outcome.sensors
+            return outcome.q, outcome.v, outcome.applied, outcome.clipped[0], *(after if chained else ())
+
+        moving = {name: self.sizes[name] for name in ("q", "v")} | {"torque": self.dof}
+        kept = {name: self.sizes[name] for name in ("drives", "sensors")} | {"noise": self.noise_size}
+        return self._native(period, "plant", moving, kept if chained else {})
 
     @cached_property
     def _energy(self) -> Callable[..., tuple[Array]]:
@@ -217,16 +223,17 @@ class Plant:
         return compile_function(sense, sizes, name="sensors")
 
     def _native(
-        self, equation: Callable[..., tuple[Column, ...]], name: str, sizes: Mapping[str, int]
+        self,
+        equation: Callable[..., tuple[Any, ...]],
+        name: str,
+        moving: Mapping[str, int],
+        kept: Mapping[str, int] = MappingProxyType({}),
     ) -> Callable[..., Any]:
-        columns = {**sizes, "parameters": self.mechanism.equations.parameters}
-
-        def plain(**given: Column) -> tuple[Column, ...]:
-            return tuple(equation(**given))
-
+        """An equation on arrays of these lengths, the parameters between them; in Python where code would be long."""
+        sizes = {**moving, "parameters": self.mechanism.equations.parameters, **kept}
         if len(self.mechanism.links) > LARGEST_COMPILED:
-            return _on_floats(plain, tuple(columns))
-        return compile_function(plain, columns, name=name).call
+            return _on_floats(equation, tuple(sizes))
+        return compile_function(equation, sizes, name=name).call
 
     def _measured(self, p: Array, v: Array, noise: ArrayLike, sensors: Array) -> tuple[Array, Array, Array]:
         """The first measurement of arms (..., r), and the sensors' memory after it."""
@@ -251,6 +258,11 @@ class Plant:
     @cached_property
     def _effects(self) -> PlantEffects:
         return PlantEffects.of(self.effects)
+
+    @cached_property
+    def _chained(self) -> bool:
+        """Whether anything stands between controller and joints."""
+        return bool(self._effects.actuators or self._effects.sensors)
 
     @cached_property
     def _silence(self) -> Array:
@@ -309,8 +321,9 @@ def _limits(values: ArrayLike, dof: int) -> Array:
 def _on_floats(equation: Callable[..., tuple[Column, ...]], names: tuple[str, ...]) -> Callable[..., tuple[Array, ...]]:
     """The same equation in Python, for mechanisms too long to compile."""
 
-    def on_arrays(*arrays: ArrayLike) -> tuple[Array, ...]:
+    def on_arrays(*arrays: ArrayLike) -> tuple[Any, ...]:
         given = (Column(np.asarray(array, dtype=np.float64).tolist()) for array in arrays)
-        return tuple(np.array(x.of, dtype=np.float64) for x in equation(**dict(zip(names, given, strict=True))))
+        results = equation(**dict(zip(names, given, strict=True)))
+        return tuple(np.array(x.of, dtype=np.float64) if isinstance(x, Column) else x for x in results)
 
     return on_arrays

@@ -83,8 +83,8 @@ class SinusoidForm:
 
 
 ReferenceForm: TypeAlias = SampledForm | SinusoidForm
-"""The way in which a step comes by its reference points: columns that an arm keeps (`held`), of a control period (`shared`), of both
-(`driven`), and the point that they make. Equal forms share native code."""
+"""The way in which a step comes by its reference points: columns that an arm keeps (`held`), of a control period
+(`shared`), of both (`driven`), and the point that they make. Equal forms share native code."""
 
 
 @dataclass(frozen=True, eq=False)
