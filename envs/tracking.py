@@ -38,7 +38,7 @@ OPTIONS = ("payload", "trajectory", "initial_error", "parameters")
 
 @dataclass(slots=True)
 class _Episode:
-    """What changes while an episode runs."""
+    """The changing parts of a running episode."""
 
     parameters: Array
     preview: Preview
@@ -262,7 +262,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         )
 
     def take_back(self, state: PlantState, steps: int, clipped: int, terminated: bool) -> dict[str, Any]:
-        """Go on from where an episode that was handed over was brought in a number of steps. Returns the info there."""
+        """Continue from the state to which a number of steps brought an episode that was handed over. Returns the info
+        there."""
         episode = self._running("take_back")
         episode.state, episode.step, episode.clipped = state, episode.step + steps, episode.clipped + clipped
         episode.over = terminated or episode.step >= self.steps

@@ -20,7 +20,7 @@ _NOTHING = (Column(()), Column(()))
 
 
 class Sample(NamedTuple):
-    """What is recorded of a control period: the state at its beginning, and what was done on it."""
+    """The record of a control period: the state at its beginning, and the torques commanded and applied on it."""
 
     q: Any
     """(n,) the tree's joints"""
@@ -45,7 +45,7 @@ class Sample(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ClosedLoop:
-    """A controller that ticks on what is measured of a plant, and the plant under its torque.
+    """A controller that ticks on a plant's measured positions and velocities, and the plant under its torque.
 
     Its columns are those of `Plant.sizes`, what was measured last where there are sensors, and the controller's
     memory; they come back in this order.
@@ -62,14 +62,14 @@ class ClosedLoop:
 
     @cached_property
     def state(self) -> dict[str, int]:
-        """Lengths of what is passed from one control period to the next."""
+        """Lengths of the columns that pass from one control period to the next."""
         measured = dict.fromkeys(("measured_p", "measured_v"), self.controller.dof if self._senses else 0)
         memory = {f"memory_{k}": len(part) for k, part in enumerate(leaves(self._blank))}
         return self.plant.sizes | measured | memory
 
     @property
     def held(self) -> dict[str, int]:
-        """Lengths of what is kept: the plant's parameters (P,)."""
+        """Length of the column that stays: the plant's parameters (P,)."""
         return {"parameters": self.plant.mechanism.equations.parameters}
 
     @property
@@ -83,8 +83,8 @@ class ClosedLoop:
         return {"noise": self.plant.noise_size}
 
     def equation(self, **columns: Column) -> tuple[list[Column], Sample]:
-        """One control period on the columns of `state`, `held`, `reference` and `noise`: what is passed on, and what is
-        recorded of it."""
+        """The columns passed on, and the record, of one control period from the columns of `state`, `held`, `reference`
+        and `noise`."""
         q, v = columns["q"], columns["v"]
         measured = columns["measured_p"], columns["measured_v"]
         reference = ReferencePoint(*(columns[name] for name in REFERENCE))
@@ -123,19 +123,19 @@ class ClosedLoop:
         return compile_step(self.step, state=self.state, held=self.held, shared=shared, lanes=1, name=name)
 
     def step(self, **columns: Column) -> tuple[Any, ...]:
-        """One control period in a row: what is passed on, then what is recorded."""
+        """The results of `equation` in one tuple: the columns passed on, then those of the `Sample`."""
         passed_on, sample = self.equation(**columns)
         return (*passed_on, *sample)
 
     def begin(self, arms: Ensemble, state: PlantState, memory: Any) -> None:
-        """Put arms where plants (..., n) and the controller's memory are: of one for all, or with a row each."""
+        """Set the arms to the states of plants (..., n) and a controller's memory: one for all, or a row each."""
         plant = state.q, state.v, state.drives, state.sensors
         measured = (state.measured_p, state.measured_v) if self._senses else np.zeros((2, 0))
         for name, values in zip(self.state, (*plant, *measured, *leaves(memory)), strict=True):
             arms.state[name] = values
 
     def now(self, arms: Ensemble, time: float, member: int = 0) -> tuple[PlantState, Any]:
-        """The plant of an arm at a time, nothing having been done yet, and what its controller remembers."""
+        """The plant's state of one arm at a time (s), no torque applied yet, and its controller's memory."""
         q, v, drives, sensors, *told = (arms.state[name][member] for name in self.state)
         p = self.plant.positions(q)
         measured, memory = told[:2] if self._senses else (p, v), like(self._blank, told[2:])

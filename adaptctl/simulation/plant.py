@@ -25,6 +25,8 @@ from adaptctl.simulation.integrator import Integrator, RungeKutta4
 from adaptctl.simulation.period import ControlPeriod
 from adaptctl.simulation.plant_state import PlantState
 
+_DOUBLE = np.dtype(np.float64)
+
 
 @dataclass(frozen=True, eq=False)
 class Plant:
@@ -77,7 +79,7 @@ class Plant:
 
     @cached_property
     def noise_size(self) -> int:
-        """How many standard normal numbers the sensors take a control period: 2r, 0 without sensors."""
+        """Number of standard normal numbers that the sensors take a control period: 2r, 0 without sensors."""
         return 2 * self.dof if self._effects.sensors else 0
 
     @cached_property
@@ -137,8 +139,12 @@ class Plant:
         shape and `NonFiniteError` on NaN or infinity in any argument, or when the motion itself runs away.
         """
         true = self._true(state.time) if parameters is None else parameters
-        kept = (state.drives, state.sensors, self._silence if noise is None else noise) if self._chained else ()
-        q, v, applied, clipped, *chained = self._advance(state.q, state.v, self._finite(torque), true, *kept)
+        moving = state.q, state.v, self._finite(torque), true
+        if self._chained:
+            kept = state.drives, state.sensors, self._silence if noise is None else noise
+            q, v, applied, clipped, *chained = self._advance(*moving, *kept)
+        else:
+            (q, v, applied, clipped), chained = self._advance(*moving), None
         if not math.isfinite(q.dot(q) + v.dot(v)):
             self._blame(state, true)
         p = q if self._primary is None else q[self._primary]
@@ -278,12 +284,16 @@ class Plant:
         return None if self.mechanism.description.loops is None else list(self.mechanism.description.primary)
 
     @cached_property
+    def _shape(self) -> tuple[int]:
+        return (self.dof,)
+
+    @cached_property
     def _limits(self) -> Array:
         return np.asarray(self.torque_limits, dtype=np.float64)
 
     def _finite(self, torque: ArrayLike) -> Array:
         array = torque if isinstance(torque, np.ndarray) else np.asarray(torque)
-        if array.dtype != np.float64 or array.shape != (self.dof,) or not math.isfinite(array.dot(array)):
+        if array.dtype is not _DOUBLE or array.shape != self._shape or not math.isfinite(array.dot(array)):
             return self._vector(array, "torque")
         return array
 

@@ -30,7 +30,7 @@ class ArmReferences:
         self._groups: list[tuple[Steps, Preview]] = []
 
     def put(self, arms: Steps, references: Sequence[Reference]) -> None:
-        """Give references to some arms."""
+        """Give some arms references. Raises `InputError` for sinusoids of another number of joints, naming the arm."""
         for arm, reference in zip(arms.tolist(), references, strict=True):
             if isinstance(reference, Sinusoids) and len(reference.center) != self._dof:
                 raise InputError(f"reference: expected {self._dof} joints, got {len(reference.center)} for arm {arm}")
@@ -49,7 +49,7 @@ class ArmReferences:
         return SinusoidForm(self._dof, terms).numbers([self.of[arm] for arm in arms.tolist()])
 
     def rows(self, arms: Steps, steps: Steps) -> Array:
-        """p, v, a now and p at each time ahead (k, 3r + r per time), of some arms at their steps (k,)."""
+        """Rows (k, 3r + r per time ahead) of p, v, a now and p at each time ahead, of some arms at their steps (k,)."""
         rows = np.empty((len(self.of), (3 + len(self._look_ahead)) * self._dof))
         chosen = np.zeros(len(self.of), dtype=np.bool_)
         at = np.zeros(len(self.of), dtype=np.int64)

@@ -1,4 +1,4 @@
-"""Many arms in their tracking environments: their state in one array of lanes, and what a step makes of it."""
+"""Many arms in their tracking environments: their state in one array of lanes, their steps in native code."""
 
 from __future__ import annotations
 
@@ -47,11 +47,11 @@ class StepResult:
     """(k, m) of `Plant.marks`"""
 
     def copy(self) -> StepResult:
-        """Arrays of its own."""
+        """The same results in arrays of their own."""
         return StepResult(*(getattr(self, field.name).copy() for field in fields(self)))
 
     def put(self, arms: Numbers, others: StepResult) -> None:
-        """Take others' rows for some arms."""
+        """Replace the rows of some arms by those of others (k, ...)."""
         for field in fields(self):
             getattr(self, field.name)[arms] = getattr(others, field.name)
 
@@ -130,12 +130,12 @@ class Arms:
 
     @property
     def rows(self) -> Array:
-        """Where every arm should be now (N, 3r + r per time ahead)."""
+        """The references' rows of all arms now (N, 3r + r per time ahead)."""
         return self._row(self.all)
 
     @property
     def positions(self) -> Array:
-        """(N, r), as they truly are."""
+        """True positions (N, r) of the primary joints."""
         return self.single.plant.positions(self._lanes.state["q"])
 
     def _follow(self, arms: Numbers, trajectories: Sequence[Trajectory]) -> None:

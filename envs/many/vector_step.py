@@ -36,7 +36,7 @@ class Facts(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class VectorStep:
-    """The plant under a torque, what is observed of it, and what it costs, at a time (s) of each arm's own.
+    """A control period of the plant under a torque, its observation and its reward, at a time (s) of each arm's own.
 
     References are sums of sinusoids, evaluated here from each arm's numbers; with no terms, rows of samples are given:
     p, v, a now and p at each time ahead.

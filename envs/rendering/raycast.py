@@ -26,7 +26,7 @@ class ConvexPart:
 
 
 class Hits(NamedTuple):
-    """What rays meet first: distances (...), infinite where they meet nothing, and unit normals (..., 3)."""
+    """First hits of rays: distances (...), infinite where they meet nothing, and unit normals (..., 3)."""
 
     distance: Array
     normal: Array

@@ -1,4 +1,4 @@
-"""A picture of an arm, and of where it should be, that a person recognises."""
+"""Pictures of an arm and of its reference."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ PAINT = {Solid.LINK: BODY, Solid.JOINT: RUNS[0], Solid.TOOL: INK}
 
 
 class Renderer:
-    """Draws one mechanism from one place. What does not move is computed once."""
+    """A renderer of one mechanism, seen from one place. What does not move is computed once."""
 
     def __init__(self, mechanism: Mechanism, width: int = 640, height: int = 480) -> None:
         self._mechanism, self._parts = mechanism, skeleton(mechanism)

@@ -1,4 +1,4 @@
-"""What an effect is: one way in which a plant is not ideal."""
+"""Base classes of effects: ways in which a plant is not ideal."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ class Effect(ABC):
 
 
 class ActuatorEffect(Effect):
-    """What happens to a torque on its way from the controller to the joints."""
+    """An effect on torques on their way from the controller to the joints."""
 
     rank: ClassVar[int]
-    """Where it stands between controller and joint: lower ones come first."""
+    """Place between controller and joint: lower ones come first."""
     mark: ClassVar[str | None] = None
-    """What a rollout calls the periods in which it held a torque back; None where that is no event."""
+    """Name under which a rollout marks the periods in which it held a torque back; None where that is no event."""
 
     @abstractmethod
     def start(self, torque: Array, control_period: float) -> Array:
@@ -39,14 +39,14 @@ class ActuatorEffect(Effect):
 
     @abstractmethod
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """What of a torque (r,) reaches the joints in one control period (s), and the memory after it."""
+        """The torque that is passed on of a torque (r,) in one control period (s), and the memory after it."""
 
 
 class SensorEffect(Effect):
-    """What happens to positions and velocities on their way from the joints to the controller."""
+    """An effect on positions and velocities on their way from the joints to the controller."""
 
     rank: ClassVar[int]
-    """Where it stands between joint and controller: lower ones come first."""
+    """Place between joint and controller: lower ones come first."""
 
     @abstractmethod
     def start(self, p: Array, v: Array, control_period: float) -> Array:
@@ -56,7 +56,7 @@ class SensorEffect(Effect):
     def measure(
         self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
     ) -> tuple[Column, Column, Column]:
-        """What is told of p and v (r,), and the memory after it; `noise` (2r,) is standard normal."""
+        """The measured p and v (r,), and the memory after it; `noise` (2r,) is standard normal."""
 
 
 class JointEffect(Effect):
@@ -64,7 +64,7 @@ class JointEffect(Effect):
 
     @abstractmethod
     def torque(self, v: Column) -> Column:
-        """What opposes the motion (r,), N m (N of a prismatic joint)."""
+        """The torque (r,) that opposes velocities v (r,), N m (N of a prismatic joint)."""
 
     @abstractmethod
     def steepest(self, dof: int) -> Array:
@@ -72,19 +72,19 @@ class JointEffect(Effect):
 
 
 class LoadEffect(Effect):
-    """What changes the inertial parameters in mid-motion."""
+    """An effect on the inertial parameters in mid-motion."""
 
     @abstractmethod
     def mass(self, time: float) -> float:
         """The mass that is added at a time (s), kg."""
 
     def until(self, time: float) -> float:
-        """How long what is loaded at a time (s) stays as it is, in s; the time itself where it changes all along."""
+        """The time (s) until which the load at a time (s) stays as it is; that time itself where it always changes."""
         return time
 
     @abstractmethod
     def loaded(self, parameters: Array, links: tuple[str, ...], time: float) -> Array:
-        """The inertial parameters (..., P) with what is added at a time (s)."""
+        """The inertial parameters (..., P) with the load at a time (s) added."""
 
 
 def at_least_zero(values: ArrayLike, dof: int, what: str) -> Array:

@@ -33,19 +33,19 @@ class Encoder(SensorEffect):
     rank: ClassVar[int] = 0
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """One number, or one a joint, each; finite."""
+        """Raise `InputError` unless each setting is a finite number of at least 0, or one a joint."""
         for name in ("resolution", "noise", "velocity_noise"):
             if not np.isfinite(at_least_zero(getattr(self, name), dof, f"encoder: {name}")).all():
                 raise InputError(f"encoder: {name}: expected finite numbers, got {getattr(self, name)}")
 
     def start(self, p: Array, v: Array, control_period: float) -> Array:
-        """Nothing is remembered."""
+        """An empty memory (0,)."""
         return np.zeros(0)
 
     def measure(
         self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
     ) -> tuple[Column, Column, Column]:
-        """What is read."""
+        """The positions in whole counts and the noisy velocities."""
         dof = len(p)
         jitter, steps, shake = (
             at_least_zero(values, dof, "encoder").tolist()

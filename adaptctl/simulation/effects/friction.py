@@ -38,19 +38,19 @@ class Friction(JointEffect):
         require_positive(self.speed, "friction: speed", "rad/s")
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """One number, or one a joint, each; finite."""
+        """Raise `InputError` unless each setting is a finite number of at least 0, or one a joint."""
         if not np.isfinite(self._each(dof)).all():
             raise InputError("friction: expected finite numbers")
 
     def torque(self, v: Column) -> Column:
-        """What opposes the motion."""
+        """The friction torque (r,) at velocities v (r,), N m."""
         viscous, coulomb, stribeck = (Column(values.tolist()) for values in self._each(len(v)))
         signs = Column(map(_sign, v))
         film = Column(1.0 / (1.0 + (x / self.speed) * (x / self.speed)) for x in v)
         return viscous * v + (coulomb + stribeck * film) * signs
 
     def steepest(self, dof: int) -> Array:
-        """The slope at rest."""
+        """The slope (r,) of the torque at rest, N m s/rad."""
         viscous, coulomb, stribeck = self._each(dof)
         return viscous + (coulomb + stribeck) / SLOW
 
