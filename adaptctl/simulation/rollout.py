@@ -102,7 +102,7 @@ def rollout(
     Ctrl-C ends the run but keeps what was computed, marked `complete=False`.
     Raises `InputError` for an environment that cannot be driven; what controller and environment raise passes.
     """
-    loop = _Run(env, controller, seed, options)
+    loop = _SteppedRun(env, controller, seed, options)
     every = max(1, (loop.steps or 0) // 100)
     complete, started = False, perf_counter()
     try:
@@ -116,7 +116,7 @@ def rollout(
     return loop.result(perf_counter() - started, complete)
 
 
-class _Run:
+class _SteppedRun:
     """A run in the making: the memories of environment and controller, and the samples so far."""
 
     def __init__(

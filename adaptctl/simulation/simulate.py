@@ -51,7 +51,7 @@ def simulate(
         return rollout(env, controller, seed=seed, options=options, progress=progress)
     env.reset(seed=seed, options=options)
     episode: Episode = env.unwrapped.hand_over()  # type: ignore[attr-defined]
-    run = _Run(episode, controller, min(episode.steps, known_steps(env) or episode.steps), period)
+    run = _NativeRun(episode, controller, min(episode.steps, known_steps(env) or episode.steps), period)
     complete, started = False, perf_counter()
     try:
         while not run.over:
@@ -90,7 +90,7 @@ def _home_of(thing: object, method: str) -> type | None:
     return next((kind for kind in type(thing).__mro__ if method in vars(kind)), None)
 
 
-class _Run:
+class _NativeRun:
     """A run in the making."""
 
     def __init__(self, episode: Episode, controller: Controller[Any], steps: int, period: float) -> None:
