@@ -29,13 +29,13 @@ from adaptctl.envs import (
     VectorTrackingEnv,
     random_sinusoids,
 )
-from adaptctl.envs.preview import BLOCK, Preview
 from adaptctl.envs.torque_limits import finite_torque_limits
 from adaptctl.envs.tracking import OPTIONS
 from adaptctl.errors import InputError, NonFiniteError, NotFoundError, PhysicalConsistencyWarning
 from adaptctl.identifiability import Constraints, constrained
 from adaptctl.simulation import SemiImplicitEuler
 from adaptctl.simulation.effects import PayloadHeld
+from adaptctl.simulation.sampled_references import BLOCK, Preview
 
 PUMA, ANY = "adaptctl.envs:adaptctl/Puma560Tracking-v0", "adaptctl.envs:adaptctl/Tracking-v0"
 
@@ -306,8 +306,8 @@ def test_what_is_returned_is_the_callers(env: TrackingEnv) -> None:
         ({"payload": {"mass": 1.0, "inertia": np.diag([1.0, 1.0, 3.0])}}, InputError, "triangle inequality"),
         ({"trajectory": "fast"}, InputError, "expected a Reference, a seed of at least 0, or 'random', got 'fast'"),
         ({"trajectory": -1}, InputError, "trajectory"),
-        ({"initial_error": np.zeros(5)}, InputError, r"initial_error: expected a number or shape \(6,\), got"),
-        ({"initial_error": float("nan")}, NonFiniteError, "p: expected finite numbers, got nan"),
+        ({"initial_error": np.zeros(5)}, InputError, "initial_error: expected a number or 6 of them, got shape"),
+        ({"initial_error": float("nan")}, NonFiniteError, "initial_error: expected numbers, got"),
         ({"parameters": np.zeros(59)}, InputError, r"parameters: expected shape \(60,\), got \(59,\)"),
     ],
 )
@@ -347,7 +347,8 @@ def test_bad_actions_are_refused_and_change_nothing(
         ({"duration": 0.0}, InputError, "duration: expected at least one control period of 0.001 s"),
         ({"control_period": -1.0}, InputError, "control_period: expected a positive time"),
         ({"error_bound": np.ones(3)}, InputError, "error_bound"),
-        ({"error_bound": float("nan")}, InputError, "error_bound: expected positive numbers"),
+        ({"error_bound": float("nan")}, NonFiniteError, "error_bound: expected numbers, got nan"),
+        ({"error_bound": -1.0}, InputError, "error_bound: expected positive numbers"),
         ({"torque_limits": np.inf}, InputError, "torque_limits: an action needs finite ones"),
         ({"look_ahead": (0.1, float("inf"))}, InputError, "look_ahead"),
         ({"render_mode": "human"}, NotFoundError, "unknown render mode 'human'; modes: rgb_array"),
