@@ -353,7 +353,7 @@ class AdaptationLaws(Learning):
 @lru_cache(maxsize=4)
 def most_exciting(mechanism: Mechanism, seed: int) -> Sinusoids:
     """The reference that `exciting_reference` finds for all that can be told of a mechanism."""
-    from adaptctl.control.excitation.exciting_reference import exciting_reference
+    from adaptctl.control import exciting_reference
 
     if mechanism.description.loops is not None:
         raise InputError(f"motion: {EXCITING} is for arms without loops, and {mechanism.name} has some")

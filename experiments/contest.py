@@ -91,8 +91,8 @@ def _run(
 
 
 def _lyapunov(controller: Controller[Any], run: Rollout, mechanism: Mechanism) -> Array | None:
-    """The Lyapunov function of a law that adapts."""
-    if not isinstance(controller, SlotineLi) or controller.adaptation_law is None or not len(run.time):
+    """The Lyapunov function of Slotine and Li's law where it adapts; its relatives' need more than a run keeps."""
+    if type(controller) is not SlotineLi or controller.adaptation_law is None or not len(run.time):
         return None
     if controller.model.regrouping.shape[1] != len(mechanism.parameter_names):
         return None  # its model knows less of the arm, friction for one

@@ -251,7 +251,7 @@ def test_the_wanted_acceleration_is_the_wanted_velocity_s_derivative(options: di
     def wanted(t: float) -> tuple[Array, Array]:
         memory, now = law.init(actual(t).p, actual(t).v), actual(t)
         p, aim = column(now.p), ReferencePoint(*map(column, reference(t)))
-        v_r, a_r, _ = law.wanted(p, p, column(now.v), aim, memory)
+        v_r, a_r, _ = law.reference_velocity(p, p, column(now.v), aim, memory)
         return np.array(v_r.of), np.array(a_r.of)
 
     for t in (0.5, 1.3):

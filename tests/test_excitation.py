@@ -11,7 +11,7 @@ from random_trees import random_chain
 
 from adaptctl.arrays import Array
 from adaptctl.control import ComputedTorque, Sinusoids
-from adaptctl.control.excitation.exciting_reference import ExcitingReference, Limits, exciting_reference
+from adaptctl.control.excitation.exciting_reference import ExcitingReference, MotionLimits, exciting_reference
 from adaptctl.control.excitation.measure import BLOCKS, persistent_excitation, regressor_of, scaled_regressor
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import load
@@ -147,7 +147,7 @@ def test_its_condition_is_that_of_the_stacked_regressor(found: ExcitingReference
 
 def test_it_stays_within_the_limits(found: ExcitingReference) -> None:
     of = model("puma560_geared")
-    allowed, (low, high, speed, torque) = Limits.of(of, 0.8), peaks(of, found.reference, 10.0)
+    allowed, (low, high, speed, torque) = MotionLimits.of(of, 0.8), peaks(of, found.reference, 10.0)
     assert np.all(low >= allowed.lower - 2e-3)
     assert np.all(high <= allowed.upper + 2e-3)
     assert np.all(speed <= 1.001 * allowed.velocity)
@@ -156,8 +156,8 @@ def test_it_stays_within_the_limits(found: ExcitingReference) -> None:
 
 def test_torques_and_speeds_that_are_tight_are_kept() -> None:
     of = model("puma560_geared")
-    own = Limits.of(of, 0.8)
-    tight = Limits(own.lower, own.upper, np.full(6, 1.0), np.array([8.0, 70.0, 25.0, 1.0, 1.0, 0.6]))
+    own = MotionLimits.of(of, 0.8)
+    tight = MotionLimits(own.lower, own.upper, np.full(6, 1.0), np.array([8.0, 70.0, 25.0, 1.0, 1.0, 0.6]))
     found = exciting_reference(of, limits=tight, iterations=3, seed=0)
     _, _, speed, torque = peaks(of, found.reference, 10.0)
     assert np.all(speed <= 1.01)
@@ -187,7 +187,7 @@ def test_an_interruption_keeps_the_best_so_far() -> None:
 
 def test_joints_without_limits_move_half_a_turn() -> None:
     chain = random_chain(2, 3)
-    allowed = Limits.of(ReducedModel.full(chain), 1.0)
+    allowed = MotionLimits.of(ReducedModel.full(chain), 1.0)
     turning = [joint.kind.turns for joint in chain.primary_joints]
     np.testing.assert_allclose(allowed.upper - allowed.lower, np.where(turning, 2.0 * np.pi, 2.0), rtol=1e-12)
 
@@ -208,15 +208,15 @@ def test_bad_settings_are_refused(settings: dict[str, object], message: str) -> 
 
 def test_an_arm_that_cannot_hold_itself_is_refused() -> None:
     of = model("puma560_geared")
-    own = Limits.of(of, 0.8)
+    own = MotionLimits.of(of, 0.8)
     with pytest.raises(InputError, match="even at rest torques pass their limits"):
-        exciting_reference(of, limits=Limits(own.lower, own.upper, own.velocity, np.full(6, 1e-3)))
+        exciting_reference(of, limits=MotionLimits(own.lower, own.upper, own.velocity, np.full(6, 1e-3)))
 
 
 def test_mechanisms_with_loops_can_be_excited() -> None:
     of = model("semi_direct_drive")
     middle = of.mechanism.home
-    near = Limits(middle - 0.3, middle + 0.3, np.full(3, 3.0), np.full(3, 1e3))
+    near = MotionLimits(middle - 0.3, middle + 0.3, np.full(3, 3.0), np.full(3, 1e3))
     found = exciting_reference(of, limits=near, harmonics=2, iterations=3)
     assert found.condition < found.random_conditions.min()
     low, high, _, _ = peaks(of, found.reference, 10.0)
