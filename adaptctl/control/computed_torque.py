@@ -43,7 +43,7 @@ class ComputedTorque(ModelBased):
     def on(
         cls, model: ReducedModel, bandwidth: ArrayLike, damping_ratio: float = 1.0, parameters: ArrayLike | None = None
     ) -> ComputedTorque:
-        """The same law with the parameters (k,) of a model, the true ones unless given."""
+        """This law with the parameters (k,) of a model, the true ones unless given."""
         return cls(model.mechanism, np.asarray(bandwidth), damping_ratio, embedded_parameters(model, parameters))
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: BranchState) -> tuple[Column, BranchState]:

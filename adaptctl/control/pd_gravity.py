@@ -44,7 +44,7 @@ class PDGravity(ModelBased):
     def on(
         cls, model: ReducedModel, stiffness: ArrayLike, damping: ArrayLike, parameters: ArrayLike | None = None
     ) -> PDGravity:
-        """The same law with the parameters (k,) of a model, the true ones unless given."""
+        """This law with the parameters (k,) of a model, the true ones unless given."""
         return cls(model.mechanism, np.asarray(stiffness), np.asarray(damping), embedded_parameters(model, parameters))
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: BranchState) -> tuple[Column, BranchState]:

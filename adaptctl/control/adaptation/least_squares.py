@@ -96,5 +96,5 @@ def symmetric_trace(entries: Column, k: int) -> Scalar:
 
 
 def _starts(k: int) -> list[int]:
-    """Where each row of an upper triangle begins in its entries, and where the last ends."""
+    """Indices in an upper triangle's entries at which each row begins, and at which the last ends."""
     return [i * k - i * (i - 1) // 2 for i in range(k + 1)]

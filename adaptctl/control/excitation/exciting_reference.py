@@ -18,18 +18,18 @@ from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
 
 SAMPLES = 40
-"""A period of the highest harmonic: how densely limits are looked at is this over the harmonics."""
+"""Samples in a period of the highest harmonic, at which limits are held."""
 FULL = 3.0
-"""Of a logistic that stands for a share: where a search begins, with 95 % of what is allowed."""
+"""Argument of a logistic that stands for a share, where a search begins: 95 % of what is allowed."""
 RANDOM = 10
 """references at random, to compare with"""
 SMALL_PRODUCT = 200_000
 """multiplications below which OpenBLAS starts no threads"""
 FARTHEST = 30.0
-"""Of a logistic that stands for a share: beyond, it is 0 or 1 to 1e-13, and would overflow at -710."""
+"""Argument of a logistic that stands for a share, beyond which it is 0 or 1 to 1e-13; it would overflow at -710."""
 BISECTIONS = 20
 PENALTY = 30.0
-"""of the square of a torque beyond its limit, against the logarithm of the condition number"""
+"""Weight of the square of a torque beyond its limit, against the logarithm of the condition number."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ class ExcitingReference:
 
     @property
     def gain(self) -> float:
-        """How many times better conditioned it is than the median of the random ones."""
+        """Median condition number of the random ones over its own."""
         return float(np.median(self.random_conditions)) / self.condition
 
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import control
 
 ROUNDING = 0.02
-"""How far discretisation may carry two equal real poles into the complex plane before they count as complex."""
+"""Distance that discretisation may carry two equal real poles into the complex plane before they count as complex."""
 
 
 @dataclass(frozen=True)

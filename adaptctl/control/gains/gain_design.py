@@ -70,7 +70,7 @@ class GainDesign:
     def from_poles(
         cls, mechanism: Mechanism, poles: Sequence[complex], *, period: float = 1e-3, delay: int = 0
     ) -> GainDesign:
-        """The same two poles (1/s) at every joint, real or a conjugate pair."""
+        """Two poles (1/s) alike at every joint, real or a conjugate pair."""
         feedback = ErrorFeedback.from_poles(poles, period)
         return _design(mechanism, "poles", [feedback] * mechanism.dof, period, delay)
 
