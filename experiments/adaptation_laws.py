@@ -323,7 +323,7 @@ class AdaptationLaws(RoughStart, Learning):
 @lru_cache(maxsize=4)
 def most_exciting(mechanism: Mechanism, seed: int) -> Sinusoids:
     """Reference that `exciting_reference` finds for all parameters of a mechanism's reduced model."""
-    from adaptctl.control.excitation.exciting_reference import exciting_reference
+    from adaptctl.control import exciting_reference
 
     if mechanism.description.loops is not None:
         raise InputError(f"motion: {EXCITING} is for arms without loops, and {mechanism.name} has some")

@@ -90,8 +90,8 @@ def _run(
 
 
 def _lyapunov(controller: Controller[Any], run: Rollout, mechanism: Mechanism) -> Array | None:
-    """Lyapunov function (T,) of a law that adapts; None where it has none, or its truth changes."""
-    if not isinstance(controller, SlotineLi) or controller.adaptation_law is None or not len(run.time):
+    """Lyapunov function (T,) of Slotine and Li's law where it adapts; its relatives' need more than a run keeps."""
+    if type(controller) is not SlotineLi or controller.adaptation_law is None or not len(run.time):
         return None
     if controller.model.regrouping.shape[1] != len(mechanism.parameter_names):
         return None  # its model knows less of the arm, friction for one

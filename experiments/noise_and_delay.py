@@ -123,9 +123,7 @@ class NoiseAndDelay(AdaptationLaws):
 
     def _loop(self, mechanism: Mechanism) -> Iterator[Finding]:
         """Findings: the delay that the tracking loop tolerates, and the delay that there is."""
-        from adaptctl.control.gains.error_feedback import ErrorFeedback
-        from adaptctl.control.gains.gains import typical_inertia
-        from adaptctl.control.gains.margins import margins
+        from adaptctl.control import ErrorFeedback, margins, typical_inertia
 
         gains, inertia = self.gains(mechanism), typical_inertia(mechanism)
         inner = gains.damping / inertia

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from scipy.linalg import expm, solve_discrete_lyapunov
 
 from adaptctl.arrays import Array
-from adaptctl.control.gains.error_feedback import ErrorFeedback
-from adaptctl.control.gains.gain_design import carried
+from adaptctl.control import ErrorFeedback
+from adaptctl.control.gains.gain_design import largest_with_delay
 from adaptctl.control.gains.margins import margins
 from adaptctl.errors import GainError, InputError
 
@@ -111,7 +111,7 @@ def test_without_delay_the_gain_margin_is_that_of_the_hold() -> None:
 @pytest.mark.parametrize("delay", range(4))
 def test_what_a_delayed_hold_carries(delay: int) -> None:
     """z^(d+1) - z^d + g: three quarters of the largest stable g, 2 without delay and 1 with a delay of one."""
-    limit = carried(delay) / 0.75
+    limit = largest_with_delay(delay) / 0.75
 
     def loop(g: float) -> float:
         return float(np.abs(np.roots([1.0, -1.0, *[0.0] * (delay - 1), g] if delay else [1.0, g - 1.0])).max())

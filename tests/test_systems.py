@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from random_trees import random_chain
 
-from adaptctl.control import ComputedTorque, Controller, SlotineLi, adaptation_gain
-from adaptctl.control.gains.gains import typical_inertia
+from adaptctl.control import ComputedTorque, Controller, SlotineLi, adaptation_gain, typical_inertia
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs import TrackingEnv

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 from adaptctl.cli.output import print_json, print_parts
 
 if TYPE_CHECKING:
-    from adaptctl.control.gains.gain_design import GainDesign
+    from adaptctl.control import GainDesign
 
 SCHEMA = "adaptctl/gains/1"
 
@@ -36,17 +36,17 @@ def gains(
     json: Annotated[bool, Parameter(help="Print JSON instead of tables.")] = False,
 ) -> None:
     """Design the gains of a robot's tracking loop, and tell their margins."""
-    from adaptctl.control.gains.gain_design import by_bandwidth, by_lqr, by_poles
+    from adaptctl.control import GainDesign
     from adaptctl.dynamics import load
 
     mechanism = load(robot)
     match method:
         case "bandwidth":
-            design = by_bandwidth(mechanism, bandwidth, damping_ratio, period=period, delay=delay)
+            design = GainDesign.from_bandwidth(mechanism, bandwidth, damping_ratio, period=period, delay=delay)
         case "poles":
-            design = by_poles(mechanism, poles, period=period, delay=delay)
+            design = GainDesign.from_poles(mechanism, poles, period=period, delay=delay)
         case "lqr":
-            design = by_lqr(mechanism, *weights, period=period, delay=delay)
+            design = GainDesign.from_lqr(mechanism, *weights, period=period, delay=delay)
     design.require_carried()
     if json:
         print_json(as_builtins(design))

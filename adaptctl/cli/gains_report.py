@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from adaptctl.cli.output import titled
-from adaptctl.control.gains.gain_design import GainDesign
+from adaptctl.control import GainDesign
 
 METHODS = {"bandwidth": "from a bandwidth and a damping ratio", "poles": "by pole placement", "lqr": "by LQR"}
 

@@ -1,4 +1,4 @@
-"""What every controller is: a law over scalars, its memory, and a face on arrays."""
+"""The interface of controllers: a law over scalars, its memory, and steps on arrays."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from adaptctl.scalars import Column
 
 
 class ReferencePoint(NamedTuple):
-    """Where the arm should be: positions, velocities, accelerations, each (..., r) or a column."""
+    """Desired positions, velocities and accelerations, each (..., r) or a column."""
 
     p: Any
     v: Any
@@ -36,7 +36,7 @@ class Reference(Protocol):
 
 
 Memory = TypeVar("Memory", bound=tuple[Any, ...])
-"""What a law remembers between ticks: a NamedTuple of columns and of such memories, arrays on the outside."""
+"""A law's memory between ticks: a NamedTuple of columns and of such memories, arrays on the outside."""
 
 
 class Controller(ABC, Generic[Memory]):
@@ -241,7 +241,7 @@ def leaves(memory: tuple[Any, ...]) -> list[Any]:
 
 
 def _paths(memory: tuple[Any, ...], to: str = "state") -> Iterator[str]:
-    """What the columns of a memory are called, one for each leaf."""
+    """Names of a memory's columns, one for each leaf."""
     for name, part in zip(getattr(memory, "_fields", range(len(memory))), memory, strict=True):
         if isinstance(part, tuple):
             yield from _paths(part, f"{to}.{name}")
