@@ -116,6 +116,18 @@ def test_velocities_are_the_slope_of_the_configuration(name: str, seed: int) -> 
 
 
 @every_kind
+@pytest.mark.parametrize("seed", range(10))
+def test_every_loop_that_can_be_drawn_moves(name: str, seed: int) -> None:
+    """Where it stood still, what follows would compare nothing with nothing."""
+    mechanism, _, q, (v, w, *_) = case(name, seed)
+    u = floats(equations(mechanism).rates(column(q), column(v)))
+    assert np.abs(np.delete(u, mechanism.description.primary)).max() > 1e-3
+    if RECIPES[name].closures:
+        curving = slopes(equations(mechanism).rates(along(q, u), column(w)))
+        assert np.abs(curving).max() > 1e-3
+
+
+@every_kind
 @settings(max_examples=5, deadline=None)
 @given(seed=seeds)
 def test_bias_is_the_rate_of_the_jacobian(name: str, seed: int) -> None:
