@@ -187,7 +187,6 @@ def test_masses_on_an_axis_belong_to_either_link() -> None:
     for i, axis in ((6, ACROSS), (7, UP)):
         a, e = np.append(axis, 0.0), np.eye(4)[3]
         on_axis = [np.outer(e, e), np.outer(a, e) + np.outer(e, a), np.outer(a, a)]
-        assert len(found.unfelt[i]) == 3
         for body in found.unfelt[i][:, :10]:
             left = np.linalg.lstsq(np.array([m.ravel() for m in on_axis]).T, pseudo_inertia(body).ravel(), rcond=None)
             assert left[1].item() < 1e-24
