@@ -28,6 +28,7 @@ from adaptctl.description import (
 )
 from adaptctl.description.pose import rotation_about
 from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.loop_equations import LoopEquations
 
 
 def world_poses(description: Description, q: Array) -> dict[str | None, Pose]:
@@ -178,6 +179,12 @@ def two_arms(seed: int, kind: ClosureKind) -> Mechanism:
 def _spatial_tree(rng: np.random.Generator, parents: list[int]) -> Description:
     links = [random_link(rng, i, parent) for i, parent in enumerate(parents)]
     return Description("spatial", depth_first(links), rng.normal(size=3))
+
+
+def equations(mechanism: Mechanism) -> LoopEquations:
+    """Those of a mechanism with loops."""
+    assert isinstance(mechanism.equations, LoopEquations)
+    return mechanism.equations
 
 
 def planar_tree(rng: np.random.Generator, parents: list[int]) -> Description:

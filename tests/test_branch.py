@@ -14,7 +14,6 @@ from adaptctl.errors import InputError, RankError
 from adaptctl.identifiability import essential_space, random_states, states_within_limits
 from adaptctl.identifiability.branch import REGULAR
 
-
 WIDE = dict.fromkeys(RECIPES, 1) | {
     "gears in a loop": 2,
     "spatial hinge": 0,
