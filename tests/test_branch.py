@@ -102,9 +102,9 @@ def test_each_sample_is_followed_as_if_it_were_alone() -> None:
     assert arm.configuration(p[:0]).shape == (0, 5)
 
 
-@pytest.mark.parametrize("name", ["four-bar", "planar weld", "two spatial loops"])
-def test_each_way_is_gone_as_far_as_if_it_were_alone(name: str) -> None:
-    mechanism, _ = random_loop(WIDE[name], RECIPES[name])
+@pytest.mark.parametrize(("name", "seed"), [("four-bar", 2), ("planar weld", 2), ("two spatial loops", 5)])
+def test_each_way_is_gone_as_far_as_if_it_were_alone(name: str, seed: int) -> None:
+    mechanism, _ = random_loop(seed, RECIPES[name])
     assert mechanism.continuation is not None
     start = mechanism.continuation.reference[mechanism.continuation.primary]
     p = start + np.random.default_rng(0).uniform(-4.0, 4.0, (12, mechanism.dof))
