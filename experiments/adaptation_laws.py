@@ -342,11 +342,11 @@ def smallest_eigenvalue(mechanism: Mechanism, run: ControllerRun) -> Finding:
 
 def float_tick(controller: Controller[Any], run: ControllerRun) -> float:
     """Median time (s) of a tick on Python's floats."""
-    o = run.rollout
+    o, on_floats = run.rollout, controller.on_floats
     kept = leaves(controller.init(o.p[0], o.v[0]))
     costs = []
     for k in np.linspace(0, len(o.time) - 1, FLOAT_TICKS).astype(int):
         started = time.perf_counter()
-        controller._on_floats(o.p[k], o.v[k], o.reference_p[k], o.reference_v[k], o.reference_a[k], *kept)
+        on_floats(o.p[k], o.v[k], o.reference_p[k], o.reference_v[k], o.reference_a[k], *kept)
         costs.append(time.perf_counter() - started)
     return float(np.median(costs))

@@ -89,7 +89,7 @@ def second_tick(controller: SlotineLi, name: str, elapsed: float) -> tuple[list[
     _, state = controller.step(controller.init(p, v), p, v, point)
     state = state._replace(elapsed=np.array([elapsed]))
     torque, after = controller.step(state, p + 1e-3 * v, 0.99 * v, point)
-    plain = controller._on_floats(p + 1e-3 * v, 0.99 * v, *point, *leaves(state))
+    plain = controller.on_floats(p + 1e-3 * v, 0.99 * v, *point, *leaves(state))
     return [torque, *leaves(after)], plain
 
 

@@ -92,7 +92,7 @@ def test_native_code_and_floats_act_alike(name: str, law: str) -> None:
     point = ReferencePoint(posture(arm(name)), np.full(r, 0.3), np.full(r, -0.5))
     _, state = controller.step(controller.init(p, v), p, v, point)
     torque, after = controller.step(state, p + 1e-3 * v, 0.99 * v, point)
-    plain = controller._on_floats(p + 1e-3 * v, 0.99 * v, *point, *leaves(state))
+    plain = controller.on_floats(p + 1e-3 * v, 0.99 * v, *point, *leaves(state))
     for native, floats in zip([torque, *leaves(after)], plain, strict=True):
         np.testing.assert_allclose(native, floats, rtol=0, atol=1e-10 * max(np.abs(floats).max(initial=0.0), 1.0))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +14,7 @@ from adaptctl.compilation.kernel import Given, Kernel, compile_function
 from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.scalars import Column
 
-Equation = Callable[..., tuple[Column, ...]]
+Equation = Callable[..., tuple[Any, ...]]
 
 
 class OnFloats:
@@ -28,11 +29,11 @@ class OnFloats:
         self.name, self.arguments = name, MappingProxyType(dict(arguments))
         self._function, self._given, self._finite = function, Given(name, self.arguments), finite
 
-    def __call__(self, *arguments: ArrayLike) -> tuple[NDArray[np.float64], ...]:
-        """The function's results at array-likes of shape (n,), by position."""
+    def __call__(self, *arguments: ArrayLike) -> tuple[Any, ...]:
+        """The function's results at array-likes of shape (n,), by position: arrays of columns, numbers of scalars."""
         arrays = self._given.arrays(arguments)
         columns = {name: Column(array.tolist()) for name, array in zip(self.arguments, arrays, strict=True)}
-        results = tuple(np.array(column.of, dtype=np.float64) for column in self._function(**columns))
+        results = tuple(_plain(result) for result in self._function(**columns))
         sound = (*results, *arrays) if self._finite is True else results
         if self._finite and not all(np.isfinite(array).all() for array in sound):
             self._given.refuse(*arrays)
@@ -42,6 +43,10 @@ class OnFloats:
     def call(self) -> OnFloats:
         """Itself: a kernel has a faster `call`, this has not."""
         return self
+
+
+def _plain(result: Any) -> NDArray[np.float64] | float:
+    return np.array(result.of, dtype=np.float64) if isinstance(result, Column) else float(result)
 
 
 def native_or_floats(

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.arrays import Array, checked, numbers, per_joint, stacked
 from adaptctl.compilation import Kernel, compile_function
-from adaptctl.compilation.limits import LARGEST_COMPILED
+from adaptctl.compilation.floats import native_or_floats
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.loops.continuation import NEAREST
 from adaptctl.errors import InputError, NonFiniteError
@@ -237,9 +237,7 @@ class Plant:
     ) -> Callable[..., Any]:
         """An equation on arrays of these lengths, the parameters between them; in Python where code would be long."""
         sizes = {**moving, "parameters": self.mechanism.equations.parameters, **kept}
-        if len(self.mechanism.links) > LARGEST_COMPILED:
-            return _on_floats(equation, tuple(sizes))
-        return compile_function(equation, sizes, name=name).call
+        return native_or_floats(equation, sizes, len(self.mechanism.links), name=name).call
 
     def _measured(self, p: Array, v: Array, noise: ArrayLike, sensors: Array) -> tuple[Array, Array, Array]:
         """The first measurement of arms (..., r), and the sensors' memory after it."""
@@ -326,14 +324,3 @@ def _limits(values: ArrayLike, dof: int) -> Array:
     if given.shape not in ((), (dof,)) or not np.all(given > 0.0):
         raise InputError(f"torque_limits: expected {dof} positive numbers, got {given.tolist()}")
     return per_joint(given, dof, "torque_limits")
-
-
-def _on_floats(equation: Callable[..., tuple[Column, ...]], names: tuple[str, ...]) -> Callable[..., tuple[Array, ...]]:
-    """The same equation in Python, for mechanisms too long to compile."""
-
-    def on_arrays(*arrays: ArrayLike) -> tuple[Any, ...]:
-        given = (Column(np.asarray(array, dtype=np.float64).tolist()) for array in arrays)
-        results = equation(**dict(zip(names, given, strict=True)))
-        return tuple(np.array(x.of, dtype=np.float64) if isinstance(x, Column) else x for x in results)
-
-    return on_arrays
