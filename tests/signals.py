@@ -13,7 +13,8 @@ from contextlib import contextmanager
 
 @contextmanager
 def signalled(function: str, number: signal.Signals, after: float) -> Iterator[None]:
-    """Send this process a signal some time (s) after its main thread is inside a function of that name."""
+    """Send this process a signal when it has computed for some time (s) since its main thread is inside a function
+    of that name."""
     main_thread, over = threading.main_thread().ident, threading.Event()
 
     def inside() -> bool:
@@ -25,7 +26,9 @@ def signalled(function: str, number: signal.Signals, after: float) -> Iterator[N
     def watch() -> None:
         while not over.is_set() and not inside():
             time.sleep(0.001)
-        time.sleep(after)
+        start = time.process_time()
+        while not over.is_set() and time.process_time() < start + after:
+            time.sleep(0.001)
         if not over.is_set():
             os.kill(os.getpid(), number)
 
