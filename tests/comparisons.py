@@ -1,14 +1,20 @@
-"""Comparisons made by hand, to be shown: motion along sinusoids, torques by inverse dynamics, errors that fade."""
+"""Comparisons to be shown: experiments', and some made by hand, whose motion is along sinusoids, torques are by inverse
+dynamics, and errors fade."""
 
 from __future__ import annotations
+
+import json
+from typing import Any
 
 import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.control import Sinusoids
 from adaptctl.dynamics import Mechanism
+from adaptctl.experiments.experiment import Experiment
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.recording import Comparison, ControllerRun, Finding, Setting, TickCost
+from adaptctl.recording.summary import summary
 from adaptctl.simulation import Rollout
 
 PERIOD = 2e-3
@@ -76,3 +82,18 @@ def comparison(mechanism: Mechanism, samples: int = 1500, complete: bool = True)
         findings=(Finding("difference", 2e-11, "N m", "a difference"),),
         complete=complete,
     )
+
+
+def told(what: str, share: float) -> None:
+    assert 0.0 <= share <= 1.0
+
+
+def shown(experiment: Experiment) -> dict[str, Any]:
+    """An experiment's summary, which must be fit for JSON; its own figures must draw."""
+    compared = experiment.compare(told)
+    assert isinstance(compared, Comparison)
+    for drawing in compared.more_drawings:
+        assert drawing.draw().axes
+    content: dict[str, Any] = json.loads(json.dumps(summary(compared), allow_nan=False))
+    assert content["complete"]
+    return content

@@ -6,7 +6,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from adaptctl.envs.preview import BLOCK, Preview
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_trees import random_tree
@@ -17,6 +16,7 @@ from adaptctl.envs import (
     random_sinusoids,
 )
 from adaptctl.envs.torque_limits import finite_torque_limits
+from adaptctl.simulation.sampled_references import BLOCK, Preview
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from test_processor import USABLE
+from levels import usable
 
 from adaptctl.compilation import compile_function, compile_step
 from adaptctl.compilation.object_cache import SUFFIX, ObjectCache, cache_folder
@@ -86,7 +86,7 @@ def test_every_processor_has_its_own(folder: Path) -> None:
 
 
 def test_every_level_of_a_processor_has_its_own(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for count, level in enumerate(["native", *USABLE], 1):
+    for count, level in enumerate(["native", *usable()], 1):
         monkeypatch.setenv("ADAPTCTL_PROCESSOR", level)
         assert plus(1.0) == 2.0
         assert plus(1.0) == 2.0

@@ -4,22 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from levels import LEVELS, usable
 
 from adaptctl.compilation import compile_step
 from adaptctl.compilation.processor import Processor
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column, sin
 
-LEVELS = {"sse2": 2, "avx2": 4, "avx512": 8}
-"""Doubles side by side."""
-
-
-def can(level: str) -> bool:
-    """Whether this processor has what the level needs, by the features that only it adds."""
-    return {"sse2": "+sse2", "avx2": "+avx2", "avx512": "+avx512vl"}[level] in Processor.host().features.split(",")
-
-
-USABLE = [level for level in LEVELS if can(level)]
+pytestmark = pytest.mark.usefixtures("any_processor")
 
 
 def sines() -> np.ndarray:
@@ -36,7 +28,7 @@ def sines() -> np.ndarray:
 def test_a_level_is_used_or_refused(level: str, monkeypatch: pytest.MonkeyPatch) -> None:
     expected = sines()
     monkeypatch.setenv("ADAPTCTL_PROCESSOR", level)
-    if level in USABLE:
+    if level in usable():
         assert Processor.host().lanes == LEVELS[level]
         np.testing.assert_allclose(sines(), expected, rtol=0, atol=1e-13)
     else:

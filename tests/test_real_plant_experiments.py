@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from comparisons import shown, told
 
 from adaptctl.errors import InputError
 from adaptctl.experiments.friction import FrictionInJoints
@@ -19,21 +20,6 @@ from adaptctl.experiments.marked_errors import spans
 from adaptctl.experiments.noise_and_delay import NoiseAndDelay
 from adaptctl.experiments.payload_drop import PayloadDrop
 from adaptctl.experiments.saturation import Saturation
-from adaptctl.recording.summary import summary
-
-
-def told(what: str, share: float) -> None:
-    assert 0.0 <= share <= 1.0
-
-
-def shown(experiment: Learning) -> dict[str, Any]:
-    """Its summary, which must be fit for JSON, and its figures, which must draw."""
-    comparison = experiment.compare(told)
-    for drawing in comparison.more_drawings:
-        assert drawing.draw().axes
-    content: dict[str, Any] = json.loads(json.dumps(summary(comparison), allow_nan=False))
-    assert content["complete"]
-    return content
 
 
 def found(content: dict[str, Any], name: str) -> float:

@@ -29,6 +29,7 @@ from adaptctl.recording.skeleton import Solid, skeleton
 from adaptctl.recording.wording import INCOMPLETE, facts, number, outcome, verdict
 
 FILES = {"recording.rrd", "summary.json", "trace.parquet", "report.html"}
+TWO_LINK = "docs/examples/two_link.toml"
 FIGURES = {"tracking-error", "joint-errors", "lyapunov", "torque", "parameters", "spectrum"}
 
 
@@ -272,7 +273,7 @@ def test_estimates_of_friction_are_shown_with_the_others(tmp_path: Path) -> None
 
 
 def test_interrupted_comparison_says_so_everywhere(tmp_path: Path) -> None:
-    what = comparison(load("puma560_measured"), samples=40, complete=False)
+    what = comparison(load(TWO_LINK), samples=40, complete=False)
     write_artifacts(prepare_folder(tmp_path), what)
     said = json.loads((tmp_path / "summary.json").read_text())
     assert said["complete"] is False
@@ -285,7 +286,7 @@ def test_interrupted_comparison_says_so_everywhere(tmp_path: Path) -> None:
 
 
 def test_one_sample_is_enough_to_be_shown(tmp_path: Path) -> None:
-    write_artifacts(prepare_folder(tmp_path), comparison(load("puma560_measured"), samples=1))
+    write_artifacts(prepare_folder(tmp_path), comparison(load(TWO_LINK), samples=1))
     assert {path.name for path in tmp_path.iterdir()} == FILES | {"figures"}
 
 

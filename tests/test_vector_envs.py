@@ -40,12 +40,12 @@ from adaptctl.simulation.effects import (
     ("name", "robot", "payload"),
     [(PUMA, "puma560", 1.5), (LOOP, "semi_direct_drive", {"mass": 2.0, "center": [0.1, 0, 0]}), (ANY, None, 0.5)],
 )
-def test_arms_are_as_each_alone_for_a_second(name: str, robot: str | None, payload: Any, settings: Any) -> None:
+def test_arms_are_as_each_alone(name: str, robot: str | None, payload: Any, settings: Any) -> None:
     mechanism = random_tree(3, 3) if robot is None else arm(robot)
     settings = settings | {"robot": mechanism}
     ours, theirs = vector(name, 3, **settings), one_by_one(name, 3, **settings)
     law = ComputedTorque(mechanism, 6.0)
-    steps, options = (1000 if not settings.get("effects") else 300), {"payload": payload}
+    steps, options = (500 if not settings.get("effects") else 300), {"payload": payload}
     told, _ = ours.reset(seed=3, options=options)
     theirs.reset(seed=3, options=options)
     state = law.init(*point(told, ours)[:2])

@@ -64,7 +64,9 @@ def agree(ours: Any, theirs: Any, where: str = "") -> None:
             if other is not None:
                 agree(own, other, where)
     else:
-        assert ours.dtype == theirs.dtype, where
+        assert (ours.dtype, ours.shape) == (theirs.dtype, theirs.shape), where
+        if theirs.dtype == float and np.all(np.abs(ours - theirs) < 1e-9):
+            return  # a tenth of the time, a hundred thousand times
         np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-9, err_msg=where)
 
 
