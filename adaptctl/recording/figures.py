@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from adaptctl.arrays import Array
 from adaptctl.recording.comparison import Comparison
-from adaptctl.recording.drawing import Drawing, sheet, write_drawings
+from adaptctl.recording.drawing import DOTS, WIDTH, Drawing, sheet, write_drawings
 from adaptctl.recording.palette import MUTED, PAPER, joint_color, run_color
 from adaptctl.recording.series import thinned
 from adaptctl.recording.spectrum import shares, threshold
@@ -141,7 +141,7 @@ def torque(comparison: Comparison) -> Figure:
     """Figure of every joint's torque between its limits."""
     rollout, dof = comparison.subject.rollout, len(comparison.joint_names)
     time = rollout.time
-    grid = _small_multiples(dof, columns=3, height=1.75)
+    grid = _small_multiples(dof, columns=3, height=1.75, bottom=0.48)
     for j, axes in grid.panels:
         limit, name = comparison.torque_limits[j], comparison.joint_names[j]
         axes.plot(time, rollout.applied[:, j], color=joint_color(j).hex, linewidth=1.3)
@@ -160,7 +160,7 @@ def parameters(comparison: Comparison) -> Figure:
     """Figure of every estimate against the truth, one small panel each."""
     names, rollout, truth = comparison.model.names, comparison.subject.rollout, comparison.true_parameters
     every = thinned(len(rollout.time), SAMPLES // 6)
-    grid = _small_multiples(len(names), columns=6, height=1.12)
+    grid = _small_multiples(len(names), columns=6, height=1.12, bottom=0.22)
     for i, axes in grid.panels:
         _estimate(axes, rollout.time[every], rollout.estimate[every, i], truth[i])
         axes.set_title(f"{names[i]}", size=7.5, pad=3.0)
@@ -197,11 +197,17 @@ class _Grid(NamedTuple):
     panels: list[tuple[int, Axes]]
 
 
-def _small_multiples(count: int, columns: int, height: float) -> _Grid:
-    """Panels in rows, the last row as long as it needs to be."""
+def _small_multiples(count: int, columns: int, height: float, bottom: float) -> _Grid:
+    """Panels in rows, the last row as long as it needs to be; lengths in inches.
+
+    Margins are given, for finding them takes most of the time that dozens of panels take to draw.
+    """
     rows = -(-count // columns)
-    figure = sheet(height * rows + 0.3)
-    axes = figure.subplots(rows, columns, sharex=True, squeeze=False).ravel()
+    tall = height * rows + 0.3
+    figure = Figure(figsize=(WIDTH, tall), dpi=DOTS)
+    margins = {"left": 0.45 / WIDTH, "right": 1.0 - 0.08 / WIDTH, "bottom": bottom / tall, "top": 1.0 - 0.25 / tall}
+    gaps = {"wspace": 0.42, "hspace": 0.42}
+    axes = figure.subplots(rows, columns, sharex=True, squeeze=False, gridspec_kw=margins | gaps).ravel()
     for unused in axes[count:]:
         unused.set_visible(False)
     return _Grid(figure, list(enumerate(axes[:count])))
