@@ -78,13 +78,14 @@ class Controller(Tunable, ABC, Generic[Memory]):
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: Memory) -> tuple[Column, Memory]:
         """One tick: the torque, in N m, and the memory after it."""
 
-    def init(self, p: ArrayLike, v: ArrayLike) -> Memory:
+    def init(self, p: ArrayLike, v: ArrayLike, gains: Mapping[str, Array] | None = None) -> Memory:
         """The state before the first tick, from measured positions and velocities (..., r).
 
-        Leading axes are arms, and each has its own state: leaves (..., n).
+        Leading axes are arms, and each has its own state: leaves (..., n). `gains` by their names in `numbers`, with
+        the same leading axes, are those of arms that have their own; they are not checked.
         """
         positions, velocities = self._measured(p, "p"), self._measured(v, "v")
-        started = self.start(positions, velocities)
+        started = (self.having(gains) if gains else self).start(positions, velocities)
         if positions.ndim == 1:
             return started
         sizes = self._memory_sizes.values()
