@@ -110,7 +110,8 @@ def tick_cost(controller: Controller[Any], run: Rollout) -> TickCost:
     if kernel is None:
         return TickCost(called)
     memory = controller.init(run.p[0], run.v[0])
-    arguments = [*states, *(np.tile(part, (TIMED_TICKS, 1)) for part in leaves(memory))]
+    kept = [*leaves(memory), *([controller.packed] if controller.packed.size else [])]
+    arguments = [*states, *(np.tile(part, (TIMED_TICKS, 1)) for part in kept)]
     native = min(_duration(kernel.map, *arguments) for _ in range(REPETITIONS))
     return TickCost(called, native / TIMED_TICKS, kernel.operations.flops)
 

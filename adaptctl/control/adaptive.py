@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Mapping
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -16,7 +17,7 @@ from adaptctl.control.controller import Controller
 from adaptctl.control.gains.gains import require_sampled_gain
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, spread
+from adaptctl.scalars import Column, Tunable, spread
 
 
 class AdaptiveState(NamedTuple):
@@ -78,6 +79,11 @@ class AdaptiveController(Controller[AdaptiveState]):
         if self.adaptation is None or isinstance(self.adaptation, AdaptationLaw):
             return self.adaptation
         return Gradient(self.adaptation)
+
+    @property
+    def tunable_parts(self) -> Mapping[str, Tunable]:
+        """The adaptation law, also where only a gain was given."""
+        return {} if self.adaptation_law is None else {"adaptation": self.adaptation_law}
 
     @property
     def dof(self) -> int:

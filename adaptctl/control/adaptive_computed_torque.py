@@ -47,6 +47,8 @@ class AdaptiveComputedTorque(AdaptiveController):
     whose mass matrix is not positive definite everywhere.
     """
 
+    tunable = ("bandwidth", "weight", "initial")
+
     model: ReducedModel
     bandwidth: Array
     initial: Array | None
@@ -75,7 +77,7 @@ class AdaptiveComputedTorque(AdaptiveController):
             before: Column = memory.motion
             acceleration = (1.0 / self.period) * (v - before)
             inertia = equations.mass_matrix(memory.q, self._parameters(memory.estimate))
-            felt = solve_symmetric(inertia, column(np.asarray(self.weight)) * sliding)
+            felt = solve_symmetric(inertia, column(self.weight) * sliding)
             return equations.motion(memory.q, before, before, acceleration).powers(felt, self.model.columns)
 
         passed = Period(gradient, memory.s, s, memory.torque, q, v, self.period, memory.elapsed[0])

@@ -28,6 +28,8 @@ class ComputedTorque(ModelBased):
     mechanism's own unless given.
     """
 
+    tunable = ("bandwidth", "damping_ratio")
+
     mechanism: Mechanism
     bandwidth: Array
     damping_ratio: float = 1.0
@@ -48,7 +50,8 @@ class ComputedTorque(ModelBased):
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: BranchState) -> tuple[Column, BranchState]:
         """One tick: the torque of the acceleration that brings the error back."""
-        rate, stiffness = column(2.0 * self.damping_ratio * self.bandwidth), column(self.bandwidth**2)
+        omega = column(self.bandwidth)
+        rate, stiffness = (2.0 * self.damping_ratio) * omega, omega * omega
         q = self.mechanism.equations.closed(p, memory.q)
         a = reference.a - rate * (v - reference.v) - stiffness * (p - reference.p)
         return self.mechanism.equations.inverse_dynamics(q, v, v, a, self._parameters), BranchState(q)

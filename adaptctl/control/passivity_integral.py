@@ -43,11 +43,14 @@ class PassivityIntegral(SlotineLi):
     Arguments and errors are those of `SlotineLi`.
     """
 
+    tunable = SlotineLi.tunable
+
     def reference_velocity(
         self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> ReferenceVelocity:
         """v_r = v_d - 2 Lambda e - Lambda^2 (integral of e) and its derivative."""
-        twice, square = column(2.0 * self.bandwidth), column(self.bandwidth**2)
+        bandwidth = column(self.bandwidth)
+        twice, square = 2.0 * bandwidth, bandwidth * bandwidth
         before: Integral = memory.more
         e, e_rate = p - reference.p, v - reference.v
         integral = before.integral + (0.5 * memory.elapsed[0]) * (before.error + e)

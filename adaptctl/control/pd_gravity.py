@@ -30,6 +30,8 @@ class PDGravity(ModelBased):
     mechanism's own unless given.
     """
 
+    tunable = ("stiffness", "damping")
+
     mechanism: Mechanism
     stiffness: Array
     damping: Array

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 from adaptctl.arrays import Array
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
@@ -43,6 +43,8 @@ class SlotineLi(AdaptiveController):
     Raises `GainError` when the period cannot carry the damping, `InputError` on wrong shapes and on an adaptation law
     that does not fit the model.
     """
+
+    tunable: ClassVar[tuple[str, ...]] = ("bandwidth", "damping", "initial")
 
     model: ReducedModel
     bandwidth: Array

@@ -56,6 +56,8 @@ class TaskSpaceSlotineLi(SlotineLi):
     number or (m,); other arguments are those of `SlotineLi`.
     """
 
+    tunable = (*SlotineLi.tunable, "posture_rate")
+
     link: str | None = None
     tool: Array | None = None
     axes: tuple[int, ...] = (0, 1, 2)

@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from adaptctl.compilation import Ensemble, Stepper, compile_step
-from adaptctl.control.controller import Controller, ReferencePoint, leaves, like
+from adaptctl.control.controller import GAINS, Controller, ReferencePoint, leaves, like
 from adaptctl.errors import InputError
-from adaptctl.scalars import Column
+from adaptctl.scalars import Column, Structure
 from adaptctl.simulation.plant import Plant
 from adaptctl.simulation.plant_state import PlantState
 from adaptctl.simulation.sampled_references import REFERENCE
@@ -69,8 +69,8 @@ class ClosedLoop:
 
     @property
     def held(self) -> dict[str, int]:
-        """Length of the column that stays: the plant's parameters (P,)."""
-        return {"parameters": self.plant.mechanism.equations.parameters}
+        """Lengths of the columns that stay: the plant's parameters (P,) and, where there are any, the gains."""
+        return {"parameters": self.plant.mechanism.equations.parameters} | self.controller.gain_sizes
 
     @property
     def reference(self) -> dict[str, int]:
@@ -90,7 +90,8 @@ class ClosedLoop:
         reference = ReferencePoint(*(columns[name] for name in REFERENCE))
         memory = like(self._blank, (columns[name] for name in self.state if name.startswith("memory")))
         told = measured if self._senses else (self.plant.primary(q), v)
-        torque, after = self.controller.law(*told, reference, memory)
+        law = self.controller.substituted(columns[GAINS]) if GAINS in columns else self.controller
+        torque, after = law.law(*told, reference, memory)
         outcome = self.plant.equation({**columns, "torque": torque})
         next_measured = (outcome.measured_p, outcome.measured_v) if self._senses else _NOTHING
         marks = Column((*outcome.marks, *(mark[0] for mark in guards(after))))
@@ -105,15 +106,15 @@ class ClosedLoop:
         return (*self.plant.marks, *getattr(guards(self._blank), "_fields", ()))
 
     def __eq__(self, other: object) -> bool:
-        """Whether plant and controller are the same objects."""
+        """Whether the plant is the same, and the controllers but for their gains."""
         return isinstance(other, ClosedLoop) and self._parts == other._parts
 
     def __hash__(self) -> int:
         return hash(self._parts)
 
     @property
-    def _parts(self) -> tuple[int, int]:
-        return id(self.plant), id(self.controller)
+    def _parts(self) -> tuple[int, Structure]:
+        return id(self.plant), self.controller.structure
 
     @lru_cache(maxsize=8)  # noqa: B019  # some code is worth keeping, and its loop with it
     def compiled(self) -> Stepper:
@@ -128,11 +129,14 @@ class ClosedLoop:
         return (*passed_on, *sample)
 
     def begin(self, arms: Ensemble, state: PlantState, memory: Any) -> None:
-        """Set the arms to the states of plants (..., n) and a controller's memory: one for all, or a row each."""
+        """Set the arms to the states of plants (..., n), a controller's memory, one for all, or a row each, and its
+        gains."""
         plant = state.q, state.v, state.drives, state.sensors
         measured = (state.measured_p, state.measured_v) if self._senses else np.zeros((2, 0))
         for name, values in zip(self.state, (*plant, *measured, *leaves(memory)), strict=True):
             arms.state[name] = values
+        for name in self.controller.gain_sizes:
+            arms.held[name] = self.controller.packed
 
     def now(self, arms: Ensemble, time: float, member: int = 0) -> tuple[PlantState, Any]:
         """The plant's state of one arm at a time (s), no torque applied yet, and its controller's memory."""

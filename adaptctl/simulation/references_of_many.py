@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeAlias
 
@@ -110,6 +110,10 @@ class ReferencesOfMany:
         """The number of arms (M,) they are for; () where one is for all."""
         each = not isinstance(self.form, SampledForm) or self.form.each
         return (len(self.references),) if each else ()
+
+    def of_arms(self, arms: slice) -> ReferencesOfMany:
+        """Those of some of the arms, in the same form."""
+        return replace(self, references=self.references[arms]) if self.arms else self
 
     @property
     def held(self) -> Mapping[str, Array]:

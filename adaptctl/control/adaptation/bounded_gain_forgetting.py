@@ -20,7 +20,7 @@ from adaptctl.control.adaptation.least_squares import (
 from adaptctl.control.adaptation.prediction import Filtered, TorqueFilter
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, Scalar
+from adaptctl.scalars import Column, Scalar, each
 
 
 class CovarianceMemory(NamedTuple):
@@ -52,6 +52,8 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
     is). It is for parameters that are constant. Costs k^2 operations a joint and a memory of k (k + 1)/2.
     """
 
+    tunable = ("gain", "weight", "cutoff", "forgetting", "bound")
+
     called: ClassVar[str] = "bounded-gain forgetting"
 
     bound: float = 2.0
@@ -73,7 +75,7 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> CovarianceMemory:
         """The memory before the first tick: P = Gamma, and the filters at rest."""
         filtered = TorqueFilter(self.cutoff, period).start(model, q, v)
-        return CovarianceMemory(first_triangle(len(self.gain)), filtered)
+        return CovarianceMemory(first_triangle(self.gain.shape[-1]), filtered)
 
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: CovarianceMemory
@@ -83,7 +85,7 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
         gradient = scale * period.gradient(period.integral)
         moved = estimate - scale * symmetric_product(covariance, gradient)
         rows, torque, filtered = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory.filtered)
-        for row, wanted, weight in zip(rows, torque, self._weights(model.mechanism.dof), strict=True):
+        for row, wanted, weight in zip(rows, torque, each(self.weight, model.mechanism.dof), strict=True):
             firm = 1.0 / (weight * period.length)
             step, covariance = _updated(covariance, scale * row, row @ moved - wanted, firm, period.share)
             moved = moved - scale * step

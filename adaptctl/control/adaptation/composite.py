@@ -13,7 +13,7 @@ from adaptctl.control.adaptation.prediction import Filtered, TorqueFilter, requi
 from adaptctl.control.gains.gains import positive_per_joint
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, Scalar
+from adaptctl.scalars import Column, Scalar, each
 from adaptctl.scalars.column import combined
 
 
@@ -35,6 +35,8 @@ class Composite(Descent[Filtered]):
     under disturbance as `Gradient` does, but not along what W sees. Costs the momenta's regressor and r filters for
     each parameter.
     """
+
+    tunable = ("gain", "weight", "cutoff")
 
     weight: Array = 1.0  # type: ignore[assignment]  # a number becomes an array for the model's joints
     cutoff: float = 20.0
@@ -58,8 +60,8 @@ class Composite(Descent[Filtered]):
         moved = estimate - self.applied(period.gradient(period.integral))
         rows, torque, after = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory)
         loaded = [self.applied(row) for row in rows]
-        firm = 1.0 / (positive_per_joint(self.weight, model.mechanism.dof, "composite: weight") * period.length)
-        force = solve_symmetric(_products(rows, loaded, firm.tolist()), residual(rows, moved, torque))
+        firm = Column(1.0 / (weight * period.length) for weight in each(self.weight, model.mechanism.dof))
+        force = solve_symmetric(_products(rows, loaded, firm), residual(rows, moved, torque))
         return moved - period.share * combined(loaded, force), after
 
 
@@ -68,7 +70,7 @@ def residual(rows: list[Column], estimate: Column, torque: Column) -> Column:
     return Column(row @ estimate for row in rows) - torque
 
 
-def _products(rows: list[Column], loaded: list[Column], firm: list[float]) -> list[list[Scalar]]:
+def _products(rows: list[Column], loaded: list[Column], firm: Column) -> list[list[Scalar]]:
     """W Gamma W' + (R T_c)^-1 (r, r), each entry of the symmetric matrix once."""
     r = len(rows)
     lower = [[rows[i] @ loaded[j] for j in range(i + 1)] for i in range(r)]

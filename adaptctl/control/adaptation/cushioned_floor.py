@@ -20,7 +20,7 @@ from adaptctl.control.adaptation.least_squares import (
 from adaptctl.control.adaptation.prediction import Filtered, TorqueFilter
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column
+from adaptctl.scalars import Column, each
 
 
 class InformationMemory(NamedTuple):
@@ -49,12 +49,14 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
     k (k + 1)/2.
     """
 
+    tunable = ("gain", "weight", "cutoff", "forgetting")
+
     called: ClassVar[str] = "cushioned floor"
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> InformationMemory:
         """The memory before the first tick: P = Gamma, and the filters at rest."""
         filtered = TorqueFilter(self.cutoff, period).start(model, q, v)
-        return InformationMemory(first_triangle(len(self.gain)), filtered)
+        return InformationMemory(first_triangle(self.gain.shape[-1]), filtered)
 
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: InformationMemory
@@ -62,7 +64,7 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
         """The estimate after forgetting by the implicit rule, learning what the period told, and a descent by that."""
         rows, torque, filtered = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory.filtered)
         scaled = [self._scale * row for row in rows]
-        weights = self._weights(model.mechanism.dof)
+        weights = each(self.weight, model.mechanism.dof)
         share = self.forgetting * period.elapsed
         keep = 1.0 / (1.0 + share)
         information = [

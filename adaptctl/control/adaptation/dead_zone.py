@@ -12,7 +12,7 @@ from adaptctl.control.adaptation.gain import Descent
 from adaptctl.control.adaptation.law import NoMemory, Period
 from adaptctl.control.gains.gains import positive_per_joint
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, column, where
+from adaptctl.scalars import Column, each, where
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +27,8 @@ class DeadZone(Descent[NoMemory]):
     Gives up: tracking better than the zone; and, M varying with p, a bound over infinitely many ways in and
     out: s may leave the zone with more kinetic energy than it came in with. `Projection` of this law has one.
     """
+
+    tunable = ("gain", "width")
 
     width: Array = 0.05  # type: ignore[assignment]  # a number becomes an array for the model's joints
 
@@ -52,7 +54,6 @@ class DeadZone(Descent[NoMemory]):
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """The estimate a step down the gradient, or where it was within the zone."""
-        width = positive_per_joint(self.width, model.mechanism.dof, "dead zone: width")
-        scaled = column(1.0 / width) * period.mean
+        scaled = Column(1.0 / width for width in each(self.width, model.mechanism.dof)) * period.mean
         outside = where(scaled @ scaled > 1.0, 1.0, 0.0)
         return estimate - self.applied(period.gradient(outside * period.integral)), memory

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -43,9 +44,10 @@ class Descent(AdaptationLaw[Memory]):
 
     def applied(self, gradient: Column) -> Column:
         """Gamma times a gradient (k,)."""
-        if self.gain.ndim == 1:
-            return column(self.gain) * gradient
-        return Column(column(row) @ gradient for row in self.gain)
+        rows: Any = self.gain
+        if getattr(rows, "ndim", 1 + isinstance(rows, tuple)) == 2:  # an array, or a tuple of columns
+            return Column(column(row) @ gradient for row in rows)
+        return column(rows) * gradient
 
 
 def checked_gain(gain: ArrayLike) -> Array:

@@ -24,6 +24,8 @@ class Gradient(Descent[NoMemory]):
     drifts without bound; it need not become the true one; and nothing keeps it physically consistent.
     """
 
+    tunable = ("gain",)
+
     euler: bool = False
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:

@@ -9,7 +9,7 @@ from typing import Any, Generic, NamedTuple
 from adaptctl.arrays import Array
 from adaptctl.control.controller import Memory
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column
+from adaptctl.scalars import Column, Tunable
 
 
 class NoMemory(NamedTuple):
@@ -52,11 +52,12 @@ class Period(NamedTuple):
         return (0.5 * self.elapsed) * (self.before + self.after)
 
 
-class AdaptationLaw(ABC, Generic[Memory]):
+class AdaptationLaw(Tunable, ABC, Generic[Memory]):
     """An adaptation law: how the estimate of a model's k parameters moves, whatever control law uses it.
 
     A subclass is a frozen dataclass of configuration. `law` is an equation over scalars of any kind, traced
-    into the control law's own native code. What changes over time, besides the estimate, is the memory.
+    into the control law's own native code, to which the numbers that the class names in `tunable` are arguments. What
+    changes over time, besides the estimate, is the memory.
     """
 
     @abstractmethod

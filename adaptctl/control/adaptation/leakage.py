@@ -43,7 +43,7 @@ class _Leaking(Descent[NoMemory]):
         no rate (1/s) is too large for the period."""
         share = period.elapsed * rate
         moved = estimate - self.applied(period.gradient(period.integral))
-        return (1.0 / (1.0 + share)) * (moved + share * column(np.asarray(self.prior)))
+        return (1.0 / (1.0 + share)) * (moved + share * column(self.prior))
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +60,8 @@ class SigmaModification(_Leaking):
     goes on when s is zero, and bursts may follow (Hsu and Costa 1987).
     """
 
+    tunable = ("gain", "rate", "prior")
+
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """The estimate leaking at sigma."""
         return self.leaked(estimate, period, self.rate), memory
@@ -75,6 +77,8 @@ class EModification(_Leaking):
     Gives up: where disturbances keep s from zero the estimate is still pulled to the prior; the leak is slow
     where s is small, so the bound is looser than sigma-modification's.
     """
+
+    tunable = ("gain", "rate", "prior")
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """The estimate leaking at nu |s|, s the mean over the period."""

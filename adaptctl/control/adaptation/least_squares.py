@@ -16,7 +16,7 @@ from adaptctl.control.controller import Memory
 from adaptctl.control.gains.gains import positive_per_joint
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, Scalar, column
+from adaptctl.scalars import Column, Scalar, column, sqrt
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,25 +39,23 @@ class ForgettingLeastSquares(AdaptationLaw[Memory]):
         if np.any(gain <= 0.0):
             raise InputError(f"{self.called}: gain: expected positive numbers (k,)")
         object.__setattr__(self, "gain", gain)
-        self._weights(np.size(self.weight))
+        self._require_weights(np.size(self.weight))
         if not (np.isfinite(self.forgetting) and self.forgetting >= 0.0):
             raise InputError(f"{self.called}: forgetting: expected at least 0 1/s, got {self.forgetting}")
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
         """Raise `InputError` unless gain, weight and cutoff fit the parameters, the joints and the period (s)."""
         require_size(self.gain, model, f"{self.called}: gain")
-        self._weights(model.mechanism.dof)
+        self._require_weights(model.mechanism.dof)
         require_cutoff(self.cutoff, period)
 
-    def _weights(self, dof: int) -> list[float]:
-        """R's diagonal (r,)."""
-        weights: list[float] = positive_per_joint(self.weight, dof, f"{self.called}: weight").tolist()
-        return weights
+    def _require_weights(self, dof: int) -> None:
+        positive_per_joint(self.weight, dof, f"{self.called}: weight")
 
     @property
     def _scale(self) -> Column:
         """Gamma^1/2 (k,): in its units P and the parameters' errors are near 1."""
-        return column(np.sqrt(self.gain))
+        return Column(map(sqrt, column(self.gain)))
 
 
 def first_triangle(k: int) -> Array:

@@ -14,7 +14,7 @@ from adaptctl.description.inertia import pseudo_inertia
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, Scalar, column, sqrt
+from adaptctl.scalars import Column, Scalar, each, sqrt
 
 Matrix: TypeAlias = list[list[Any]]
 """Rows of a small matrix of scalars."""
@@ -43,6 +43,8 @@ class Natural(AdaptationLaw[NoMemory]):
     loaded from a load that is plausible.
     """
 
+    tunable = ("rate",)
+
     rate: float | Array
 
     def __post_init__(self) -> None:
@@ -60,7 +62,7 @@ class Natural(AdaptationLaw[NoMemory]):
                 "with ReducedModel.full(mechanism), from a consistent estimate; "
                 "adaptctl.identifiability.nearest_consistent finds one with given fundamental parameters)"
             )
-        self._rates(model)
+        self._require_rates(model)
         links = [model.mechanism.links[i] for i in model.mechanism.description.bodies]
         for i, link in enumerate(links):
             smallest = float(np.linalg.eigvalsh(pseudo_inertia(initial[10 * i : 10 * i + 10]))[0])
@@ -81,7 +83,7 @@ class Natural(AdaptationLaw[NoMemory]):
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """The estimate a step along the geodesic of every link's pseudo-inertia."""
-        slope = column(self._each(model)) * period.gradient(period.integral)
+        slope = self._each(model) * period.gradient(period.integral)
         links = 10 * len(model.mechanism.description.bodies)
         entries: list[Any] = []
         for i in range(0, links, 10):
@@ -96,7 +98,7 @@ class Natural(AdaptationLaw[NoMemory]):
     def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array:
         """Sum (...) of Bregman divergences over their rates, J; infinite where the truth is no rigid bodies'."""
         bodies = 10 * len(model.mechanism.description.bodies)
-        rates, total = self._each(model), np.zeros(estimate.shape[:-1])
+        rates, total = np.array(self._each(model).of), np.zeros(estimate.shape[:-1])
         for i in range(0, bodies, 10):
             total += divergence(pseudos(true[i : i + 10]), pseudos(estimate[..., i : i + 10])) / rates[i]
         ratio = true[bodies:] / estimate[..., bodies:]
@@ -104,21 +106,26 @@ class Natural(AdaptationLaw[NoMemory]):
             total += ((ratio - np.log(ratio) - 1.0) / rates[bodies:]).sum(axis=-1)
         return total
 
-    def _rates(self, model: ReducedModel) -> Array:
-        """The rate of each link with a body, then of each drive's parameter."""
-        bodies = len(model.mechanism.description.bodies)
-        count = bodies + len(model.mechanism.parameter_names) - 10 * bodies
+    def _require_rates(self, model: ReducedModel) -> None:
+        """Raise `InputError` without a rate for each link with a body and each drive's parameter."""
+        bodies, count = _bodies_and_rates(model)
         if np.shape(self.rate) not in ((), (count,)):
             raise InputError(
                 f"natural adaptation: rate: expected a number, or {count} of them, one for each of {bodies} links and "
                 f"{count - bodies} parameters of drives, got {np.size(self.rate)}"
             )
-        return np.broadcast_to(np.asarray(self.rate), (count,))
 
-    def _each(self, model: ReducedModel) -> Array:
+    def _each(self, model: ReducedModel) -> Column:
         """The rate of each parameter (P,)."""
-        rates, bodies = self._rates(model), len(model.mechanism.description.bodies)
-        return np.concatenate((np.repeat(rates[:bodies], 10), rates[bodies:]))
+        bodies, count = _bodies_and_rates(model)
+        rates = each(self.rate, count).of
+        return Column((*(rate for rate in rates[:bodies] for _ in range(10)), *rates[bodies:]))
+
+
+def _bodies_and_rates(model: ReducedModel) -> tuple[int, int]:
+    """How many links have a body, and how many rates there are: theirs, and those of drives' parameters."""
+    bodies = len(model.mechanism.description.bodies)
+    return bodies, len(model.mechanism.parameter_names) - 9 * bodies
 
 
 def moved_body(ten: Sequence[Scalar], slope: Sequence[Scalar]) -> list[Any]:

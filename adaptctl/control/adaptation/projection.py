@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import Any
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from adaptctl.control.adaptation.law import AdaptationLaw, Period
 from adaptctl.control.controller import Memory
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, column, maximum, minimum
+from adaptctl.scalars import Column, clip, column
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +30,8 @@ class Projection(AdaptationLaw[Memory]):
     Gives up: nothing that is within the bounds. Bounds on minimal parameters are no guarantee of a positive
     definite mass matrix: the consistent set is a cone, not a box.
     """
+
+    tunable = ("lower", "upper")
 
     of: AdaptationLaw[Memory]
     lower: Array
@@ -74,7 +75,7 @@ class Projection(AdaptationLaw[Memory]):
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Memory) -> tuple[Column, Memory]:
         """The estimate after a step of the law, clipped."""
         moved, after = self.of.law(model, estimate, period, memory)
-        return Column(map(_clipped, moved, column(self.lower), column(self.upper))), after
+        return Column(map(clip, moved, column(self.lower), column(self.upper))), after
 
     def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array | None:
         """Distance (...) by the law that is projected."""
@@ -104,8 +105,3 @@ def _unknown(model: ReducedModel, name: str) -> str:
     close = get_close_matches(name, model.names, n=1)
     guess = f"; did you mean {close[0]!r}?" if close else ""
     return f"bounds: {model.mechanism.name} has no parameter {name!r}{guess}"
-
-
-def _clipped(x: Any, low: float, high: float) -> Any:
-    x = maximum(x, low) if low > -np.inf else x
-    return minimum(x, high) if high < np.inf else x

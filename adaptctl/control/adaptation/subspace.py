@@ -30,6 +30,8 @@ class Subspace(AdaptationLaw[NoMemory]):
     excitation, a drift.
     """
 
+    tunable = ("gain",)
+
     gain: Array
     directions: Array
 
@@ -56,7 +58,7 @@ class Subspace(AdaptationLaw[NoMemory]):
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """The estimate a step down the gradient along every direction, by the trapezium."""
         gradient = period.gradient(period.integral)
-        for step, direction in zip(self.gain.tolist(), map(column, self.directions.T), strict=True):
+        for step, direction in zip(column(self.gain), map(column, self.directions.T), strict=True):
             estimate = estimate - (step * (direction @ gradient)) * direction
         return estimate, memory
 
