@@ -63,8 +63,11 @@ class TreeEquations:
 
     def energy_regressor(self, p: Column, v: Column) -> Column:
         """E (P,): total energy is E' D, in J."""
-        links = energy.energy_regressor(self.links, p, v, self.gravity)
-        return Column((*self._owned(links), *(term.energy(v[term.joint]) for term in self.drives)))
+        return self.energies(energy.energy_regressor(self.links, p, v, self.gravity), v)
+
+    def energies(self, tens: Column, v: Column) -> Column:
+        """E (P,) from the energies of the ten of every link (10N,) and the joints' velocities."""
+        return Column((*self._owned(tens), *(term.energy(v[term.joint]) for term in self.drives)))
 
     def potential_regressor(self, p: Column) -> Column:
         """The potential part of E (P,)."""

@@ -1,0 +1,105 @@
+"""A mechanism's geometry in exact numbers, as the equations see it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+from adaptctl.description import GROUND, Description
+from adaptctl.dynamics.loops.constraint import product
+from adaptctl.dynamics.recursion.segment import Segment
+from adaptctl.identifiability.proof.joint_frames import CanonicalFrames, Placement, canonical_frames
+from adaptctl.identifiability.proof.simplest import simplest_rational, turn
+from adaptctl.scalars import Mat, Vec
+
+Number = Callable[[Fraction], Any]
+"""Makes scalars of rational numbers: residues, or numbers of many digits."""
+
+
+@dataclass(frozen=True)
+class ExactFrame:
+    """A frame in another one, in exact scalars."""
+
+    rotation: Mat
+    origin: Vec
+
+    @classmethod
+    def of(cls, placement: Placement, number: Number, length: float) -> ExactFrame:
+        """The rational frame that a placement in floats stands for."""
+        yaw, tilt, spin, bearing = (
+            _cosine_and_sine(angle, number) for angle in (placement.yaw, placement.tilt, placement.spin, placement.bearing)
+        )
+        radius, height = (number(simplest_rational(x, length)) for x in (placement.radius, placement.height))
+        rotation = product(product(_about_z(*yaw), _about_x(*tilt)), _about_z(*spin))
+        return cls(rotation, Vec(radius * bearing[0], radius * bearing[1], height))
+
+
+@dataclass(frozen=True)
+class ExactGeometry:
+    """The links of a tree behind joints that turn about, or slide along, their own frames' z."""
+
+    frames: CanonicalFrames
+    links: tuple[Segment, ...]
+    on_joints: tuple[ExactFrame, ...]
+    """(N,): every link's frame in its joint's"""
+    gravity: Vec
+    number: Number
+
+    @classmethod
+    def of(cls, description: Description, length: float, number: Number) -> ExactGeometry:
+        """Of a mechanism's tree."""
+        frames = canonical_frames(description, length)
+        on_joints = tuple(ExactFrame.of(joint.link, number, length) for joint in frames.joints)
+        links = tuple(
+            _segment(
+                link.parent,
+                link.joint.kind.turns,
+                ExactFrame.of(joint.joint, number, length),
+                None if link.parent == GROUND else on_joints[link.parent],
+                own,
+            )
+            for link, joint, own in zip(description.links, frames.joints, on_joints, strict=True)
+        )
+        gravity = Vec(0.0, 0.0, -1.0 if description.gravity.any() else 0.0)
+        return cls(frames, links, on_joints, gravity, number)
+
+
+def _segment(parent: int, turns: bool, joint: ExactFrame, before: ExactFrame | None, own: ExactFrame) -> Segment:
+    """A joint whose frame is told in that of the joint before, on a link whose frame stands at `before` there."""
+    turned, near = joint.rotation, joint.origin
+    if before is not None:
+        turned = product(before.rotation.T, joint.rotation)
+        near = before.rotation.T @ (joint.origin - before.origin)
+    outward = own.rotation.T
+    z = Vec(0.0, 0.0, 1.0)
+    return Segment(
+        parent=parent,
+        turns=turns,
+        joint_axis=z,
+        axis=outward @ z,
+        inward=_unless_identity(turned.T),
+        outward=_unless_identity(outward),
+        near=near,
+        far=outward @ own.origin,
+    )
+
+
+def _cosine_and_sine(angle: float, number: Number) -> tuple[Any, Any]:
+    c, s = turn(angle).cosine_and_sine
+    return number(c), number(s)
+
+
+def _about_z(c: Any, s: Any) -> Mat:
+    return Mat(Vec(c, -s, 0.0), Vec(s, c, 0.0), Vec(0.0, 0.0, 1.0))
+
+
+def _about_x(c: Any, s: Any) -> Mat:
+    return Mat(Vec(1.0, 0.0, 0.0), Vec(0.0, c, -s), Vec(0.0, s, c))
+
+
+def _unless_identity(rotation: Mat) -> Mat | None:
+    entries = [entry for row in (rotation.x, rotation.y, rotation.z) for entry in row]
+    identity = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+    return None if all(isinstance(x, float) and x == y for x, y in zip(entries, identity, strict=True)) else rotation
