@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-from adaptctl.description import GROUND, Description
+from adaptctl.description import GROUND, Description, Pose
 from adaptctl.dynamics.loops.constraint import product
 from adaptctl.dynamics.recursion.segment import Segment
 from adaptctl.identifiability.proof.joint_frames import CanonicalFrames, Placement, canonical_frames
@@ -26,12 +26,12 @@ class ExactFrame:
     origin: Vec
 
     @classmethod
-    def of(cls, placement: Placement, number: Number, length: float) -> ExactFrame:
-        """The rational frame that a placement in floats stands for."""
+    def of(cls, placement: Placement, number: Number, length: float, unit: Fraction) -> ExactFrame:
+        """The rational frame that a placement in floats stands for, lengths in a unit (m)."""
         yaw, tilt, spin, bearing = (
             _cosine_and_sine(angle, number) for angle in (placement.yaw, placement.tilt, placement.spin, placement.bearing)
         )
-        radius, height = (number(simplest_rational(x, length)) for x in (placement.radius, placement.height))
+        radius, height = (number(simplest_rational(x, length) / unit) for x in (placement.radius, placement.height))
         rotation = product(product(_about_z(*yaw), _about_x(*tilt)), _about_z(*spin))
         return cls(rotation, Vec(radius * bearing[0], radius * bearing[1], height))
 
@@ -46,24 +46,37 @@ class ExactGeometry:
     """(N,): every link's frame in its joint's"""
     gravity: Vec
     number: Number
+    unit: Fraction
+    """of length, m"""
 
     @classmethod
-    def of(cls, description: Description, length: float, number: Number) -> ExactGeometry:
+    def of(
+        cls, description: Description, length: float, number: Number, unit: Fraction = Fraction(1)
+    ) -> ExactGeometry:
         """Of a mechanism's tree."""
         frames = canonical_frames(description, length)
-        on_joints = tuple(ExactFrame.of(joint.link, number, length) for joint in frames.joints)
+        on_joints = tuple(ExactFrame.of(joint.link, number, length, unit) for joint in frames.joints)
         links = tuple(
             _segment(
                 link.parent,
                 link.joint.kind.turns,
-                ExactFrame.of(joint.joint, number, length),
+                ExactFrame.of(joint.joint, number, length, unit),
                 None if link.parent == GROUND else on_joints[link.parent],
                 own,
             )
             for link, joint, own in zip(description.links, frames.joints, on_joints, strict=True)
         )
         gravity = Vec(0.0, 0.0, -1.0 if description.gravity.any() else 0.0)
-        return cls(frames, links, on_joints, gravity, number)
+        return cls(frames, links, on_joints, gravity, number, unit)
+
+    def fixed(self, link: int, pose: Pose) -> ExactFrame:
+        """A frame that is fixed to a link, in the link's own; to the ground (-1), in the ground's, z up."""
+        placement = self.frames.placement(link, pose)
+        frame = ExactFrame.of(placement, self.number, self.frames.length, self.unit)
+        if link == GROUND:
+            return frame
+        back = self.on_joints[link].rotation.T
+        return ExactFrame(product(back, frame.rotation), back @ (frame.origin - self.on_joints[link].origin))
 
 
 def _segment(parent: int, turns: bool, joint: ExactFrame, before: ExactFrame | None, own: ExactFrame) -> Segment:
