@@ -13,7 +13,7 @@ from adaptctl.description import Description, Joint, Link, Pose
 from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.errors import PhysicalConsistencyWarning
 from adaptctl.identifiability import Priority, essential_space
-from adaptctl.identifiability.tree.null_space import TransferredNullSpace
+from adaptctl.identifiability.tree.null_space import TreeNullSpace
 from benchmarks.findings import Finding, Measurement
 from benchmarks.interleaved import Contender, Effort, Race, Spread, race
 
@@ -30,8 +30,8 @@ def measure(effort: Effort) -> Iterator[Finding]:
     raced = race(
         {
             "puma": Contender(lambda: essential_space(puma)),
-            "half": Contender(lambda: TransferredNullSpace.of(half)),
-            "long": Contender(lambda: TransferredNullSpace.of(long)),
+            "half": Contender(lambda: TreeNullSpace.of(half)),
+            "long": Contender(lambda: TreeNullSpace.of(long)),
             "half basis": Contender(lambda: basis(half)),
             "long basis": Contender(lambda: basis(long)),
             "certified": Contender(lambda: essential_space(long)),
@@ -56,7 +56,7 @@ def growth(raced: Race, half: str, long: str) -> Spread:
 
 def basis(mechanism: adaptctl.Mechanism) -> Array:
     """K (k, P) of a tree, from its description; what `fundamental_basis` has besides is in the certificate."""
-    found = TransferredNullSpace.of(mechanism)
+    found = TreeNullSpace.of(mechanism)
     order = Priority().indices(mechanism.parameter_names)
     return found.regrouping(order, 1e-3).matrix(found.scales)
 

@@ -15,9 +15,10 @@ from adaptctl.experiments.replication.semi_direct_drive_tables import table10
 from adaptctl.experiments.replication.study import Study
 from adaptctl.experiments.replication.verdict import Check, Claim, Item, Verdict, compared, evidence, judged
 from adaptctl.identifiability import essential_space
-from adaptctl.identifiability.numerical_rank import NumericalRank, singular_values
-from adaptctl.identifiability.sampled_regressors import energies
+from adaptctl.identifiability.energy_matrix import energies
+from adaptctl.identifiability.factorisation import singular_values
 from adaptctl.identifiability.sampling import random_states
+from adaptctl.identifiability.scaled_rank import NumericalRank
 
 
 def table13(study: Study) -> Item:

@@ -22,9 +22,10 @@ from adaptctl.experiments.replication.verdict import (
     judged,
     marked,
 )
-from adaptctl.identifiability.numerical_rank import NumericalRank, singular_values
-from adaptctl.identifiability.sampled_regressors import energy_differences
+from adaptctl.identifiability.energy_matrix import energy_differences
+from adaptctl.identifiability.factorisation import singular_values
 from adaptctl.identifiability.sampling import random_states
+from adaptctl.identifiability.scaled_rank import NumericalRank
 
 REPORTED = "3.14159/2"
 """The rounded right angle whose vector stands beside Table 8."""
