@@ -31,7 +31,7 @@ class Digits:
     def __add__(self, other: Any) -> Any:
         if isinstance(other, Digits):
             return Digits(self.scaled + other.scaled)
-        return Digits(self.scaled + _scaled(other)) if isinstance(other, float) else NotImplemented
+        return Digits(self.scaled + scaled(other)) if isinstance(other, float) else NotImplemented
 
     __radd__ = __add__
 
@@ -48,17 +48,17 @@ class Digits:
             return NotImplemented
         if other in (0.0, 1.0):
             return self if other == 1.0 else 0.0
-        return Digits(self.scaled * _scaled(other) >> BITS)
+        return Digits(self.scaled * scaled(other) >> BITS)
 
     __rmul__ = __mul__
 
     def __truediv__(self, other: Any) -> Any:
         if isinstance(other, Digits):
             return Digits((self.scaled << BITS) // other.scaled)
-        return Digits((self.scaled << BITS) // _scaled(other)) if isinstance(other, float) else NotImplemented
+        return Digits((self.scaled << BITS) // scaled(other)) if isinstance(other, float) else NotImplemented
 
     def __rtruediv__(self, other: Any) -> Any:
-        return Digits((_scaled(other) << BITS) // self.scaled)
+        return Digits((scaled(other) << BITS) // self.scaled)
 
     def __neg__(self) -> Digits:
         return Digits(-self.scaled)
@@ -66,15 +66,16 @@ class Digits:
 
 def digits(x: Fraction | float) -> Digits | float:
     """A rational number as a scalar: a float where it is 0, 1 or -1, for products with these cost nothing."""
-    return float(x) if x in (0, 1, -1) else Digits(_scaled(x))
+    return float(x) if x in (0, 1, -1) else Digits(scaled(x))
 
 
 def samples_of(values: Any) -> Digits:
     """Floats (samples,), exactly."""
-    return Digits(np.array([_scaled(float(x)) for x in values], dtype=object))
+    return Digits(np.array([scaled(float(x)) for x in values], dtype=object))
 
 
-def _scaled(x: Fraction | float) -> int:
+def scaled(x: Fraction | float) -> int:
+    """A rational number times 2^200."""
     n, d = x.as_integer_ratio()
     return (n << BITS) // d
 
@@ -115,21 +116,5 @@ def stacked_digits(entries: list[Any], samples: int) -> Any:
     """Scalars, floats among them, as columns (samples, n) of scaled ints."""
     out = np.empty((samples, len(entries)), dtype=object)
     for i, entry in enumerate(entries):
-        out[:, i] = entry.scaled if isinstance(entry, Digits) else _scaled(entry)
+        out[:, i] = entry.scaled if isinstance(entry, Digits) else scaled(entry)
     return out
-
-
-def pivots(matrix: Any) -> tuple[float, ...]:
-    """The pivots' sizes of Gaussian elimination with complete pivoting of scaled ints (m, n), falling but for a
-    little; the last is what is left."""
-    left, found = matrix, []
-    while left.size:
-        sizes = np.abs(floats(left))
-        place = np.unravel_index(int(sizes.argmax()), sizes.shape)
-        found.append(float(sizes[place]))
-        if left[place] == 0:
-            break
-        left = np.concatenate([left[place[0] :][:1], left[: place[0]], left[place[0] + 1 :]])
-        row = (left[0] << BITS) // left[0, place[1]]
-        left = np.delete(left[1:] - (left[1:, place[1], None] * row >> BITS), place[1], axis=1)
-    return tuple(found)

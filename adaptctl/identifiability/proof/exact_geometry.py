@@ -11,11 +11,32 @@ from adaptctl.description import GROUND, Description, Pose
 from adaptctl.dynamics.loops.constraint import product
 from adaptctl.dynamics.recursion.segment import Segment
 from adaptctl.identifiability.proof.joint_frames import CanonicalFrames, Placement, canonical_frames
-from adaptctl.identifiability.proof.simplest import simplest_rational, turn
+from adaptctl.identifiability.proof.simplest import AS_GIVEN, Precision, simplest_rational, turn
 from adaptctl.scalars import Mat, Vec
 
 Number = Callable[[Fraction], Any]
 """Makes scalars of rational numbers: residues, or numbers of many digits."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How floats become exact scalars."""
+
+    number: Number
+    size: float
+    """The mechanism's length, m."""
+    unit: Fraction = Fraction(1)
+    """The unit in which lengths are told, m."""
+    precision: Precision = AS_GIVEN
+
+    def length(self, x: float) -> Any:
+        """A length (m), in the unit."""
+        return self.number(simplest_rational(x, self.size, self.precision) / self.unit)
+
+    def turned(self, angle: float) -> tuple[Any, Any]:
+        """The cosine and sine of an angle (rad)."""
+        c, s = turn(angle, self.precision).cosine_and_sine
+        return self.number(c), self.number(s)
 
 
 @dataclass(frozen=True)
@@ -26,12 +47,10 @@ class ExactFrame:
     origin: Vec
 
     @classmethod
-    def of(cls, placement: Placement, number: Number, length: float, unit: Fraction) -> ExactFrame:
-        """The rational frame that a placement in floats stands for, lengths in a unit (m)."""
-        yaw, tilt, spin, bearing = (
-            _cosine_and_sine(angle, number) for angle in (placement.yaw, placement.tilt, placement.spin, placement.bearing)
-        )
-        radius, height = (number(simplest_rational(x, length) / unit) for x in (placement.radius, placement.height))
+    def of(cls, placement: Placement, reading: Reading) -> ExactFrame:
+        """The rational frame that a placement in floats stands for."""
+        yaw, tilt, spin, bearing = (reading.turned(x) for x in placement[:4])
+        radius, height = (reading.length(x) for x in placement[4:])
         rotation = product(product(_about_z(*yaw), _about_x(*tilt)), _about_z(*spin))
         return cls(rotation, Vec(radius * bearing[0], radius * bearing[1], height))
 
@@ -45,34 +64,29 @@ class ExactGeometry:
     on_joints: tuple[ExactFrame, ...]
     """(N,): every link's frame in its joint's"""
     gravity: Vec
-    number: Number
-    unit: Fraction
-    """of length, m"""
+    reading: Reading
 
     @classmethod
-    def of(
-        cls, description: Description, length: float, number: Number, unit: Fraction = Fraction(1)
-    ) -> ExactGeometry:
-        """Of a mechanism's tree."""
-        frames = canonical_frames(description, length)
-        on_joints = tuple(ExactFrame.of(joint.link, number, length, unit) for joint in frames.joints)
+    def of(cls, description: Description, reading: Reading) -> ExactGeometry:
+        """The geometry of a mechanism's tree."""
+        frames = canonical_frames(description, reading.size, reading.precision)
+        on_joints = tuple(ExactFrame.of(joint.link, reading) for joint in frames.joints)
         links = tuple(
             _segment(
                 link.parent,
                 link.joint.kind.turns,
-                ExactFrame.of(joint.joint, number, length, unit),
+                ExactFrame.of(joint.joint, reading),
                 None if link.parent == GROUND else on_joints[link.parent],
                 own,
             )
             for link, joint, own in zip(description.links, frames.joints, on_joints, strict=True)
         )
         gravity = Vec(0.0, 0.0, -1.0 if description.gravity.any() else 0.0)
-        return cls(frames, links, on_joints, gravity, number, unit)
+        return cls(frames, links, on_joints, gravity, reading)
 
     def fixed(self, link: int, pose: Pose) -> ExactFrame:
         """A frame that is fixed to a link, in the link's own; to the ground (-1), in the ground's, z up."""
-        placement = self.frames.placement(link, pose)
-        frame = ExactFrame.of(placement, self.number, self.frames.length, self.unit)
+        frame = ExactFrame.of(self.frames.placement(link, pose), self.reading)
         if link == GROUND:
             return frame
         back = self.on_joints[link].rotation.T
@@ -97,11 +111,6 @@ def _segment(parent: int, turns: bool, joint: ExactFrame, before: ExactFrame | N
         near=near,
         far=outward @ own.origin,
     )
-
-
-def _cosine_and_sine(angle: float, number: Number) -> tuple[Any, Any]:
-    c, s = turn(angle).cosine_and_sine
-    return number(c), number(s)
 
 
 def _about_z(c: Any, s: Any) -> Mat:

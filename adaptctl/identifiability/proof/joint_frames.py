@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from adaptctl.description import GROUND, Description, Pose
 from adaptctl.dynamics.loops.constraint import product
-from adaptctl.identifiability.proof.simplest import MEANT
+from adaptctl.identifiability.proof.simplest import Precision
 from adaptctl.scalars import Mat, Vec, cross, dot
 
 
@@ -54,19 +54,19 @@ class Placement(NamedTuple):
     height: float
 
     @classmethod
-    def of(cls, frame: Frame, length: float) -> Placement:
-        """The same as a frame; what is less than round-off of the length is zero."""
+    def of(cls, frame: Frame, length: float, precision: Precision) -> Placement:
+        """The same as a frame in a mechanism of a length (m); what is less than the precision is zero."""
         up, out = frame.rotation.T.z, frame.rotation.z
         across = math.hypot(up.x, up.y)
         tilt = math.atan2(across, up.z)
-        if across <= MEANT:
+        if across <= precision.angle:
             first = frame.rotation.T.x
-            yaw, spin = _bearing(first.x, first.y), 0.0
+            yaw, spin = _bearing(first.x, first.y, precision), 0.0
         else:
-            yaw, spin = _bearing(-up.y, up.x), _bearing(out.y, out.x)
+            yaw, spin = _bearing(-up.y, up.x, precision), _bearing(out.y, out.x, precision)
         x, y, z = frame.origin
         radius = math.hypot(x, y)
-        bearing = _bearing(x, y, MEANT * length) if radius > MEANT * length else 0.0
+        bearing = _bearing(x, y, precision) if radius > precision.length * length else 0.0
         return cls(yaw, tilt, spin, bearing, radius, z)
 
 
@@ -90,13 +90,14 @@ class CanonicalFrames:
     on_links: tuple[Frame, ...]
     """(N + 1,): every joint's frame in its link's; the last is the ground's, in the world"""
     length: float
+    precision: Precision
 
     def placement(self, link: int, pose: Pose) -> Placement:
         """A frame that is fixed to a link, or to the ground (-1)."""
-        return Placement.of(self.on_links[link].inverse @ Frame.of(pose), self.length)
+        return Placement.of(self.on_links[link].inverse @ Frame.of(pose), self.length, self.precision)
 
 
-def canonical_frames(description: Description, length: float) -> CanonicalFrames:
+def canonical_frames(description: Description, length: float, precision: Precision) -> CanonicalFrames:
     """Of a mechanism's tree, links in depth-first order."""
     links = description.links
     children: dict[int, list[int]] = {i: [] for i in range(GROUND, len(links))}
@@ -107,7 +108,7 @@ def canonical_frames(description: Description, length: float) -> CanonicalFrames
 
     def gauged(frame: Frame, link: int) -> tuple[Frame, float]:
         carried = ((frame.inverse @ nears[k], axes[k]) for k in children[link])
-        angle = _gauge(carried, frame.inverse, length)
+        angle = _gauge(carried, frame.inverse, length, precision)
         return Frame(product(frame.rotation, about_z(math.cos(angle), math.sin(angle))), frame.origin), angle
 
     on_links = {GROUND: gauged(_upright(description), GROUND)[0]}
@@ -115,14 +116,14 @@ def canonical_frames(description: Description, length: float) -> CanonicalFrames
     for i, link in enumerate(links):
         standing = on_links[link.parent].inverse @ nears[i]
         turns = link.joint.kind.turns
-        placed, slide = _axis_frame(standing, axes[i], turns, length)
+        placed = _axis_frame(standing, axes[i], turns, length, precision)
         on_link, shift = Frame.of(link.far).inverse @ standing.inverse @ placed, 0.0
         if turns:
             on_link, angle = gauged(on_link, i)
             shift = angle
         on_links[i] = on_link
-        joints.append(CanonicalJoint(Placement.of(placed, length), Placement.of(on_link.inverse, length), shift))
-    return CanonicalFrames(tuple(joints), tuple(on_links[i] for i in (*range(len(links)), GROUND)), length)
+        joints.append(CanonicalJoint(Placement.of(placed, length, precision), Placement.of(on_link.inverse, length, precision), shift))
+    return CanonicalFrames(tuple(joints), tuple(on_links[i] for i in (*range(len(links)), GROUND)), length, precision)
 
 
 def about_z(c: float, s: float) -> Mat:
@@ -130,40 +131,40 @@ def about_z(c: float, s: float) -> Mat:
     return Mat(Vec(c, -s, 0.0), Vec(s, c, 0.0), Vec(0.0, 0.0, 1.0))
 
 
-def _axis_frame(standing: Frame, axis: Vec, turns: bool, length: float) -> tuple[Frame, float]:
+def _axis_frame(standing: Frame, axis: Vec, turns: bool, length: float, precision: Precision) -> Frame:
     """A frame on a joint's axis, x along the common normal with the z axis; at the foot of that normal if the joint
     turns, and else, since a sliding joint's axis has no place, at the origin."""
     u, m = standing.rotation @ axis, standing.origin
-    across = math.hypot(u.x, u.y)
-    if across > MEANT:
+    across, radius = math.hypot(u.x, u.y), math.hypot(m.x, m.y)
+    if across > precision.angle:
         normal = Vec(-u.y / across, u.x / across, 0.0)
-        slide = -(m.x * u.x + m.y * u.y) / across**2
-        slide = slide if abs(slide) * across > MEANT * length else 0.0
+        along = (m.x * u.x + m.y * u.y) / across
+        slide = -along / across if abs(along) > precision.length * length else 0.0
     else:
-        radius = math.hypot(m.x, m.y)
-        far = turns and radius > MEANT * length
+        far = turns and radius > precision.length * length
         normal = Vec(m.x / radius, m.y / radius, 0.0) if far else Vec(1.0, 0.0, 0.0)
         u = Vec(0.0, 0.0, math.copysign(1.0, u.z))
         slide = -m.z / u.z
-    side = cross(u, normal)
-    rotation = Mat(normal, side, u).T
-    return Frame(rotation, m + slide * u if turns else Vec(0.0, 0.0, 0.0)), slide
+    rotation = Mat(normal, cross(u, normal), u).T
+    return Frame(rotation, m + slide * u if turns else Vec(0.0, 0.0, 0.0))
 
 
-def _gauge(carried: Iterable[tuple[Frame, Vec]], link: Frame, length: float) -> float:
+def _gauge(carried: Iterable[tuple[Frame, Vec]], link: Frame, length: float, precision: Precision) -> float:
     """The bearing of the first joint that the link carries and that has one, else of the link's own frame."""
     for standing, axis in carried:
-        u = standing.rotation @ axis
-        if math.hypot(u.x, u.y) > MEANT:
-            return _bearing(-u.y, u.x)
-        if math.hypot(standing.origin.x, standing.origin.y) > MEANT * length:
-            return _bearing(standing.origin.x, standing.origin.y, MEANT * length)
-    return Placement.of(link, length).yaw
+        u, m = standing.rotation @ axis, standing.origin
+        if math.hypot(u.x, u.y) > precision.angle:
+            return _bearing(-u.y, u.x, precision)
+        if math.hypot(m.x, m.y) > precision.length * length:
+            return _bearing(m.x, m.y, precision)
+    return Placement.of(link, length, precision).yaw
 
 
-def _bearing(x: float, y: float, least: float = MEANT) -> float:
-    """The angle of a direction in the plane, a multiple of a right one where a share is less than the least."""
-    return math.atan2(y if abs(y) > least else 0.0, x if abs(x) > least else 0.0)
+def _bearing(x: float, y: float, precision: Precision) -> float:
+    """The angle of a direction in the plane, a multiple of a right one where it nearly is."""
+    angle = math.atan2(y, x)
+    quarters = round(angle / (math.pi / 2))
+    return quarters * (math.pi / 2) if abs(angle - quarters * (math.pi / 2)) <= precision.angle else angle
 
 
 def _upright(description: Description) -> Frame:

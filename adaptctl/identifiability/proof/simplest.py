@@ -6,12 +6,25 @@ import math
 from fractions import Fraction
 from typing import NamedTuple
 
-MEANT = 1e-11
-"""rad, and of the mechanism's length: what is nearer than this to zero or to a right angle is meant to be it. A file
-that says 1.57079632679 misses a right angle by 5e-12."""
+_UNITS = 10**15
+"""Parts of one in which floats are read."""
 
-_DIGITS = 10**12
-"""Two lengths or angles are taken for the same number when they agree to about so many parts of one."""
+
+class Precision(NamedTuple):
+    """How exactly floats say what they mean."""
+
+    angle: float
+    """rad: angles nearer to a right one, or to zero, are meant to be it."""
+    length: float
+    """Lengths shorter than this, of the mechanism's, are meant to be zero."""
+    number: float
+    """Numbers about one that differ by less are meant to be the same."""
+
+
+AS_GIVEN = Precision(1e-11, 1e-11, 1e-12)
+"""Round-off. A file that says 1.57079632679 misses a right angle by 5e-12."""
+AS_MEANT = Precision(1e-3, 1e-4, 1e-5)
+"""What a person who rounds may have meant."""
 
 
 class Turn(NamedTuple):
@@ -28,26 +41,26 @@ class Turn(NamedTuple):
         return ((c, s), (-s, c), (-c, -s), (s, -c))[self.quarters]
 
 
-def simplest_rational(x: float, size: float = 1.0) -> Fraction:
-    """The fraction of least denominator within 1e-12 of a size about x: 1/3 for 0.333333333333, 0 for 1e-13.
+def simplest_rational(x: float, size: float = 1.0, precision: Precision = AS_GIVEN) -> Fraction:
+    """The fraction of least denominator near x, of a size about x: 1/3 for 0.333333333333, 0 for 1e-13.
 
     Floats that were computed in two ways from the same decimals so become the same number again. By continued
     fractions (Knuth 1998, The Art of Computer Programming 2, section 4.5.3, exercise 39).
     """
-    unit = Fraction(10) ** math.floor(math.log10(size)) if size > 0.0 else Fraction(1)
-    middle = round(Fraction(x) / unit * 1000 * _DIGITS)
-    if abs(middle) <= 1000 * _DIGITS * MEANT:
+    if abs(x) <= precision.length * size:
         return Fraction(0)
-    n, d = _simplest(abs(middle) - 1000, abs(middle) + 1000, 1000 * _DIGITS)
-    return (n if middle > 0 else -n) * Fraction(1, d) * unit
+    unit = Fraction(10) ** math.floor(math.log10(size))
+    middle, around = round(Fraction(abs(x)) / unit * _UNITS), round(precision.number * _UNITS)
+    n, d = _simplest(max(middle - around, 1), middle + around, _UNITS)
+    return (n if x > 0.0 else -n) * Fraction(1, d) * unit
 
 
-def turn(angle: float) -> Turn:
+def turn(angle: float, precision: Precision = AS_GIVEN) -> Turn:
     """The angle (rad) that a float stands for."""
     quarters = round(angle / (math.pi / 2))
     rest = angle - quarters * (math.pi / 2)
-    near = Fraction(0) if abs(rest) <= MEANT else simplest_rational(math.tan(0.5 * rest))
-    return Turn(quarters % 4, near)
+    small = abs(rest) <= precision.angle
+    return Turn(quarters % 4, Fraction(0) if small else simplest_rational(math.tan(0.5 * rest), 1.0, precision))
 
 
 def _simplest(low: int, high: int, over: int) -> tuple[int, int]:

@@ -1,0 +1,111 @@
+"""The rank of a mechanism's energies on exact geometry, and the parameters that an order of removal leaves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.constrained_mechanism import RelatedMechanism
+from adaptctl.dynamics.loop_equations import LoopEquations
+from adaptctl.identifiability.proof import elimination, pivots
+from adaptctl.identifiability.proof.digits import BITS, digits, scaled
+from adaptctl.identifiability.proof.exact_geometry import ExactGeometry, Reading
+from adaptctl.identifiability.proof.field_energies import energy_changes, energy_differences
+from adaptctl.identifiability.proof.loop_energies import exact_loops, loop_energies
+from adaptctl.identifiability.proof.prime_field import PRIME, modular, residue
+from adaptctl.identifiability.proof.simplest import AS_GIVEN, Precision, simplest_rational
+from adaptctl.identifiability.sampling import characteristic_length, random_states
+
+FIELD, DIGITS = "a prime field", "60 digits"
+SPARE = 5
+"""Rows more than a rank can be: all of them would have to be unlucky at once, one time in 2^31 each."""
+
+
+@dataclass(frozen=True, eq=False)
+class ExactEnergies:
+    """A mechanism's energies on exact geometry.
+
+    Without closed loops they are residues modulo a prime. A rank modulo a prime is never above the rank over the
+    rational numbers, and at random states below it only by a chance of about one in 2^31 for each factor of a
+    minor (Schwartz 1980, Zippel 1979). With closed loops they are numbers of sixty digits.
+    """
+
+    mechanism: Mechanism
+    precision: Precision = AS_GIVEN
+    seed: int = 0
+
+    @property
+    def method(self) -> str:
+        """What the energies are computed in, in words."""
+        return DIGITS if self._closed else FIELD
+
+    @cached_property
+    def rank(self) -> int:
+        """The number of independent parameters."""
+        description = self.mechanism.description
+        plain = description.loops is None and len(description.bodies) == len(description.links)
+        if plain and not isinstance(self.mechanism, RelatedMechanism):
+            # Of a tree, it is the sum of what its joints feel (Wensing, Niemeyer and Slotine 2017).
+            return sum(elimination.ranks(energy_changes(description, self._geometry, 11 + SPARE, self.seed)))
+        return pivots.rank(self._differences) if self._closed else elimination.rank(self._differences)
+
+    def kept(self, order: Sequence[int]) -> tuple[int, ...]:
+        """The parameters (k,), rising, that stay when those that the others make up for are removed in an order (P,).
+
+        A parameter can be removed when the others that are left make up for it, so those that stay are the columns
+        that are independent of the columns after them in the order.
+        """
+        backward = list(order)[::-1]
+        independent = pivots.independent_columns if self._closed else elimination.independent_columns
+        return tuple(sorted(independent(self._differences, backward)))
+
+    @property
+    def _closed(self) -> bool:
+        loops = self.mechanism.description.loops
+        return loops is not None and bool(loops.closures)
+
+    @cached_property
+    def _geometry(self) -> ExactGeometry:
+        length = characteristic_length(self.mechanism)
+        unit = Fraction(10) ** math.floor(math.log10(length)) if self._closed else Fraction(1)
+        reading = Reading(digits if self._closed else modular, length, unit, self.precision)
+        return ExactGeometry.of(self.mechanism.description, reading)
+
+    @cached_property
+    def _differences(self) -> Any:
+        """H (samples, P)."""
+        whole = self.mechanism.whole if isinstance(self.mechanism, RelatedMechanism) else self.mechanism
+        rows = whole.energetic + SPARE
+        if self._closed:
+            H = _differences_in_digits(whole, self._geometry, rows, self.seed)
+        else:
+            H = energy_differences(whole.description, self._geometry, rows, self.seed)
+        if not isinstance(self.mechanism, RelatedMechanism):
+            return H
+        left = self.mechanism.parametrisation.matrix[: whole.energetic, : self.mechanism.energetic]
+        return np.stack([self._combined(H, column) for column in left.T], axis=1, dtype=H.dtype)
+
+    def _combined(self, H: Any, weights: Array) -> Any:
+        """One column of H N from a column (P,) of N."""
+        total = np.zeros_like(H[:, 0])
+        for i in np.flatnonzero(np.abs(weights) > AS_GIVEN.number):
+            weight = simplest_rational(float(weights[i]), abs(float(weights[i])))
+            total = total + ((H[:, i] * scaled(weight) >> BITS) if self._closed else H[:, i] * residue(weight) % PRIME)
+        return total if self._closed else total % PRIME
+
+
+def _differences_in_digits(mechanism: Mechanism, geometry: ExactGeometry, rows: int, seed: int) -> Any:
+    equations = mechanism.equations
+    assert isinstance(equations, LoopEquations)
+    states = random_states(mechanism, rows + 1, np.random.default_rng(seed))
+    exact = exact_loops(equations, mechanism.description, geometry)
+    E = loop_energies(exact, geometry, mechanism.configuration(states.p), states.v)
+    return (E[1:] - E[:1])[:, : mechanism.energetic]
