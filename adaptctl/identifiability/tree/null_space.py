@@ -10,10 +10,9 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
-from adaptctl.identifiability.energy_matrix import energetic_names
 from adaptctl.identifiability.regrouping import Regrouping, by_null_vectors
-from adaptctl.identifiability.scaled_rank import length_scales
-from adaptctl.identifiability.selection import TOLERANCE, require_tolerance
+from adaptctl.identifiability.scaled_rank import parameter_scales
+from adaptctl.identifiability.selection import CLEAR, TOLERANCE, require_tolerance
 from adaptctl.identifiability.tree.regrouping import tree_regrouping
 from adaptctl.identifiability.tree.unobservable_inertia import InertialTransfers, inertial_transfers
 
@@ -32,9 +31,7 @@ class TreeNullSpace:
     def of(cls, mechanism: Mechanism) -> TreeNullSpace:
         """The null space of a tree, from its geometry and the direction of gravity; nothing is sampled."""
         found = inertial_transfers(mechanism)
-        scales = length_scales(energetic_names(mechanism), found.frames.length)
-        for own, rotor in zip(found.own, found.frames.rotor_scales, strict=True):
-            scales[own.indices[own.bodies[10] != 0.0]] = rotor
+        scales = parameter_scales(mechanism, found.frames.length)
         return cls(found, scales, len(scales) - found.nullity)
 
     @cached_property
@@ -49,10 +46,11 @@ class TreeNullSpace:
     def regrouping(self, order: Sequence[int], tolerance: float) -> Regrouping:
         """The regrouping that removes parameters in an order (P,), made from the leaves to the root.
 
-        Near special positions of joints, parameters that nearly depend on each other may count as independent at one
-        link. If the result is then ill-conditioned, all null vectors are looked at together, which takes longer.
+        At each link any independence counts that is more than round-off. Where the tolerance, which is for all null
+        vectors together, says otherwise, they are looked at together, which takes longer.
         Raises `InputError` for a tolerance that is not between 0 and 1/sqrt(P).
         """
         require_tolerance(tolerance, len(self.scales))
-        found = tree_regrouping(self.transfers, order, tolerance)
-        return found if found.determined else by_null_vectors(self.null_basis, order, tolerance)
+        found = tree_regrouping(self.transfers, order, CLEAR)
+        clear = found.leaves_more_than(tolerance, order)
+        return found if clear else by_null_vectors(self.null_basis, order, tolerance)

@@ -45,7 +45,7 @@ class ExactEnergies:
     @property
     def method(self) -> str:
         """What the energies are computed in, in words."""
-        return DIGITS if self._closed else FIELD
+        return DIGITS if self.closed else FIELD
 
     @cached_property
     def rank(self) -> int:
@@ -54,8 +54,8 @@ class ExactEnergies:
         plain = description.loops is None and len(description.bodies) == len(description.links)
         if plain and not isinstance(self.mechanism, RelatedMechanism):
             # Of a tree, it is the sum of what its joints feel (Wensing, Niemeyer and Slotine 2017).
-            return sum(elimination.ranks(energy_changes(description, self._geometry, 11 + SPARE, self.seed)))
-        return pivots.rank(self._differences) if self._closed else elimination.rank(self._differences)
+            return sum(elimination.ranks(energy_changes(description, self.geometry, 11 + SPARE, self.seed)))
+        return pivots.rank(self._differences) if self.closed else elimination.rank(self._differences)
 
     def kept(self, order: Sequence[int]) -> tuple[int, ...]:
         """The parameters (k,), rising, that stay when those that the others make up for are removed in an order (P,).
@@ -64,19 +64,21 @@ class ExactEnergies:
         that are independent of the columns after them in the order.
         """
         backward = list(order)[::-1]
-        independent = pivots.independent_columns if self._closed else elimination.independent_columns
+        independent = pivots.independent_columns if self.closed else elimination.independent_columns
         return tuple(sorted(independent(self._differences, backward)))
 
     @property
-    def _closed(self) -> bool:
+    def closed(self) -> bool:
+        """Whether the mechanism has closed loops."""
         loops = self.mechanism.description.loops
         return loops is not None and bool(loops.closures)
 
     @cached_property
-    def _geometry(self) -> ExactGeometry:
+    def geometry(self) -> ExactGeometry:
+        """The tree's links in exact numbers."""
         length = characteristic_length(self.mechanism)
-        unit = Fraction(10) ** math.floor(math.log10(length)) if self._closed else Fraction(1)
-        reading = Reading(digits if self._closed else modular, length, unit, self.precision)
+        unit = Fraction(10) ** math.floor(math.log10(length)) if self.closed else Fraction(1)
+        reading = Reading(digits if self.closed else modular, length, unit, self.precision)
         return ExactGeometry.of(self.mechanism.description, reading)
 
     @cached_property
@@ -84,22 +86,25 @@ class ExactEnergies:
         """H (samples, P)."""
         whole = self.mechanism.whole if isinstance(self.mechanism, RelatedMechanism) else self.mechanism
         rows = whole.energetic + SPARE
-        if self._closed:
-            H = _differences_in_digits(whole, self._geometry, rows, self.seed)
+        if self.closed:
+            H = _differences_in_digits(whole, self.geometry, rows, self.seed)
         else:
-            H = energy_differences(whole.description, self._geometry, rows, self.seed)
+            H = energy_differences(whole.description, self.geometry, rows, self.seed)
         if not isinstance(self.mechanism, RelatedMechanism):
             return H
         left = self.mechanism.parametrisation.matrix[: whole.energetic, : self.mechanism.energetic]
-        return np.stack([self._combined(H, column) for column in left.T], axis=1, dtype=H.dtype)
+        out = np.empty((len(H), left.shape[1]), dtype=H.dtype)
+        for j, weights in enumerate(left.T):
+            out[:, j] = self._combined(H, weights)
+        return out
 
     def _combined(self, H: Any, weights: Array) -> Any:
         """One column of H N from a column (P,) of N."""
         total = np.zeros_like(H[:, 0])
         for i in np.flatnonzero(np.abs(weights) > AS_GIVEN.number):
             weight = simplest_rational(float(weights[i]), abs(float(weights[i])))
-            total = total + ((H[:, i] * scaled(weight) >> BITS) if self._closed else H[:, i] * residue(weight) % PRIME)
-        return total if self._closed else total % PRIME
+            total = total + ((H[:, i] * scaled(weight) >> BITS) if self.closed else H[:, i] * residue(weight) % PRIME)
+        return total if self.closed else total % PRIME
 
 
 def _differences_in_digits(mechanism: Mechanism, geometry: ExactGeometry, rows: int, seed: int) -> Any:
