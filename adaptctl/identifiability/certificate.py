@@ -26,8 +26,9 @@ SMALLEST_SINGULAR_VALUE = 1e-9
 """Least sigma_k/sigma_1 of the scaled energy differences."""
 ROUND_OFF = 1e-14
 """Values beyond the gap above this, relative to sigma_1, are named: they are more than round-off."""
-LARGEST_LEFTOVER = 1e-10
-"""Values beyond the gap above this, relative to sigma_1, are far more than round-off: no rank is accepted then."""
+LARGEST_LEFTOVER = 1e-8
+"""Values beyond the gap above this, relative to sigma_1, are far more than round-off, and refuse the rank: 1e-11 of an
+angle, times a thousand where a small column is scaled up."""
 LISTED = 80
 """Most singular values in a message."""
 

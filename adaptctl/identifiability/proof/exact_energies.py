@@ -41,6 +41,8 @@ class ExactEnergies:
     mechanism: Mechanism
     precision: Precision = AS_GIVEN
     seed: int = 0
+    strict: bool = False
+    """Whether relations that hold to a file's round-off alone, in closed loops, do not hold."""
 
     @property
     def method(self) -> str:
@@ -55,7 +57,7 @@ class ExactEnergies:
         if plain and not isinstance(self.mechanism, RelatedMechanism):
             # Of a tree, it is the sum of what its joints feel (Wensing, Niemeyer and Slotine 2017).
             return sum(elimination.ranks(energy_changes(description, self.geometry, 11 + SPARE, self.seed)))
-        return pivots.rank(self._differences) if self.closed else elimination.rank(self._differences)
+        return pivots.rank(self._differences, self._nothing) if self.closed else elimination.rank(self._differences)
 
     def kept(self, order: Sequence[int]) -> tuple[int, ...]:
         """The parameters (k,), rising, that stay when those that the others make up for are removed in an order (P,).
@@ -64,8 +66,13 @@ class ExactEnergies:
         that are independent of the columns after them in the order.
         """
         backward = list(order)[::-1]
-        independent = pivots.independent_columns if self.closed else elimination.independent_columns
-        return tuple(sorted(independent(self._differences, backward)))
+        if self.closed:
+            return tuple(sorted(pivots.independent_columns(self._differences, backward, self._nothing)))
+        return tuple(sorted(elimination.independent_columns(self._differences, backward)))
+
+    @property
+    def _nothing(self) -> float:
+        return pivots.EXACTLY_NOTHING if self.strict else pivots.NOTHING
 
     @property
     def closed(self) -> bool:

@@ -9,9 +9,9 @@ import numpy as np
 
 from adaptctl.identifiability.proof.digits import BITS, floats
 
-NOTHING = 1e-10
-"""Size of what is left, relative to what was there, that counts as zero. Relations that hold exactly leave 1e-50; those
-that a file's floats only hold to round-off leave 1e-12."""
+NOTHING, EXACTLY_NOTHING = 1e-10, 1e-40
+"""Sizes of what is left, relative to what was there, that count as zero. Relations that hold exactly leave 1e-50; those
+that a file's floats hold to round-off leave 1e-12; those that nearly hold, by a miss e, leave e or its square."""
 LEAST_COLUMN = 1e-3
 """Floor under the sizes of columns, relative to the largest."""
 
@@ -23,23 +23,23 @@ def pivots(matrix: Any) -> tuple[float, ...]:
         sizes = np.abs(floats(left))
         row, column = np.unravel_index(int(sizes.argmax()), sizes.shape)
         found.append(float(sizes[row, column]))
-        if found[-1] <= NOTHING * found[0]:
+        if found[-1] <= EXACTLY_NOTHING * found[0]:
             break
         left = np.delete(_eliminated(left, int(row), int(column)), column, axis=1)
     return tuple(found)
 
 
-def rank(matrix: Any) -> int:
+def rank(matrix: Any, nothing: float) -> int:
     """The rank of scaled ints (m, n)."""
     sizes = pivots(matrix)
-    return sum(size > NOTHING * sizes[0] for size in sizes)
+    return sum(size > nothing * sizes[0] for size in sizes)
 
 
-def independent_columns(matrix: Any, order: Sequence[int]) -> tuple[int, ...]:
+def independent_columns(matrix: Any, order: Sequence[int], nothing: float) -> tuple[int, ...]:
     """The columns of scaled ints (m, n) that are independent of those before them in an order."""
     left, found = matrix, list[int]()
     sizes = np.abs(floats(matrix)).max(axis=0, initial=0.0)
-    least = NOTHING * np.maximum(sizes, LEAST_COLUMN * sizes.max(initial=0.0))
+    least = nothing * np.maximum(sizes, LEAST_COLUMN * sizes.max(initial=0.0))
     for column in order:
         rest = np.abs(floats(left[:, column]))
         row = int(rest.argmax()) if rest.size else 0

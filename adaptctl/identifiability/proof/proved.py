@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Literal, get_args
 
 from adaptctl.dynamics import Mechanism
@@ -27,6 +28,8 @@ def proved(mechanism: Mechanism, near: Near, prove: bool | None, seed: int) -> E
         return None
     exact = ExactEnergies(mechanism, seed=seed)
     coincidences = near_coincidences(mechanism.description, exact.geometry.frames)
+    if coincidences:
+        exact = replace(exact, strict=True)
     if coincidences and near == "refuse":
         _require_one_rank(mechanism, exact, coincidences)
     return exact if prove or not exact.closed or coincidences else None
