@@ -47,6 +47,14 @@ def test_without_a_tolerance_columns_are_pivoted_by_size(seed: int, rows: int, c
     np.testing.assert_allclose(np.abs(directions @ matrix[:, pivots]), np.abs(R), atol=1e-10)
 
 
+@given(st.integers(0, 2**32 - 1))
+def test_no_column_is_taken_twice(seed: int) -> None:
+    """What round-off leaves of the first columns is larger than the last ones."""
+    rng = np.random.default_rng(seed)
+    matrix = rng.normal(size=(8, 8)) * np.logspace(0, -40, 8)
+    assert independent_columns(matrix, np.inf, 0.0)[0] == list(range(8))
+
+
 def test_the_first_beyond_the_tolerance_is_taken_before_the_largest() -> None:
     columns = np.array([[1e-4, 1.0, 2.0, 0.0], [0.0, 0.0, 1e-5, 0.0]])
     assert independent_columns(columns, 1e-3, 1e-8)[0] == [1, 2]

@@ -182,7 +182,7 @@ def test_long_chains_keep_their_torques() -> None:
 
 
 def test_masses_on_an_axis_belong_to_either_link() -> None:
-    """A turning joint that is moved anyhow does not feel what lies on its axis: a mass, a pair, a massless rod."""
+    """What lies on a freely moved turning joint's axis is unobservable: a mass, a pair, a massless rod."""
     found = inertial_transfers(Mechanism(with_floating_base(arm(ACROSS, UP).description, "base", np.ones(10))))
     for i, axis in ((6, ACROSS), (7, UP)):
         a, e = np.append(axis, 0.0), np.eye(4)[3]
