@@ -15,10 +15,9 @@ from adaptctl.identifiability.energy_matrix import EnergyFactor, energetic_names
 from adaptctl.identifiability.null_space import NullSpace, null_residual, unscaled_bases
 from adaptctl.identifiability.proof.exact_energies import ExactEnergies
 from adaptctl.identifiability.right_angles import NearRightAngle, near_right_angles
-from adaptctl.identifiability.sampling import characteristic_length, random_halves, random_states, whereabouts
-from adaptctl.identifiability.scaled_rank import NOTHING, DecomposedNullSpace, ScaledRegressor, parameter_scales
+from adaptctl.identifiability.sampling import random_halves, random_states, whereabouts
+from adaptctl.identifiability.scaled_rank import FEW_STATES, NOTHING, DecomposedNullSpace, ScaledRegressor, energy_scales
 from adaptctl.identifiability.tree.null_space import TreeNullSpace
-from adaptctl.identifiability.tree.unobservable_inertia import BODY
 from adaptctl.identifiability.tree.verification import TransferEvidence, energy_changes, transfer_evidence
 
 SMALLEST_GAP = 1e6
@@ -172,7 +171,7 @@ def certified_by_decomposition(
         exact_by="" if proof is None else proof.method,
     )
     _require_accepted(mechanism, certificate, scaled.singular_values)
-    found = DecomposedNullSpace(scaled, parameter_scales(mechanism, characteristic_length(mechanism)))
+    found = DecomposedNullSpace(scaled, energy_scales(mechanism, seed))
     return CertifiedNullSpace(found, certificate, lambda: factor.triangle, _origin(mechanism, samples, seed))
 
 
@@ -191,10 +190,10 @@ def certified_by_transfers(
     Raises `RankError` unless energies agree, joint by joint, with the rank by geometry. `samples` is the number of
     states whose energy differences are computed when they are asked for.
     """
-    found = TreeNullSpace.of(mechanism)
+    found = TreeNullSpace.of(mechanism, seed)
     generator = np.random.default_rng(seed)
-    few = 2 * BODY + 1
-    changes = energy_changes(mechanism, found.transfers, random_states(mechanism, 2 * few, generator))
+    few = FEW_STATES // 2
+    changes = energy_changes(mechanism, found.transfers, random_states(mechanism, FEW_STATES, generator))
     once, twice = (transfer_evidence(found.transfers, changes[:, :count]) for count in (few, 2 * few))
     certificate = Certificate(
         rank_energy=found.rank + once.surplus,

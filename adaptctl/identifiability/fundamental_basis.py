@@ -123,8 +123,7 @@ def fundamental_basis(
     order = (priority or Priority()).indices(space.parameter_names)
     found = space.null_space.regrouping(order, tolerance)
     _require_conditioned(space, found)
-    if prove:
-        _require_exact(space, found, order)
+    passed_over = {*found.passed_over, *_kept_against_the_order(space, found, order, prove)}
     if found.rank != space.rank:
         raise RankError(
             f"{space.mechanism_name}: the kept columns have rank {found.rank}, not {space.rank}; "
@@ -138,22 +137,30 @@ def fundamental_basis(
         regrouping=found.matrix(space.scales),
         scales=space.scales,
         gap=space.certificate.gap,
-        passed_over=tuple(space.parameter_names[j] for j in found.passed_over),
+        passed_over=tuple(space.parameter_names[j] for j in sorted(passed_over)),
     )
 
 
-def _require_exact(space: EssentialSpace, found: Regrouping, order: Sequence[int]) -> None:
-    """Raise `RankError` unless the kept parameters are those of the order on exact geometry, where all choices are clear."""
+def _kept_against_the_order(
+    space: EssentialSpace, found: Regrouping, order: Sequence[int], prove: bool
+) -> tuple[int, ...]:
+    """Kept parameters that the order removes on exact geometry, looked for if asked or where that is nearly special.
+
+    Raises `RankError` where all choices were clear and the geometry is not: one of both is wrong then.
+    """
     if space.proof is None:
-        raise InputError(f"{space.mechanism_name}: to prove the basis, prove the essential space (prove=True)")
-    exact = space.proof.kept(order)
-    if exact == found.kept or found.passed_over:
-        return
-    names = [space.parameter_names[j] for j in sorted(set(exact) ^ set(found.kept))]
-    raise RankError(
-        f"{space.mechanism_name}: on exact geometry, over {space.proof.method}, this priority keeps others of "
-        f"{', '.join(names[:6])}: geometry must be nearly special there; write what is meant exactly"
-    )
+        if prove:
+            raise InputError(f"{space.mechanism_name}: to prove the basis, prove the essential space (prove=True)")
+        return ()
+    if not (prove or space.proof.strict):
+        return ()
+    others = sorted(set(found.kept) - set(space.proof.kept(order)))
+    if others and not found.passed_over and not space.proof.strict:
+        raise RankError(
+            f"{space.mechanism_name}: on exact geometry, over {space.proof.method}, this priority removes "
+            f"{', '.join(space.parameter_names[j] for j in others[:4])}, and among floats it does not"
+        )
+    return tuple(others)
 
 
 def _require_conditioned(space: EssentialSpace, found: Regrouping) -> None:

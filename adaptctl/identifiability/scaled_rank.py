@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array
 from adaptctl.description.inertia import PARAMETERS
 from adaptctl.dynamics import Mechanism
-from adaptctl.identifiability.energy_matrix import EnergyFactor, energetic_names
+from adaptctl.identifiability.energy_matrix import EnergyFactor, energetic_names, energies
 from adaptctl.identifiability.factorisation import right_vectors, triangle
 from adaptctl.identifiability.regrouping import Regrouping, by_null_vectors
-from adaptctl.identifiability.sampling import characteristic_length
+from adaptctl.identifiability.sampling import characteristic_length, random_states
 
 LENGTH_POWERS = dict(zip((*PARAMETERS, "rotor_inertia"), (0, 1, 1, 1, 2, 2, 2, 2, 2, 2, 2), strict=True))
 """Powers of a length: mass, first moment and inertia are kg times L^0, L^1 and L^2."""
@@ -24,6 +24,9 @@ SMALLEST_NORM = 1e-3
 NOTHING = 1e-12
 """Largest singular value of a matrix that is zero but for round-off, where columns had a norm of one before energies
 were subtracted from one another."""
+FEW_STATES = 46
+"""States that tell the size of energies, and, joint by joint, the ranks of their changes: twice eleven and two more,
+doubled."""
 FLOOR = 1e-15
 """Floor under singular values, relative to the largest: below, they are round-off, and their ratios say nothing."""
 
@@ -34,9 +37,8 @@ def length_scales(parameter_names: Sequence[str], length: float) -> Array:
     return np.asarray(length**powers)
 
 
-def parameter_scales(mechanism: Mechanism, length: float) -> Array:
-    """Scales (P,) of the parameters that enter energies: 1, L, L^2 for kg, kg m, kg m^2. Choices among parameters of
-    different units are made on D / scales, whichever way the null space was found."""
+def parameter_units(mechanism: Mechanism, length: float) -> Array:
+    """Units (P,) 1, L, L^2 of the parameters that enter energies, in kg, kg m and kg m^2, for a length L in m."""
     slides = {f"{k.joint.name}.rotor_inertia" for k in mechanism.links if not k.joint.kind.turns}
     names = energetic_names(mechanism)
     return np.where([name in slides for name in names], 1.0, length_scales(names, length))
@@ -53,6 +55,15 @@ def column_scales(norms: Array, parameter_names: Sequence[str], length: float) -
     scaled = norms * sizes
     largest = scaled.max(initial=0.0)
     return sizes / np.maximum(scaled, SMALLEST_NORM * largest) if largest > 0.0 else sizes
+
+
+def energy_scales(mechanism: Mechanism, seed: int) -> Array:
+    """Scales (P,) that make the parameters D / scales comparable, by their energies at a few random states.
+
+    Choices among parameters of different units are made on D / scales, whichever way the null space was found.
+    """
+    E = energies(mechanism, random_states(mechanism, FEW_STATES, np.random.default_rng(seed)))
+    return column_scales(np.linalg.norm(E, axis=0), energetic_names(mechanism), characteristic_length(mechanism))
 
 
 @dataclass(frozen=True)
@@ -138,11 +149,11 @@ class ScaledRegressor:
 
 @dataclass(frozen=True, eq=False)
 class DecomposedNullSpace:
-    """The null space of a regressor by its decomposition, among parameters that only their units and a length scale."""
+    """The null space of a regressor by its decomposition, among parameters of other scales than its columns'."""
 
     regressor: ScaledRegressor
     scales: Array
-    """Scales (P,) 1, L, L^2 of parameters in kg, kg m and kg m^2."""
+    """Scales (P,) that make parameters comparable."""
 
     @property
     def rank(self) -> int:

@@ -16,6 +16,8 @@ from adaptctl.scalars import Mat, Vec
 
 Number = Callable[[Fraction], Any]
 """Makes scalars of rational numbers: residues, or numbers of many digits."""
+QUARTERS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
+"""Cosines and sines of quarter turns."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,10 @@ class Reading:
 
     def turned(self, angle: float) -> tuple[Any, Any]:
         """The cosine and sine of an angle (rad)."""
-        c, s = turn(angle, self.precision).cosine_and_sine
+        found = turn(angle, self.precision)
+        if not found.half_tangent:
+            return QUARTERS[found.quarters]
+        c, s = found.cosine_and_sine
         return self.number(c), self.number(s)
 
 

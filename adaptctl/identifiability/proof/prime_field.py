@@ -83,15 +83,10 @@ def modular(x: Fraction) -> Modular | float:
 
 
 def inverse(residues: Any) -> Any:
-    """1/x of residues that are not zero: x^(p-2), by Fermat."""
+    """1/x of residues that are not zero."""
     if isinstance(residues, int):
         return pow(residues, -1, PRIME)
-    out, power, rest = np.ones_like(residues), residues, PRIME - 2
-    while rest:
-        if rest & 1:
-            out = out * power % PRIME
-        power, rest = power * power % PRIME, rest >> 1
-    return out
+    return np.array([pow(x, -1, PRIME) for x in residues.tolist()], dtype=np.int64)
 
 
 def random_residues(samples: int, generator: np.random.Generator) -> Modular:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
 from adaptctl.identifiability.regrouping import Regrouping, by_null_vectors
-from adaptctl.identifiability.scaled_rank import parameter_scales
+from adaptctl.identifiability.scaled_rank import energy_scales, parameter_units
 from adaptctl.identifiability.selection import CLEAR, TOLERANCE, require_tolerance
 from adaptctl.identifiability.tree.regrouping import tree_regrouping
 from adaptctl.identifiability.tree.unobservable_inertia import InertialTransfers, inertial_transfers
@@ -21,24 +21,31 @@ from adaptctl.identifiability.tree.unobservable_inertia import InertialTransfers
 class TreeNullSpace:
     """The null space of a tree's energies, found joint by joint in time linear in the number of links."""
 
+    mechanism: Mechanism
     transfers: InertialTransfers
-    scales: Array
-    """Scales (P,) 1, L, L^2 of parameters in kg, kg m and kg m^2."""
-    rank: int
-    """The number of independent parameters k."""
+    seed: int
+    """The seed of the states whose energies tell the scales."""
 
     @classmethod
-    def of(cls, mechanism: Mechanism) -> TreeNullSpace:
+    def of(cls, mechanism: Mechanism, seed: int = 0) -> TreeNullSpace:
         """The null space of a tree, from its geometry and the direction of gravity; nothing is sampled."""
-        found = inertial_transfers(mechanism)
-        scales = parameter_scales(mechanism, found.frames.length)
-        return cls(found, scales, len(scales) - found.nullity)
+        return cls(mechanism, inertial_transfers(mechanism), seed)
+
+    @cached_property
+    def rank(self) -> int:
+        """The number of independent parameters k."""
+        return self.mechanism.energetic - self.transfers.nullity
+
+    @cached_property
+    def scales(self) -> Array:
+        """Scales (P,) that make parameters comparable."""
+        return energy_scales(self.mechanism, self.seed)
 
     @cached_property
     def null_basis(self) -> Array:
         """Orthonormal null vectors (P, P-k) among the scaled parameters D / scales."""
-        found = tree_regrouping(self.transfers, range(len(self.scales)), TOLERANCE)
-        vectors = np.zeros((len(self.scales), len(found.removed)))
+        found = self._by_links(range(self.mechanism.energetic), TOLERANCE)
+        vectors = np.zeros((self.mechanism.energetic, len(found.removed)))
         vectors[list(found.removed), range(len(found.removed))] = 1.0
         vectors[list(found.kept)] = -found.coefficients
         return np.linalg.qr(vectors)[0]
@@ -50,7 +57,14 @@ class TreeNullSpace:
         vectors together, says otherwise, they are looked at together, which takes longer.
         Raises `InputError` for a tolerance that is not between 0 and 1/sqrt(P).
         """
-        require_tolerance(tolerance, len(self.scales))
-        found = tree_regrouping(self.transfers, order, CLEAR)
+        require_tolerance(tolerance, self.mechanism.energetic)
+        found = self._by_links(order, CLEAR)
         clear = found.leaves_more_than(tolerance, order)
         return found if clear else by_null_vectors(self.null_basis, order, tolerance)
+
+    def _by_links(self, order: Sequence[int], tolerance: float) -> Regrouping:
+        """By the choices made link by link alone, told among parameters over their scales."""
+        found = tree_regrouping(self.transfers, order, tolerance)
+        own = parameter_units(self.mechanism, self.transfers.frames.length) / self.scales
+        kept, removed = list(found.kept), list(found.removed)
+        return replace(found, coefficients=found.coefficients * own[kept, None] / own[removed])
