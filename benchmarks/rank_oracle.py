@@ -108,7 +108,9 @@ class Case:
         return Mechanism(Description(self.kind, links, np.array(self.gravity) * 9.81, loops=loops))
 
     def _pose(self, matrix: Matrix) -> Pose:
-        found = pose([[x * self.scale if j == 3 and i < 3 else x for j, x in enumerate(row)] for i, row in enumerate(matrix)])
+        found = pose(
+            [[x * self.scale if j == 3 and i < 3 else x for j, x in enumerate(row)] for i, row in enumerate(matrix)]
+        )
         return found
 
     def differences(self, seed: int) -> Any:
@@ -229,7 +231,9 @@ class FiveBar:
             v[place] = np.array([row[j][2] for row in rows], dtype=object)
         return turns, v
 
-    def _one(self, turns: list[Any], v: list[Any], i: int, lengths: tuple[int, ...], rng: np.random.Generator) -> list[Any]:
+    def _one(
+        self, turns: list[Any], v: list[Any], i: int, lengths: tuple[int, ...], rng: np.random.Generator
+    ) -> list[Any]:
         l1, l2, l3, l4, base = lengths
         p, k, two = FIELD, self.first, self.cranks == 2
         while True:
@@ -351,6 +355,9 @@ def five_bar(rng: np.random.Generator, near: bool = False) -> Case:
         base, l3, l4 = Fraction(0), l2, l1
     elif parallel:
         l3, l4 = base, l1
+    apart = abs(_crank(float(l1), 1.1) - float(base) - (_crank(float(l2), 2.4) if cranks == 2 else 0.0))
+    if not float(abs(l3 - l4)) + 0.05 < apart < float(l3 + l4) - 0.05:
+        return five_bar(rng, near)  # It does not close where its reference is.
     miss = float(10.0 ** rng.uniform(-9.0, -4.2)) if near and parallel else 0.0
     l4 += Fraction(miss)
     table, upright = bool(rng.random() < 0.5), bool(rng.random() < 0.7)
@@ -370,10 +377,14 @@ def five_bar(rng: np.random.Generator, near: bool = False) -> Case:
     return Case("near loop" if miss else "loop", links, (0, 0, -1), bar, miss)
 
 
+def _crank(length: float, angle: float) -> complex:
+    return complex(length * np.exp(1j * angle))
+
+
 def _reference(first: int, l: tuple[float, ...], base: float, cranks: int, parallel: bool) -> dict[str, float]:
     a1, a2 = 1.1, 2.4 if cranks == 2 else 0.0
-    B = l[0] * np.exp(1j * a1)
-    C = base + (l[1] * np.exp(1j * a2) if cranks == 2 else 0.0)
+    B = _crank(l[0], a1)
+    C = base + (_crank(l[1], a2) if cranks == 2 else 0.0)
     d = C - B
     a = (l[2] ** 2 - l[3] ** 2 + abs(d) ** 2) / (2 * abs(d) ** 2)
     h = np.sqrt(max(l[2] ** 2 / abs(d) ** 2 - a * a, 0.0))

@@ -95,6 +95,12 @@ def peers(mechanism: Mechanism, seed: int) -> dict[str, int]:
     return {"SymPyBotics' rule": int((diagonal.round(10) != 0).sum()), "matrix_rank": int(np.linalg.matrix_rank(W))}
 
 
+def show(counted: Counter[str]) -> None:
+    """A line for everything that happened."""
+    for what, times in sorted(counted.items()):
+        print(f"{times:6d}  {what}", flush=True)
+
+
 def main(count: int, first: int) -> int:
     """Print how often what happened; 1 where a rank or a basis was silently wrong."""
     counted: Counter[str] = Counter()
@@ -106,9 +112,9 @@ def main(count: int, first: int) -> int:
             print(f"seed {seed}: {type(error).__name__}: {error}", flush=True)
             counted["other errors"] += 1
         if (seed - first) % 500 == 499:
-            print(f"{seed - first + 1}, {time.process_time() - begin:.0f} s", flush=True)
-    for what, times in sorted(counted.items()):
-        print(f"{times:6d}  {what}")
+            print(f"after {seed - first + 1}, {time.process_time() - begin:.0f} s:", flush=True)
+            show(counted)
+    show(counted)
     ours = ("svd WRONG", "transfers WRONG", "ANOTHER", "other errors")
     return int(any(what.endswith(ours) for what in counted))
 

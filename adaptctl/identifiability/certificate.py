@@ -16,7 +16,13 @@ from adaptctl.identifiability.null_space import NullSpace, null_residual, unscal
 from adaptctl.identifiability.proof.exact_energies import ExactEnergies
 from adaptctl.identifiability.right_angles import NearRightAngle, near_right_angles
 from adaptctl.identifiability.sampling import random_halves, random_states, whereabouts
-from adaptctl.identifiability.scaled_rank import FEW_STATES, NOTHING, DecomposedNullSpace, ScaledRegressor, energy_scales
+from adaptctl.identifiability.scaled_rank import (
+    FEW_STATES,
+    NOTHING,
+    DecomposedNullSpace,
+    ScaledRegressor,
+    energy_scales,
+)
 from adaptctl.identifiability.tree.null_space import TreeNullSpace
 from adaptctl.identifiability.tree.verification import TransferEvidence, energy_changes, transfer_evidence
 

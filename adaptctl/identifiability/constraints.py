@@ -128,8 +128,6 @@ def constrained(mechanism: Mechanism, constraints: Constraints, priority: Priori
     A, b = _system(constraints.every, names)
     scales = length_scales(names, characteristic_length(mechanism))
     kept = _independent(constraints.every, A * scales, b)
-    if len(kept) == len(names):
-        raise InputError(f"{mechanism.name}: the constraints leave no parameter")
     order = (priority or Priority()).indices(names)
     return RelatedMechanism(mechanism, _parametrisation(A[kept] * scales, b[kept], scales, order, mechanism))
 

@@ -182,7 +182,7 @@ def _no_tree(mechanism: Mechanism) -> str:
 
 def _sample_count(asked: int | None, parameters: int) -> int:
     if asked is None:
-        return 2 * parameters + 1
+        return 2 * max(parameters, 1) + 1
     if asked < 2 * parameters:
         raise InputError(f"samples: expected at least twice the {parameters} parameters, got {asked}")
     return asked

@@ -122,7 +122,11 @@ def canonical_frames(description: Description, length: float, precision: Precisi
             on_link, angle = gauged(on_link, i)
             shift = angle
         on_links[i] = on_link
-        joints.append(CanonicalJoint(Placement.of(placed, length, precision), Placement.of(on_link.inverse, length, precision), shift))
+        joints.append(
+            CanonicalJoint(
+                Placement.of(placed, length, precision), Placement.of(on_link.inverse, length, precision), shift
+            )
+        )
     return CanonicalFrames(tuple(joints), tuple(on_links[i] for i in (*range(len(links)), GROUND)), length, precision)
 
 

@@ -49,7 +49,9 @@ def _exact_loop(loop: Loop, closure: Closure, description: Description, geometry
     first = geometry.fixed(GROUND if closure.first is None else names[closure.first], closure.first_frame)
     second = geometry.fixed(GROUND if closure.second is None else names[closure.second], closure.second_frame)
     return Loop(
-        Arm(loop.first.links, first.rotation, first.origin), Arm(loop.second.links, second.rotation, second.origin), loop.kind
+        Arm(loop.first.links, first.rotation, first.origin),
+        Arm(loop.second.links, second.rotation, second.origin),
+        loop.kind,
     )
 
 

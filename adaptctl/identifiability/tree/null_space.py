@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -58,9 +59,11 @@ class TreeNullSpace:
         Raises `InputError` for a tolerance that is not between 0 and 1/sqrt(P).
         """
         require_tolerance(tolerance, self.mechanism.energetic)
-        found = self._by_links(order, CLEAR)
-        clear = found.leaves_more_than(tolerance, order)
-        return found if clear else by_null_vectors(self.null_basis, order, tolerance)
+        with suppress(np.linalg.LinAlgError):  # Of what is hardly independent, round-off may leave nothing.
+            found = self._by_links(order, CLEAR)
+            if found.leaves_more_than(tolerance, order):
+                return found
+        return by_null_vectors(self.null_basis, order, tolerance)
 
     def _by_links(self, order: Sequence[int], tolerance: float) -> Regrouping:
         """By the choices made link by link alone, told among parameters over their scales."""
