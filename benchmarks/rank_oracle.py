@@ -1,8 +1,8 @@
 """Random mechanisms whose ranks are known exactly, by another way than the package's.
 
 Everything is drawn in fractions: a mechanism's links stand at rational places, turned by rational angles. Its energies
-are those of pseudo-inertias, (tr(T' J T'^T) - 2 g T J e4) / 2 with T (4, 4), over the prime field of 2^61 - 1, at random
-states; loops are closed by the intersection of two circles. Nothing of the package's equations is used.
+are those of pseudo-inertias, (tr(T' J T'^T) - 2 g T J e4) / 2 with T (4, 4), over the prime field of 2^61 - 1, at
+random states; loops are closed by the intersection of two circles. Nothing of the package's equations is used.
 """
 
 from __future__ import annotations
@@ -108,10 +108,9 @@ class Case:
         return Mechanism(Description(self.kind, links, np.array(self.gravity) * 9.81, loops=loops))
 
     def _pose(self, matrix: Matrix) -> Pose:
-        found = pose(
+        return pose(
             [[x * self.scale if j == 3 and i < 3 else x for j, x in enumerate(row)] for i, row in enumerate(matrix)]
         )
-        return found
 
     def differences(self, seed: int) -> Any:
         """H (samples, P) modulo the prime, as objects."""
@@ -196,10 +195,10 @@ def _joint(turns: bool, circle: tuple[Any, Any], q: Any, v: Any, samples: int) -
 
 @dataclass
 class FiveBar:
-    """Cranks l1 at the origin and l2 at (base, 0), or the rod at (base, 0) alone; rods l3 and l4 that meet at their ends.
+    """Cranks l1 at the origin and l2 at (base, 0), or none there; rods l3 on the one, l4 on the other, that meet.
 
-    Links from `first` on: crank 1, rod 3 on it, then crank 2, if any, and rod 4. `level` says which of the two
-    intersections is meant: None either, for both are one branch; "parallel" that of a parallelogram.
+    Links from `first` on: crank 1, rod 3, then crank 2, if any, and rod 4. Of a parallelogram's two branches the
+    parallel one is meant; otherwise both are one.
     """
 
     first: int
@@ -254,7 +253,10 @@ class FiveBar:
                     continue
                 h = pow(height, (p + 1) // 4, p)
                 P = ((B[0] + a * d[0] - h * d[1]) % p, (B[1] + a * d[1] + h * d[0]) % p)
-            e = [((P[0] - O[0]) * pow(x, -1, p) % p, (P[1] - O[1]) * pow(x, -1, p) % p) for O, x in ((B, l3), (C, l4))]
+            e = [
+                ((P[0] - start[0]) * pow(x, -1, p) % p, (P[1] - start[1]) * pow(x, -1, p) % p)
+                for start, x in ((B, l3), (C, l4))
+            ]
             # l1 w1 n1 + l3 w3 n3 = l2 w2 n2 + l4 w4 n4, n across each bar: two equations for w3 and w4.
             r = [(-l1 * w1 * s1 + l2 * w2 * s2) % p, (l1 * w1 * c1 - l2 * w2 * c2) % p]
             A = [[-l3 * e[0][1], l4 * e[1][1]], [l3 * e[0][0], -l4 * e[1][0]]]
@@ -268,6 +270,12 @@ class FiveBar:
             if not two:
                 return [(c1, s1, w1), rod, (*e[1], w4)]
             return [(c1, s1, w1), rod, (c2, s2, w2), (*_less(e[1], (c2, s2)), (w4 - w2) % p)]
+
+
+def _along(start: tuple[int, int], end: tuple[int, int], length: int) -> tuple[int, int]:
+    """The direction from one point to another."""
+    over = pow(length, -1, FIELD)
+    return (end[0] - start[0]) * over % FIELD, (end[1] - start[1]) * over % FIELD
 
 
 def _one_circle(rng: np.random.Generator) -> tuple[int, int]:
@@ -381,13 +389,13 @@ def _crank(length: float, angle: float) -> complex:
     return complex(length * np.exp(1j * angle))
 
 
-def _reference(first: int, l: tuple[float, ...], base: float, cranks: int, parallel: bool) -> dict[str, float]:
+def _reference(first: int, bars: tuple[float, ...], base: float, cranks: int, parallel: bool) -> dict[str, float]:
     a1, a2 = 1.1, 2.4 if cranks == 2 else 0.0
-    B = _crank(l[0], a1)
-    C = base + (_crank(l[1], a2) if cranks == 2 else 0.0)
+    B = _crank(bars[0], a1)
+    C = base + (_crank(bars[1], a2) if cranks == 2 else 0.0)
     d = C - B
-    a = (l[2] ** 2 - l[3] ** 2 + abs(d) ** 2) / (2 * abs(d) ** 2)
-    h = np.sqrt(max(l[2] ** 2 / abs(d) ** 2 - a * a, 0.0))
+    a = (bars[2] ** 2 - bars[3] ** 2 + abs(d) ** 2) / (2 * abs(d) ** 2)
+    h = np.sqrt(max(bars[2] ** 2 / abs(d) ** 2 - a * a, 0.0))
     meant = (B + C if cranks == 2 else B + base) if parallel else None
     P = min((B + d * (a + s * 1j * h) for s in (1, -1)), key=lambda z: abs(z - meant) if meant is not None else -z.imag)
     angles = [a1, np.angle((P - B) / np.exp(1j * a1)), a2, np.angle((P - C) / np.exp(1j * a2))]

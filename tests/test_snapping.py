@@ -23,7 +23,7 @@ from adaptctl.identifiability.right_angles import near_right_angles
 def test_a_tilt_of_six_microradians_makes_38_of_36(name: str) -> None:
     """The first axis is not quite vertical in these files; gravity then tells two more parameters."""
     with pytest.raises(
-        RankError, match="rank is 38 as the geometry stands, and 36 if .* gravity and shoulder_pan miss"
+        RankError, match=r"rank is 38 as the geometry stands, and 36 if .* gravity and shoulder_pan miss"
     ):
         essential_space(load(urdf(name)))
     found = essential_space(load(urdf(name)), near="as_is")

@@ -117,8 +117,9 @@ def fundamental_basis(
     """The fundamental basis that removes parameters in the order of a priority (default: Table 4's rule).
 
     With `prove`, the kept parameters are also found on the exact geometry of the space's proof.
-    Raises `RankError` when both differ although every choice was clear, and when the removed parameters determine the kept ones too poorly (condition above 1e4 among
-    scaled parameters): the priority then removes parameters that very nearly depend on each other.
+    Raises `RankError` when both differ although every choice was clear, and when the removed parameters determine the
+    kept ones too poorly (condition above 1e4 among scaled parameters): the priority then removes parameters that very
+    nearly depend on each other.
     """
     order = (priority or Priority()).indices(space.parameter_names)
     found = space.null_space.regrouping(order, tolerance)

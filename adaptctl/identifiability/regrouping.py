@@ -51,8 +51,8 @@ class Regrouping:
         return float(np.sqrt(1.0 + sizes.sum(axis=0).max(initial=0.0) * sizes.sum(axis=1).max(initial=0.0)))
 
     def leaves_more_than(self, tolerance: float, order: Sequence[int]) -> bool:
-        """Whether more than a tolerance is left of every removed parameter's row of an orthonormal null basis beside the
-        rows removed before it in the order (P,).
+        """Whether each removed parameter's row of an orthonormal null basis leaves more than a tolerance beside those
+        removed before it in the order (P,).
 
         With the null vectors [-C; 1] = Z B, the removed rows of Z are A = B^-1, and A A' = L L' = (1 + C'C)^-1: what is
         left of them is on the diagonal of L, from the last to the first that of Cholesky's factor of 1 + C'C.

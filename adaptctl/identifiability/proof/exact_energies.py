@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from typing import Any
@@ -14,14 +14,15 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.constrained_mechanism import RelatedMechanism
-from adaptctl.dynamics.loop_equations import LoopEquations
 from adaptctl.identifiability.proof import elimination, pivots
 from adaptctl.identifiability.proof.digits import BITS, digits, scaled
 from adaptctl.identifiability.proof.exact_geometry import ExactGeometry, Reading
 from adaptctl.identifiability.proof.field_energies import energy_changes, energy_differences
+from adaptctl.identifiability.proof.joint_frames import canonical_frames
 from adaptctl.identifiability.proof.loop_energies import exact_loops, loop_energies
+from adaptctl.identifiability.proof.near_geometry import as_equal, loop_lengths
 from adaptctl.identifiability.proof.prime_field import PRIME, modular, residue
-from adaptctl.identifiability.proof.simplest import AS_GIVEN, Precision, simplest_rational
+from adaptctl.identifiability.proof.simplest import AS_GIVEN, AS_MEANT, Precision, simplest_rational
 from adaptctl.identifiability.sampling import characteristic_length, random_states
 
 FIELD, DIGITS = "a prime field", "60 digits"
@@ -86,7 +87,12 @@ class ExactEnergies:
         length = characteristic_length(self.mechanism)
         unit = Fraction(10) ** math.floor(math.log10(length)) if self.closed else Fraction(1)
         reading = Reading(digits if self.closed else modular, length, unit, self.precision)
-        return ExactGeometry.of(self.mechanism.description, reading)
+        description = self.mechanism.description
+        if self.closed and self.precision is AS_MEANT:
+            frames = canonical_frames(description, length, self.precision)
+            lengths = (x for x, _ in loop_lengths(description, frames))
+            reading = replace(reading, equal=as_equal(lengths, self.precision.length * length))
+        return ExactGeometry.of(description, reading)
 
     @cached_property
     def _differences(self) -> Any:
@@ -115,9 +121,7 @@ class ExactEnergies:
 
 
 def _differences_in_digits(mechanism: Mechanism, geometry: ExactGeometry, rows: int, seed: int) -> Any:
-    equations = mechanism.equations
-    assert isinstance(equations, LoopEquations)
     states = random_states(mechanism, rows + 1, np.random.default_rng(seed))
-    exact = exact_loops(equations, mechanism.description, geometry)
+    exact = exact_loops(mechanism, geometry)
     E = loop_energies(exact, geometry, mechanism.configuration(states.p), states.v)
     return (E[1:] - E[:1])[:, : mechanism.energetic]

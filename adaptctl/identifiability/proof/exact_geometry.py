@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
@@ -10,7 +12,7 @@ from typing import Any
 from adaptctl.description import GROUND, Description, Pose
 from adaptctl.dynamics.loops.constraint import product
 from adaptctl.dynamics.recursion.segment import Segment
-from adaptctl.identifiability.proof.joint_frames import CanonicalFrames, Placement, canonical_frames
+from adaptctl.identifiability.proof.joint_frames import CanonicalFrames, FramePlacement, about_z, canonical_frames
 from adaptctl.identifiability.proof.simplest import AS_GIVEN, Precision, simplest_rational, turn
 from adaptctl.scalars import Mat, Vec
 
@@ -30,9 +32,14 @@ class Reading:
     unit: Fraction = Fraction(1)
     """The unit in which lengths are told, m."""
     precision: Precision = AS_GIVEN
+    equal: tuple[float, ...] = ()
+    """Lengths (m), rising, each of which stands for those that are longer by less than the precision."""
 
     def length(self, x: float) -> Any:
         """A length (m), in the unit."""
+        place = bisect_right(self.equal, abs(x)) - 1
+        if place >= 0 and abs(x) - self.equal[place] <= self.precision.length * self.size:
+            x = math.copysign(self.equal[place], x)
         return self.number(simplest_rational(x, self.size, self.precision) / self.unit)
 
     def turned(self, angle: float) -> tuple[Any, Any]:
@@ -52,11 +59,11 @@ class ExactFrame:
     origin: Vec
 
     @classmethod
-    def of(cls, placement: Placement, reading: Reading) -> ExactFrame:
+    def of(cls, placement: FramePlacement, reading: Reading) -> ExactFrame:
         """The rational frame that a placement in floats stands for."""
         yaw, tilt, spin, bearing = (reading.turned(x) for x in placement[:4])
         radius, height = (reading.length(x) for x in placement[4:])
-        rotation = product(product(_about_z(*yaw), _about_x(*tilt)), _about_z(*spin))
+        rotation = product(product(about_z(*yaw), _about_x(*tilt)), about_z(*spin))
         return cls(rotation, Vec(radius * bearing[0], radius * bearing[1], height))
 
 
@@ -116,10 +123,6 @@ def _segment(parent: int, turns: bool, joint: ExactFrame, before: ExactFrame | N
         near=near,
         far=outward @ own.origin,
     )
-
-
-def _about_z(c: Any, s: Any) -> Mat:
-    return Mat(Vec(c, -s, 0.0), Vec(s, c, 0.0), Vec(0.0, 0.0, 1.0))
 
 
 def _about_x(c: Any, s: Any) -> Mat:

@@ -11,7 +11,7 @@ from adaptctl.dynamics.tree_equations import TreeEquations
 from adaptctl.identifiability.proof.exact_geometry import ExactGeometry
 from adaptctl.identifiability.proof.joint_states import random_places, random_rates
 from adaptctl.identifiability.proof.prime_field import PRIME, Residues, stacked_residues
-from adaptctl.scalars import ZERO, Column
+from adaptctl.scalars import ZERO
 
 
 def energy_differences(description: Description, geometry: ExactGeometry, samples: int, seed: int) -> Residues:

@@ -2,29 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
-import numpy as np
-
 from adaptctl.arrays import Array
 from adaptctl.description import GROUND, Description
 from adaptctl.description.loops import Closure
+from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.loop_equations import LoopEquations
-from adaptctl.dynamics.loops.constraint import Arm, Closing, Follower, Loop
+from adaptctl.dynamics.loops.constraint import Arm, Follower, Loop
+from adaptctl.errors import InputError
 from adaptctl.identifiability.proof.digits import digits, samples_of, stacked_digits
 from adaptctl.identifiability.proof.exact_geometry import ExactGeometry
 from adaptctl.scalars import Column
 
 
-def exact_loops(equations: LoopEquations, description: Description, geometry: ExactGeometry) -> LoopEquations:
-    """The equations on exact geometry; joints that turn are shifted as that has them."""
-    loops = description.loops
-    assert loops is not None
+def exact_loops(mechanism: Mechanism, geometry: ExactGeometry) -> LoopEquations:
+    """The equations on exact geometry, its joints shifted as it has them. Raises `InputError` for a tree."""
+    equations, description = mechanism.equations, mechanism.description
+    if not isinstance(equations, LoopEquations) or description.loops is None:
+        raise InputError(f"{mechanism.name}: there are no loops to close")
     tree = replace(equations.tree, links=geometry.links, gravity=geometry.gravity)
-    pairs = zip(equations.closing.loops, loops.closures, strict=True)
+    pairs = zip(equations.closing.loops, description.loops.closures, strict=True)
     closed = tuple(_exact_loop(loop, closure, description, geometry) for loop, closure in pairs)
     followers = tuple(_exact_follower(follower, geometry) for follower in equations.closing.followers)
     return LoopEquations(tree, replace(equations.closing, loops=closed, followers=followers))

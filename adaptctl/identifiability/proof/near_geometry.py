@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import pairwise
 
 from adaptctl.description import GROUND, Description
@@ -23,22 +23,35 @@ def _near_offsets(description: Description, frames: CanonicalFrames) -> Iterator
         before = "the world" if link.parent == GROUND else description.links[link.parent].joint.name
         for what, offset in (("from", joint.joint.radius), ("along", joint.joint.height)):
             if link.parent != GROUND and _nearly(offset, frames.length):
-                yield f"{link.joint.name} stands {abs(offset):.1e} m {what} the axis of {before}, which is nearly nothing"
+                yield f"{link.joint.name} stands {abs(offset):.1e} m {what} the axis of {before}, nearly nothing"
 
 
 def _near_equals(description: Description, frames: CanonicalFrames) -> Iterator[str]:
-    loops = description.loops
-    if loops is None or not loops.closures:
-        return
-    index = {link.name: i for i, link in enumerate(description.links)} | {None: GROUND}
-    lengths = [(link.joint.name, joint.joint) for link, joint in zip(description.links, frames.joints, strict=True)]
-    for closure in loops.closures:
-        for link, pose in ((closure.first, closure.first_frame), (closure.second, closure.second_frame)):
-            lengths.append((closure.name, frames.placement(index[link], pose)))
-    ordered = sorted((abs(x), name) for name, placement in lengths for x in (placement.radius, placement.height))
-    for (one, name), (other, another) in pairwise(ordered):
+    for (one, name), (other, another) in pairwise(loop_lengths(description, frames)):
         if one > AS_MEANT.length * frames.length and _nearly(other - one, frames.length):
             yield f"the lengths {one:.10g} m at {name} and {other:.10g} m at {another} are nearly equal"
+
+
+def loop_lengths(description: Description, frames: CanonicalFrames) -> list[tuple[float, str]]:
+    """Lengths (m), rising, and whose they are, that may be equal in closed loops; none where loops are open."""
+    loops = description.loops
+    if loops is None or not loops.closures:
+        return []
+    placed = [(link.joint.name, joint.joint) for link, joint in zip(description.links, frames.joints, strict=True)]
+    index: dict[str | None, int] = {None: GROUND} | {link.name: i for i, link in enumerate(description.links)}
+    for closure in loops.closures:
+        placed.append((closure.name, frames.placement(index[closure.first], closure.first_frame)))
+        placed.append((closure.name, frames.placement(index[closure.second], closure.second_frame)))
+    return sorted((abs(x), name) for name, placement in placed for x in (placement.radius, placement.height))
+
+
+def as_equal(lengths: Iterable[float], least: float) -> tuple[float, ...]:
+    """The first of each group of rising lengths that are nearer to it than the least."""
+    firsts: list[float] = []
+    for length in lengths:
+        if not firsts or length - firsts[-1] > least:
+            firsts.append(length)
+    return tuple(firsts)
 
 
 def _nearly(x: float, length: float) -> bool:

@@ -47,10 +47,13 @@ def simplest_rational(x: float, size: float = 1.0, precision: Precision = AS_GIV
     Floats that were computed in two ways from the same decimals so become the same number again. By continued
     fractions (Knuth 1998, The Art of Computer Programming 2, section 4.5.3, exercise 39).
     """
-    if abs(x) <= precision.length * size:
-        return Fraction(0)
+    return Fraction(0) if abs(x) <= precision.length * size else _near(x, size, precision.number)
+
+
+def _near(x: float, size: float, distance: float) -> Fraction:
+    """The simplest fraction nearer to x, which is not zero, than a distance times a size."""
     unit = Fraction(10) ** math.floor(math.log10(size))
-    middle, around = round(Fraction(abs(x)) / unit * _UNITS), round(precision.number * _UNITS)
+    middle, around = round(Fraction(abs(x)) / unit * _UNITS), round(distance * _UNITS)
     n, d = _simplest(max(middle - around, 1), middle + around, _UNITS)
     return (n if x > 0.0 else -n) * Fraction(1, d) * unit
 
@@ -60,7 +63,7 @@ def turn(angle: float, precision: Precision = AS_GIVEN) -> Turn:
     quarters = round(angle / (math.pi / 2))
     rest = angle - quarters * (math.pi / 2)
     small = abs(rest) <= precision.angle
-    return Turn(quarters % 4, Fraction(0) if small else simplest_rational(math.tan(0.5 * rest), 1.0, precision))
+    return Turn(quarters % 4, Fraction(0) if small else _near(math.tan(0.5 * rest), 1.0, precision.number))
 
 
 def _simplest(low: int, high: int, over: int) -> tuple[int, int]:
