@@ -15,7 +15,7 @@ from adaptctl.errors import PhysicalConsistencyWarning
 from adaptctl.identifiability import Priority, essential_space
 from adaptctl.identifiability.tree.null_space import TreeNullSpace
 from benchmarks.findings import Finding, Measurement
-from benchmarks.interleaved import Contender, Effort, Race, Spread, race
+from benchmarks.interleaved import Effort, Race, Spread, Statement, race
 
 LONG, HALF = 96, 48
 """links"""
@@ -29,12 +29,12 @@ def measure(effort: Effort) -> Iterator[Finding]:
     half, long = chain(HALF), chain(LONG)
     raced = race(
         {
-            "puma": Contender(lambda: essential_space(puma)),
-            "half": Contender(lambda: TreeNullSpace.of(half)),
-            "long": Contender(lambda: TreeNullSpace.of(long)),
-            "half basis": Contender(lambda: basis(half)),
-            "long basis": Contender(lambda: basis(long)),
-            "certified": Contender(lambda: essential_space(long)),
+            "puma": Statement(lambda: essential_space(puma)),
+            "half": Statement(lambda: TreeNullSpace.of(half)),
+            "long": Statement(lambda: TreeNullSpace.of(long)),
+            "half basis": Statement(lambda: basis(half)),
+            "long basis": Statement(lambda: basis(long)),
+            "certified": Statement(lambda: essential_space(long)),
         },
         effort,
     )

@@ -8,7 +8,7 @@ from adaptctl.arrays import Array
 from adaptctl.control import Sinusoids
 from adaptctl.dynamics import Mechanism
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
-from adaptctl.recording import Comparison, Finding, Run, Setting, TickCost
+from adaptctl.recording import Comparison, ControllerRun, Finding, Setting, TickCost
 from adaptctl.simulation import Rollout
 
 PERIOD = 2e-3
@@ -54,9 +54,13 @@ def comparison(mechanism: Mechanism, samples: int = 1500, complete: bool = True)
     share = -np.expm1(-3.0 * PERIOD * np.arange(samples))
     learnt = rollout(mechanism, samples, 4.0, share[:, None] * truth, complete)
     lyapunov = 3.0 + 2.0 * np.exp(-PERIOD * np.arange(samples))
-    runs = [Run("adaptive", "Slotine-Li, <learning>", "nothing", learnt, lyapunov, TickCost(5e-6, 2e-7, 1470))]
+    runs = [
+        ControllerRun("adaptive", "Slotine-Li, <learning>", "nothing", learnt, lyapunov, TickCost(5e-6, 2e-7, 1470))
+    ]
     if complete:
-        runs.append(Run("adaptation-off", "Slotine-Li, adaptation off", "nothing", rollout(mechanism, samples, 0.2)))
+        runs.append(
+            ControllerRun("adaptation-off", "Slotine-Li, adaptation off", "nothing", rollout(mechanism, samples, 0.2))
+        )
     return Comparison(
         experiment="by-hand",
         title="Made by hand",

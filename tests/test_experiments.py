@@ -26,7 +26,7 @@ from adaptctl.control import SlotineLi
 from adaptctl.dynamics import load
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.experiments import EXPERIMENTS, find
-from adaptctl.experiments.adaptive import Adaptive
+from adaptctl.experiments.adaptive import AdaptiveTracking
 from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 
@@ -220,7 +220,7 @@ def test_any_arm_learns_with_gains_from_its_own_inertia_and_limits(robot: str, t
 
 def test_gains_of_any_arm_hold_what_the_control_period_asks() -> None:
     mechanism = load("puma560_measured")
-    experiment = Adaptive(control_period=2e-3)
+    experiment = AdaptiveTracking(control_period=2e-3)
     model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))
     gains = experiment.gains(mechanism)
     controller = SlotineLi(

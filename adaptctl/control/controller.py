@@ -1,4 +1,4 @@
-"""What every controller is: a law over scalars, its memory, and a face on arrays."""
+"""The interface of controllers: a law over scalars, its memory, and steps on arrays."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, checked
-from adaptctl.compilation import Kernel, compile_function
+from adaptctl.compilation import Kernel
+from adaptctl.compilation.floats import OnFloats, native_or_floats
 from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.control.many_arms import ManyArms
 from adaptctl.errors import InputError, NonFiniteError
@@ -20,7 +21,7 @@ from adaptctl.scalars import Column
 
 
 class ReferencePoint(NamedTuple):
-    """Where the arm should be: positions, velocities, accelerations, each (..., r) or a column."""
+    """Desired positions, velocities and accelerations, each (..., r) or a column."""
 
     p: Any
     v: Any
@@ -36,7 +37,7 @@ class Reference(Protocol):
 
 
 Memory = TypeVar("Memory", bound=tuple[Any, ...])
-"""What a law remembers between ticks: a NamedTuple of columns and of such memories, arrays on the outside."""
+"""A law's memory between ticks: a NamedTuple of columns and of such memories, arrays on the outside."""
 
 
 class Controller(ABC, Generic[Memory]):
@@ -119,20 +120,26 @@ class Controller(ABC, Generic[Memory]):
 
     @cached_property
     def _step_one(self) -> Callable[..., tuple[Array, Memory]]:
-        return on_memories(self.kernel.call if self.kernel else self._tick, self._blank)
+        return on_memories(self._tick.call, self._blank)
 
     @property
     def kernel(self) -> Kernel | None:
         """The law as native code, which can count its operations; None above LARGEST_COMPILED joints."""
         return self._tick if isinstance(self._tick, Kernel) else None
 
+    @property
+    def on_floats(self) -> OnFloats:
+        """The law in Python, called as `kernel` is: p, v, the reference's parts, the leaves of the memory."""
+        return OnFloats(self._equation(), self._sizes, name=type(self).__name__, finite="results")
+
     @cached_property
-    def _tick(self) -> Callable[..., tuple[Array, ...]]:
+    def _tick(self) -> Kernel | OnFloats:
         """The law on arrays, compiled where that is possible in reasonable time."""
-        if self.dof > LARGEST_COMPILED:
-            return self._on_floats
-        sizes = self._given_sizes | self._memory_sizes
-        return compile_function(self._equation(), sizes, name=type(self).__name__, finite="results")
+        return native_or_floats(self._equation(), self._sizes, self.dof, name=type(self).__name__, finite="results")
+
+    @property
+    def _sizes(self) -> dict[str, int]:
+        return self._given_sizes | self._memory_sizes
 
     @cached_property
     def _many(self) -> ManyArms:
@@ -174,14 +181,6 @@ class Controller(ABC, Generic[Memory]):
             return (torque, *leaves(after))
 
         return equation
-
-    def _on_floats(self, *arrays: ArrayLike) -> tuple[Array, ...]:
-        p, v, *rest = (Column(np.asarray(array, dtype=float).tolist()) for array in arrays)
-        torque, after = self.law(p, v, ReferencePoint(*rest[:3]), like(self._blank, rest[3:]))
-        results = tuple(np.array(column.of, dtype=float) for column in (torque, *leaves(after)))
-        if not all(np.isfinite(x).all() for x in results):
-            raise NonFiniteError(f"{type(self).__name__}: the result is not finite")
-        return results
 
     def _measured(self, values: ArrayLike, what: str, size: int | None = None) -> Array:
         array = np.atleast_1d(np.asarray(values))
@@ -241,7 +240,7 @@ def leaves(memory: tuple[Any, ...]) -> list[Any]:
 
 
 def _paths(memory: tuple[Any, ...], to: str = "state") -> Iterator[str]:
-    """What the columns of a memory are called, one for each leaf."""
+    """Names of a memory's columns, one for each leaf."""
     for name, part in zip(getattr(memory, "_fields", range(len(memory))), memory, strict=True):
         if isinstance(part, tuple):
             yield from _paths(part, f"{to}.{name}")

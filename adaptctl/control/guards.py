@@ -1,4 +1,4 @@
-"""What every controller needs before it may touch a motor: limits it knows, learning that waits, a safe stop."""
+"""Guards of a controller before it may touch a motor: limits it knows, learning that waits, a safe stop."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, per_joint
 from adaptctl.control.controller import Controller, ReferencePoint, leaves
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column, Scalar, absolute, clip, maximum, where
@@ -22,7 +22,7 @@ Parts = TypeVar("Parts", bound=tuple[Any, ...])
 
 
 class Marks(NamedTuple):
-    """What the guards did in a tick, each (1,), 1 or 0."""
+    """Marks of what the guards did in a tick, each (1,), 1 or 0."""
 
     torque_limited: Any
     """a torque was beyond its limit"""
@@ -37,7 +37,7 @@ class Marks(NamedTuple):
 
 
 class GuardedState(NamedTuple):
-    """What the guarded law remembers, the last torque, and what the guards did."""
+    """The memory of a guarded law: the law's own, the last torque, and what the guards did."""
 
     of: Any
     torque: Any
@@ -77,11 +77,11 @@ class Guarded(Controller[GuardedState]):
 
     def __post_init__(self) -> None:
         for name in ("torque_limits", "rate_limits"):
-            object.__setattr__(self, name, _each(getattr(self, name), self.dof, name, positive=True))
+            object.__setattr__(self, name, _limits(getattr(self, name), self.dof, name))
         own = getattr(self.of, "damping", None) if self.stop_damping is None else self.stop_damping
         if own is None:
             raise InputError(f"stop_damping: {type(self.of).__name__} has no damping of its own to brake by: give one")
-        object.__setattr__(self, "stop_damping", _each(own, self.dof, "stop_damping"))
+        object.__setattr__(self, "stop_damping", _brake(own, self.dof))
         if self.period is None:
             object.__setattr__(self, "period", getattr(self.of, "period", None))
         if np.isfinite(np.asarray(self.rate_limits)).any() and self.period is None:
@@ -96,21 +96,21 @@ class Guarded(Controller[GuardedState]):
 
     @property
     def home(self) -> Array:
-        """Where the law can start."""
+        """Positions (r,) where the law can start."""
         return self.of.home
 
     @property
     def reference_size(self) -> int:
-        """What the law asks of a reference."""
+        """Length of each part of the law's reference points."""
         return self.of.reference_size
 
     def start(self, p: Array, v: Array) -> GuardedState:
-        """The law's own memory, and nothing done yet."""
+        """The memory before the first tick: the law's own, and nothing done yet."""
         marks = Marks(*(np.zeros(1) for _ in Marks._fields))
         return GuardedState(self.of.start(p, v), np.zeros(self.dof), np.zeros(1), marks)
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: GuardedState) -> tuple[Column, GuardedState]:
-        """One tick of the law, on finite numbers only, and what is allowed of it."""
+        """One tick: the law's on finite numbers only, and as much of its torque as the limits allow."""
         given = (p, v, *reference)
         clean = [Column(where(_finite(x), x, 0.0) for x in column) for column in given]
         torque, after = self.of.law(clean[0], clean[1], ReferencePoint(*clean[2:]), memory.of)
@@ -160,16 +160,20 @@ class Guarded(Controller[GuardedState]):
         return np.minimum(np.asarray(self.rate_limits) * self.period, LARGEST).tolist()
 
 
-def _each(values: ArrayLike, dof: int, what: str, *, positive: bool = False) -> Array:
-    """Numbers (r,), one for all joints or one each; limits may be infinite, and nothing may be NaN."""
-    array = np.asarray(values, dtype=np.float64)
-    fits = array > 0.0 if positive else (array >= 0.0) & np.isfinite(array)
-    if array.shape not in ((), (dof,)) or not np.all(fits):
-        wanted = "positive numbers" if positive else "finite numbers of at least 0"
-        raise InputError(f"{what}: expected {wanted}, one or {dof}, got {array.tolist()}")
-    each = np.broadcast_to(array, (dof,)).copy()
-    each.flags.writeable = False
-    return each
+def _limits(values: ArrayLike, dof: int, what: str) -> Array:
+    """Positive limits (r,), one for all joints or one each; infinite where there is none."""
+    limits = per_joint(values, dof, what)
+    if not np.all(limits > 0.0):
+        raise InputError(f"{what}: expected positive numbers, one or {dof}, got {limits.tolist()}")
+    return limits
+
+
+def _brake(values: ArrayLike, dof: int) -> Array:
+    """A brake's damping (r,) of at least 0 N m s/rad, one for all joints or one each."""
+    damping = per_joint(values, dof, "stop_damping")
+    if not np.all((damping >= 0.0) & np.isfinite(damping)):
+        raise InputError(f"stop_damping: expected finite numbers of at least 0, one or {dof}, got {damping.tolist()}")
+    return damping
 
 
 def _bounds(law: Controller[Any], lower: ArrayLike, upper: ArrayLike) -> tuple[Array, Array]:
@@ -195,8 +199,8 @@ def _finite(x: Scalar) -> Condition:
 
 
 def _sound(columns: Iterable[Column]) -> Condition:
-    """Whether all numbers are finite: their sum is, for what is not finite stays so. Added in pairs, so that few
-    additions wait for others."""
+    """Condition that all numbers are finite: their sum is, for what is not finite stays so. Added in pairs, so that
+    few additions wait for others."""
     rest: list[Any] = [x for column in columns for x in column]
     while len(rest) > 1:
         rest = [sum(rest[k + 1 : k + 2], rest[k]) for k in range(0, len(rest), 2)]

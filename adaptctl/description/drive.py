@@ -21,7 +21,7 @@ class DriveParameter(Enum):
 
     @property
     def is_friction(self) -> bool:
-        """Whether it takes energy out instead of storing it."""
+        """True where the parameter takes energy out instead of storing it."""
         return self is not DriveParameter.ROTOR_INERTIA
 
 

@@ -65,7 +65,7 @@ def transformed(ten: ArrayLike, pose: Pose) -> Array:
 
 
 def is_physically_consistent(ten: ArrayLike) -> bool:
-    """Whether some rigid body of positive density has these ten."""
+    """True where some rigid body of positive density has these ten."""
     return bool(np.linalg.eigvalsh(pseudo_inertia(ten))[0] > 0.0)
 
 

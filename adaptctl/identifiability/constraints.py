@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.constrained_mechanism import Parametrisation, RelatedMechanism
+from adaptctl.dynamics.constrained_mechanism import ConstrainedMechanism, Parametrisation
 from adaptctl.errors import FileError, InputError, NotFoundError
 from adaptctl.files import read_toml
 from adaptctl.identifiability.priority import Priority, suggestion
@@ -114,7 +114,9 @@ class Constraints:
         return (*known, *self.relations)
 
 
-def constrained(mechanism: Mechanism, constraints: Constraints, priority: Priority | None = None) -> RelatedMechanism:
+def constrained(
+    mechanism: Mechanism, constraints: Constraints, priority: Priority | None = None
+) -> ConstrainedMechanism:
     """The mechanism on the parameters that the constraints leave free: each takes one away.
 
     A relation takes away the parameter that the priority would remove first (default: Table 4's rule) and that no
@@ -129,7 +131,7 @@ def constrained(mechanism: Mechanism, constraints: Constraints, priority: Priori
     scales = length_scales(names, characteristic_length(mechanism))
     kept = _independent(constraints.every, A * scales, b)
     order = (priority or Priority()).indices(names)
-    return RelatedMechanism(mechanism, _parametrisation(A[kept] * scales, b[kept], scales, order, mechanism))
+    return ConstrainedMechanism(mechanism, _parametrisation(A[kept] * scales, b[kept], scales, order, mechanism))
 
 
 def _parametrisation(A: Array, b: Array, scales: Array, order: Sequence[int], mechanism: Mechanism) -> Parametrisation:

@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, checked, frozen_array
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.constrained_mechanism import RelatedMechanism
 from adaptctl.errors import InputError, RankError
 from adaptctl.identifiability.certificate import (
     Certificate,
@@ -175,9 +174,9 @@ def _certified(
 
 def _no_tree(mechanism: Mechanism) -> str:
     """The property that keeps a mechanism from being a tree with ten parameters a link; empty where none does."""
-    if mechanism.description.loops is not None:
-        return "loops"
-    return "relations among its parameters" if isinstance(mechanism, RelatedMechanism) else ""
+    if mechanism.is_plain_tree:
+        return ""
+    return "relations among its parameters" if mechanism.description.loops is None else "loops"
 
 
 def _sample_count(asked: int | None, parameters: int) -> int:

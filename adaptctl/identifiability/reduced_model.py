@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, checked, frozen_array
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.constrained_mechanism import RelatedMechanism
 from adaptctl.errors import InputError
 from adaptctl.identifiability.fundamental_basis import FundamentalBasis
 
@@ -85,8 +84,7 @@ class ReducedModel:
         """
         values = self.fundamental_parameters if beta is None else self._checked(beta)
         torque = np.einsum("...ij,...j->...i", self.torque_regressor(p, v, a), values)
-        known = self.mechanism.known_torque(p, v, a) if isinstance(self.mechanism, RelatedMechanism) else 0.0
-        return np.asarray(torque + known)
+        return np.asarray(torque + self.mechanism.known_torque(p, v, a))
 
     def embed(self, beta: ArrayLike) -> Array:
         """Full parameters D_I = F1 beta (..., P): beta at the kept columns, zeros elsewhere, with the same torques."""

@@ -52,6 +52,14 @@ class Column:
         return len(self.of)
 
 
+def combined(columns: Sequence[Column], weights: Column) -> Column:
+    """The sum of columns (n,), each times its weight: a linear combination."""
+    total = weights[0] * columns[0]
+    for weight, one in zip(weights.of[1:], columns[1:], strict=True):
+        total = total + weight * one
+    return total
+
+
 def column(array: Array) -> Column:
     """The entries along the last axis: floats for one sample, arrays of samples otherwise."""
     if array.ndim == 1:

@@ -12,17 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, checked
+from adaptctl.arrays import Array, checked, frozen
 from adaptctl.compilation import Stepper, compile_step
 from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.control.controller import Controller, Reference, leaves
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column, absolute, maximum
 from adaptctl.simulation.closed_loop import ClosedLoop
-from adaptctl.simulation.effects import PlantEffects
 from adaptctl.simulation.plant import Plant
-from adaptctl.simulation.real_plant import RealPlant
 from adaptctl.simulation.references_of_many import ReferenceForm, ReferencesOfMany
+from adaptctl.simulation.sampled_references import REFERENCE
 
 MEMORY = 2**23
 """Bytes that a native call may read and write besides the arms' states."""
@@ -78,7 +77,7 @@ class Rollouts:
 
 
 def simulate_many(
-    plant: Plant | RealPlant,
+    plant: Plant,
     controller: Controller[Any],
     reference: Reference | Sequence[Reference],
     *,
@@ -105,8 +104,7 @@ def simulate_many(
     the arms. `progress` is called in between with the share done, and Ctrl-C keeps what was computed. Nothing ends a
     run early. Raises `InputError` where arguments do not fit together, and for more than LARGEST_COMPILED links.
     """
-    real = plant if isinstance(plant, RealPlant) else RealPlant(plant, PlantEffects())
-    run = _Runs(ClosedLoop(real, controller), reference, duration, every, threads)
+    run = _Runs(ClosedLoop(plant, controller), reference, duration, every, threads)
     run.begin(members, seed, memory, parameters=parameters, p=p, v=v)
     complete, started = False, perf_counter()
     try:
@@ -126,9 +124,8 @@ def _compiled(loop: ClosedLoop, form: ReferenceForm) -> Stepper:
 
     def step(squares: Column, largest: Column, **columns: Column) -> tuple[Any, ...]:
         point = form.point(columns)
-        given = dict(zip(loop.reference, point, strict=True))
-        passed_on, sample = loop.equation(**columns, **given)
-        p = loop.plant.plant.primary(sample.q)
+        passed_on, sample = loop.equation(**columns | dict(zip(REFERENCE, point, strict=True)))
+        p = loop.plant.primary(sample.q)
         error = p - point.p
         summed = squares + error * error, Column(map(maximum, largest, map(absolute, error)))
         done = sample.torque, sample.applied, sample.estimate
@@ -156,7 +153,7 @@ class _Runs:
         every: int,
         threads: int,
     ) -> None:
-        self.loop, self.period, self.threads = loop, loop.plant.plant.control_period, threads
+        self.loop, self.period, self.threads = loop, loop.plant.control_period, threads
         if not (np.isfinite(duration) and duration >= self.period):
             raise InputError(f"duration: expected at least a control period of {self.period:g} s, got {duration}")
         for name, number in (("every", every), ("threads", threads)):
@@ -174,7 +171,7 @@ class _Runs:
         """Put every arm where it starts: at `parameters`, `p` and `v`, those of the mechanism and on the reference
         unless given."""
         loop, start = self.loop, self.references.start()
-        own = {"parameters": loop.plant.plant.mechanism.inertial_parameters, "p": start[0], "v": start[1]}
+        own = {"parameters": loop.plant.mechanism.inertial_parameters, "p": start[0], "v": start[1]}
         chosen = own | {name: x for name, x in given.items() if x is not None}
         rows = {name: checked(x, own[name].shape[-1], name) for name, x in chosen.items()}
         if members is not None:
@@ -184,9 +181,11 @@ class _Runs:
         count = _members(members, {"reference": self.references.arms} | {k: x.shape[:-1] for k, x in told.items()})
         self.parameters, p, v = (np.broadcast_to(x, (count, x.shape[-1])) for x in rows.values())
         self.rng = np.random.default_rng(seed)
-        state = loop.plant.init(p, v, self._noise(1, count)[0], loop.plant.parameters(self.parameters, 0.0))
+        state = loop.plant.init(p, v, loop.plant.parameters(self.parameters, 0.0), self._noise(1, count)[0])
         self.arms = _compiled(loop, self.references.form).ensemble(count)
-        loop.begin(self.arms, state, loop.controller.init(state.p, state.v) if memory is None else memory)
+        loop.begin(
+            self.arms, state, loop.controller.init(state.measured_p, state.measured_v) if memory is None else memory
+        )
         self.arms.held["parameters"] = self.parameters
         for name, values in self.references.held.items():
             self.arms.held[name] = values
@@ -222,7 +221,7 @@ class _Runs:
 
     def _taken(self, time: Array, *, record: bool) -> tuple[Array, ...]:
         """The control periods at these times."""
-        if self.loop.plant.effects.loads:
+        if self.loop.plant.loads:
             self.arms.held["parameters"] = self.loop.plant.parameters(self.parameters, time[0])
         signals = {**self.references.signals(time), "noise": self._noise(len(time), self.arms.members)}
         return self.arms.run(len(time), signals, record=record, threads=self.threads)
@@ -235,17 +234,17 @@ class _Runs:
         return -(-count // self.every)
 
     def result(self, wall_time: float, complete: bool) -> Rollouts:
-        """What happened so far."""
+        """The runs so far."""
         count, squares, largest = self._done
         samples = self._samples(count)
-        parts = (_frozen(kept[:samples]) for kept in self.records)
+        parts = (frozen(kept[:samples]) for kept in self.records)
         columns = dict(zip(RECORDED, parts, strict=True))
         return Rollouts(
             **columns,
-            time=_frozen(np.asarray(np.arange(0, samples * self.every, self.every) * self.period)),
-            parameters=_frozen(self.parameters.copy()),
-            rms_error=_frozen(np.asarray(np.sqrt(squares / max(count, 1)))),
-            largest_error=_frozen(largest),
+            time=frozen(np.asarray(np.arange(0, samples * self.every, self.every) * self.period)),
+            parameters=frozen(self.parameters.copy()),
+            rms_error=frozen(np.asarray(np.sqrt(squares / max(count, 1)))),
+            largest_error=frozen(largest),
             control_period=self.period,
             wall_time=wall_time,
             complete=complete,
@@ -253,7 +252,7 @@ class _Runs:
 
 
 def _require_compilable(loop: ClosedLoop) -> None:
-    if (links := len(loop.plant.plant.mechanism.links)) > LARGEST_COMPILED:
+    if (links := len(loop.plant.mechanism.links)) > LARGEST_COMPILED:
         raise InputError(
             f"simulate_many: {links} links are too many to compile, at most {LARGEST_COMPILED} are not: use `rollout` "
             "for one run after the other"
@@ -279,8 +278,3 @@ def _members(given: int | None, rows: Mapping[str, tuple[int, ...]]) -> int:
         counts = ", ".join(f"{name} {'×'.join(map(str, axes))}" for name, axes in told.items())
         raise InputError(f"members: expected a row for each arm, as many everywhere, got {counts}")
     return next((axes[0] for axes in told.values()), 1)
-
-
-def _frozen(array: Array) -> Array:
-    array.flags.writeable = False
-    return array

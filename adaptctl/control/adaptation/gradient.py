@@ -27,10 +27,10 @@ class Gradient(Descent[NoMemory]):
     euler: bool = False
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
-        """Nothing."""
+        """No memory."""
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """One step down the gradient."""
+        """The estimate a step down the gradient, by the trapezium or by Euler's rule."""
         s = period.elapsed * period.before if self.euler else period.integral
         return estimate - self.applied(period.gradient(s)), memory

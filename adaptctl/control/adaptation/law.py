@@ -1,4 +1,4 @@
-"""What every adaptation law is: an equation for the estimate after a control period, and its memory."""
+"""The interface of adaptation laws: an equation for the estimate after a control period, and its memory."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from adaptctl.scalars import Column
 
 
 class NoMemory(NamedTuple):
-    """What a law remembers that needs no more than the estimate: nothing."""
+    """The empty memory of a law that needs no more than the estimate."""
 
 
 class Period(NamedTuple):
@@ -53,7 +53,7 @@ class Period(NamedTuple):
 
 
 class AdaptationLaw(ABC, Generic[Memory]):
-    """How the estimate of the k parameters of a model moves, whatever control law uses it.
+    """An adaptation law: how the estimate of a model's k parameters moves, whatever control law uses it.
 
     A subclass is a frozen dataclass of configuration. `law` is an equation over scalars of any kind, traced
     into the control law's own native code. What changes over time, besides the estimate, is the memory.
@@ -77,6 +77,6 @@ class AdaptationLaw(ABC, Generic[Memory]):
         return False
 
     def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array | None:
-        """How far estimates (..., k) are from the truth (k,), in J: the parameters' term (...) of the law's
-        Lyapunov function. None where it depends on more than the estimate."""
+        """Distance (...) of estimates (..., k) from the truth (k,), in J: the parameters' term of the law's Lyapunov
+        function. None where it depends on more than the estimate."""
         return None

@@ -8,14 +8,13 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from adaptctl.arrays import Array
-from adaptctl.control.adaptation.gain import numbers
+from adaptctl.arrays import Array, frozen
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
 from adaptctl.description.inertia import pseudo_inertia
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, Scalar, sqrt
+from adaptctl.scalars import Column, Scalar, column, sqrt
 
 Matrix: TypeAlias = list[list[Any]]
 """Rows of a small matrix of scalars."""
@@ -50,11 +49,10 @@ class Natural(AdaptationLaw[NoMemory]):
         rate = np.array(self.rate, dtype=np.float64)
         if rate.ndim > 1 or not (np.isfinite(rate).all() and np.all(rate > 0.0)):
             raise InputError(f"natural adaptation: rate: expected positive numbers in 1/J, got {self.rate}")
-        rate.flags.writeable = False
-        object.__setattr__(self, "rate", rate)
+        object.__setattr__(self, "rate", frozen(rate))
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """All parameters, and a first estimate that rigid bodies can have."""
+        """Raise `InputError` unless all parameters are adapted, from a first estimate that rigid bodies can have."""
         if model.basis is not None:
             raise InputError(
                 f"natural adaptation: moves the pseudo-inertia of whole links, and {len(model.columns)} fundamental "
@@ -78,12 +76,12 @@ class Natural(AdaptationLaw[NoMemory]):
                 )
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
-        """Nothing."""
+        """No memory."""
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """One step along the geodesic of every link."""
-        slope = numbers(self._each(model)) * period.gradient(period.integral)
+        """The estimate a step along the geodesic of every link's pseudo-inertia."""
+        slope = column(self._each(model)) * period.gradient(period.integral)
         links = 10 * len(model.mechanism.description.bodies)
         entries: list[Any] = []
         for i in range(0, links, 10):
@@ -96,7 +94,7 @@ class Natural(AdaptationLaw[NoMemory]):
         return Column(entries), memory
 
     def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array:
-        """The Bregman divergences over the rate; infinite where the truth is no rigid bodies'."""
+        """Sum (...) of Bregman divergences over their rates, J; infinite where the truth is no rigid bodies'."""
         bodies = 10 * len(model.mechanism.description.bodies)
         rates, total = self._each(model), np.zeros(estimate.shape[:-1])
         for i in range(0, bodies, 10):
@@ -126,21 +124,21 @@ class Natural(AdaptationLaw[NoMemory]):
 def moved_body(ten: Sequence[Scalar], slope: Sequence[Scalar]) -> list[Any]:
     """A link's ten after one step: G Q Q G' for its pseudo-inertia G G'."""
     root = cholesky(pseudo(ten))
-    X = product(transposed(root), product(weights(slope), root))
-    half = product(root, _decay(X))
-    return the_ten(product(half, transposed(half)))
+    X = matrix_product(transposed(root), matrix_product(slope_matrix(slope), root))
+    half = matrix_product(root, _decay(X))
+    return the_ten(matrix_product(half, transposed(half)))
 
 
 def _decay(X: Matrix) -> Matrix:
     """exp(-X/2) of a symmetric X: (1 - Y/2 + Y^2/12)(1 + Y/2 + Y^2/12)^-1 for Y = X/2, both factors positive."""
-    square = product(X, X)
+    square = matrix_product(X, X)
 
     def factor(sign: float) -> Matrix:
         return [[float(i == j) + sign * 0.25 * X[i][j] + square[i][j] / 48.0 for j in range(4)] for i in range(4)]
 
     below = factor(1.0)
-    columns = [solve_symmetric(below, Column(column)).of for column in transposed(factor(-1.0))]
-    return transposed([list(column) for column in columns])
+    columns = [solve_symmetric(below, Column(entries)).of for entries in transposed(factor(-1.0))]
+    return transposed([list(entries) for entries in columns])
 
 
 def pseudo(ten: Sequence[Scalar]) -> Matrix:
@@ -156,7 +154,7 @@ def the_ten(P: Matrix) -> list[Any]:
     return [m, x, y, z, yy + zz, -xy, xx + zz, -xz, -yz, xx + yy]
 
 
-def weights(slope: Sequence[Scalar]) -> Matrix:
+def slope_matrix(slope: Sequence[Scalar]) -> Matrix:
     """L with tr(L P) = slope' (the ten of P)."""
     m, x, y, z, xx, xy, yy, xz, yz, zz = (0.5 * g for g in slope)
     row = (2.0 * (yy + zz), -xy, -xz, x), (2.0 * (xx + zz), -yz, y), (2.0 * (xx + yy), z), (2.0 * m,)
@@ -173,15 +171,15 @@ def cholesky(P: Matrix) -> Matrix:
     return G
 
 
-def product(A: Matrix, B: Matrix) -> Matrix:
-    """A B."""
+def matrix_product(A: Matrix, B: Matrix) -> Matrix:
+    """The product A B."""
     return [
         [sum((a * b for a, b in zip(row, column, strict=True)), 0.0) for column in zip(*B, strict=True)] for row in A
     ]
 
 
 def transposed(A: Matrix) -> Matrix:
-    """A'."""
+    """The transpose A'."""
     return [list(column) for column in zip(*A, strict=True)]
 
 

@@ -1,4 +1,4 @@
-"""What the estimate says of the torque, filtered so that no acceleration is needed."""
+"""Torques predicted by the estimate, filtered so that no acceleration is needed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from adaptctl.scalars import Column, column, spread
 
 
 class Filtered(NamedTuple):
-    """The filters' memory."""
+    """The memory of the torque filters."""
 
     regressor: Any
     """rows of F[lambda H + N], as far as it is known before the next sample, without what is always zero"""
@@ -51,7 +51,7 @@ class TorqueFilter:
     period: float
 
     def start(self, model: ReducedModel, q: Array, v: Array) -> Filtered:
-        """Before the first tick, at configurations q (..., n) and velocities v (..., r): W is zero there."""
+        """The memory before the first tick, at configurations q (..., n) and velocities v (..., r): W is zero there."""
         momentum, forces = momentum_terms(model.mechanism.equations, column(q), column(v), model.columns)
         kept: list[Any] = []
         for row, change, places in zip(momentum, forces, felt(model), strict=True):
@@ -61,7 +61,7 @@ class TorqueFilter:
         return Filtered(stacked(kept, q.shape[:-1]), np.zeros(model.mechanism.dof))
 
     def predicted(self, model: ReducedModel, period: Period, memory: Filtered) -> Prediction:
-        """The equation now, from configuration and velocities now and the torque of the period that has passed."""
+        """The linear equation now, from configuration and velocities now and the torque of the period just passed."""
         momentum, forces = momentum_terms(model.mechanism.equations, period.q, period.v, model.columns)
         k, keep, last = len(model.columns), self._keep, iter(memory.regressor)
         rows: list[Column] = []
@@ -77,7 +77,7 @@ class TorqueFilter:
 
     @property
     def _keep(self) -> float:
-        """How much of a filter's state is left after a period."""
+        """Share of a filter's state that is left after a period."""
         return exp(-self.cutoff * self.period)
 
     @property
@@ -93,7 +93,7 @@ class TorqueFilter:
 
 @lru_cache(maxsize=64)
 def felt(model: ReducedModel) -> list[list[int]]:
-    """For each joint, which of the model's parameters it ever feels: a link is felt by the joints that move it."""
+    """Indices of the model's parameters that each joint ever feels: a link is felt by the joints that move it."""
     equations, r = model.mechanism.equations, model.mechanism.dof
 
     def terms(q: Column, v: Column) -> list[Column]:
@@ -105,7 +105,7 @@ def felt(model: ReducedModel) -> list[list[int]]:
 
 
 def require_cutoff(cutoff: float, period: float) -> None:
-    """Refuse a filter that the control period cannot carry."""
+    """Raise `InputError` for a filter that the control period (s) cannot carry."""
     if not (np.isfinite(cutoff) and cutoff > 0.0):
         raise InputError(f"torque filter: cutoff: expected a positive number in 1/s, got {cutoff}")
     if cutoff * period > 1.0:

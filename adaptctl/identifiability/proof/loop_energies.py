@@ -11,7 +11,7 @@ from adaptctl.description import GROUND, Description
 from adaptctl.description.loops import Closure
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.loop_equations import LoopEquations
-from adaptctl.dynamics.loops.constraint import Arm, Follower, Loop
+from adaptctl.dynamics.loops.constraint import ClosureSide, Follower, Loop
 from adaptctl.errors import InputError
 from adaptctl.identifiability.proof.digits import digits, samples_of, stacked_digits
 from adaptctl.identifiability.proof.exact_geometry import ExactGeometry
@@ -23,7 +23,7 @@ def exact_loops(mechanism: Mechanism, geometry: ExactGeometry) -> LoopEquations:
     equations, description = mechanism.equations, mechanism.description
     if not isinstance(equations, LoopEquations) or description.loops is None:
         raise InputError(f"{mechanism.name}: there are no loops to close")
-    tree = replace(equations.tree, links=geometry.links, gravity=geometry.gravity)
+    tree = replace(equations.tree, segments=geometry.links, gravity=geometry.gravity)
     pairs = zip(equations.closing.loops, description.loops.closures, strict=True)
     closed = tuple(_exact_loop(loop, closure, description, geometry) for loop, closure in pairs)
     followers = tuple(_exact_follower(follower, geometry) for follower in equations.closing.followers)
@@ -49,8 +49,8 @@ def _exact_loop(loop: Loop, closure: Closure, description: Description, geometry
     first = geometry.fixed(GROUND if closure.first is None else names[closure.first], closure.first_frame)
     second = geometry.fixed(GROUND if closure.second is None else names[closure.second], closure.second_frame)
     return Loop(
-        Arm(loop.first.links, first.rotation, first.origin),
-        Arm(loop.second.links, second.rotation, second.origin),
+        ClosureSide(loop.first.links, first.rotation, first.origin),
+        ClosureSide(loop.second.links, second.rotation, second.origin),
         loop.kind,
     )
 
