@@ -155,6 +155,8 @@ def _kept_against_the_order(
         return ()
     if not (prove or space.proof.strict):
         return ()
+    if space.proof.keeps(found.kept, order):
+        return ()
     others = sorted(set(found.kept) - set(space.proof.kept(order)))
     if others and not found.passed_over and not space.proof.strict:
         raise RankError(

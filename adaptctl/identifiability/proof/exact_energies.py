@@ -18,7 +18,7 @@ from adaptctl.identifiability.proof import elimination, pivots
 from adaptctl.identifiability.proof.digits import BITS, digits, scaled
 from adaptctl.identifiability.proof.exact_geometry import ExactGeometry, Reading
 from adaptctl.identifiability.proof.field_energies import energy_changes, energy_differences
-from adaptctl.identifiability.proof.joint_frames import canonical_frames
+from adaptctl.identifiability.proof.joint_frames import CanonicalFrames, canonical_frames
 from adaptctl.identifiability.proof.loop_energies import exact_loops, loop_energies
 from adaptctl.identifiability.proof.near_geometry import as_equal, loop_lengths
 from adaptctl.identifiability.proof.prime_field import PRIME, modular, residue
@@ -44,6 +44,8 @@ class ExactEnergies:
     seed: int = 0
     strict: bool = False
     """Whether relations that hold to a file's round-off alone, in closed loops, do not hold."""
+    by_frames: bool = False
+    """Whether geometry is told from frame to frame, as in the file, or from axis to axis."""
 
     @property
     def method(self) -> str:
@@ -71,6 +73,14 @@ class ExactEnergies:
             return tuple(sorted(pivots.independent_columns(self._differences, backward, self._nothing)))
         return tuple(sorted(elimination.independent_columns(self._differences, backward)))
 
+    def keeps(self, kept: tuple[int, ...], order: Sequence[int]) -> bool:
+        """Whether an order of removal leaves these parameters (k,), with the geometry told in one way or the other.
+
+        From axis to axis nothing is lost that the rank depends on, but skew axes spoil zeros of the file's offsets, on
+        which it depends what is kept; from frame to frame it is the other way round.
+        """
+        return any(kept == way.kept(order) for way in (replace(self, by_frames=True), self))
+
     @property
     def _nothing(self) -> float:
         return pivots.EXACTLY_NOTHING if self.strict else pivots.NOTHING
@@ -88,11 +98,17 @@ class ExactEnergies:
         unit = Fraction(10) ** math.floor(math.log10(length)) if self.closed else Fraction(1)
         reading = Reading(digits if self.closed else modular, length, unit, self.precision)
         description = self.mechanism.description
-        if self.closed and self.precision is AS_MEANT:
-            frames = canonical_frames(description, length, self.precision)
-            lengths = (x for x, _ in loop_lengths(description, frames))
+        if self.precision is AS_MEANT:
+            lengths = (x for x, _ in loop_lengths(description, self.frames))
             reading = replace(reading, equal=as_equal(lengths, self.precision.length * length))
-        return ExactGeometry.of(description, reading)
+        if self.by_frames:
+            return ExactGeometry.by_frames(description, reading)
+        return ExactGeometry.by_axes(description, self.frames, reading)
+
+    @cached_property
+    def frames(self) -> CanonicalFrames:
+        """The joints told from axis to axis, in floats."""
+        return canonical_frames(self.mechanism.description, characteristic_length(self.mechanism), self.precision)
 
     @cached_property
     def _differences(self) -> Any:

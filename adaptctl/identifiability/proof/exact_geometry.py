@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-from adaptctl.description import GROUND, Description, Pose
+from adaptctl.description import GROUND, Description, Link, Pose
 from adaptctl.dynamics.loops.constraint import product
 from adaptctl.dynamics.recursion.segment import Segment
-from adaptctl.identifiability.proof.joint_frames import CanonicalFrames, FramePlacement, about_z, canonical_frames
+from adaptctl.identifiability.proof.joint_frames import CanonicalFrames, FloatFrame, FramePlacement, about_z
 from adaptctl.identifiability.proof.simplest import AS_GIVEN, Precision, simplest_rational, turn
 from adaptctl.scalars import Mat, Vec
 
@@ -69,19 +69,19 @@ class ExactFrame:
 
 @dataclass(frozen=True)
 class ExactGeometry:
-    """The links of a tree behind joints that turn about, or slide along, their own frames' z."""
+    """The links of a tree in exact numbers, and how frames that are fixed to them are told."""
 
-    frames: CanonicalFrames
     links: tuple[Segment, ...]
-    on_joints: tuple[ExactFrame, ...]
-    """(N,): every link's frame in its joint's"""
+    shifts: tuple[float, ...]
+    """What joints' coordinates here are more than in the file."""
     gravity: Vec
     reading: Reading
+    fixed: Callable[[int, Pose], ExactFrame]
+    """A frame that is fixed to a link, in the link's own, or to the ground (-1)."""
 
     @classmethod
-    def of(cls, description: Description, reading: Reading) -> ExactGeometry:
-        """The geometry of a mechanism's tree."""
-        frames = canonical_frames(description, reading.size, reading.precision)
+    def by_axes(cls, description: Description, frames: CanonicalFrames, reading: Reading) -> ExactGeometry:
+        """The geometry told from axis to axis: axes that are parallel, meet or are at right angles are so exactly."""
         on_joints = tuple(ExactFrame.of(joint.link, reading) for joint in frames.joints)
         links = tuple(
             _segment(
@@ -93,16 +93,52 @@ class ExactGeometry:
             )
             for link, joint, own in zip(description.links, frames.joints, on_joints, strict=True)
         )
-        gravity = Vec(0.0, 0.0, -1.0 if description.gravity.any() else 0.0)
-        return cls(frames, links, on_joints, gravity, reading)
 
-    def fixed(self, link: int, pose: Pose) -> ExactFrame:
-        """A frame that is fixed to a link, in the link's own; to the ground (-1), in the ground's, z up."""
-        frame = ExactFrame.of(self.frames.placement(link, pose), self.reading)
-        if link == GROUND:
-            return frame
-        back = self.on_joints[link].rotation.T
-        return ExactFrame(product(back, frame.rotation), back @ (frame.origin - self.on_joints[link].origin))
+        def fixed(link: int, pose: Pose) -> ExactFrame:
+            frame = ExactFrame.of(frames.placement(link, pose), reading)
+            if link == GROUND:
+                return frame
+            back = on_joints[link].rotation.T
+            return ExactFrame(product(back, frame.rotation), back @ (frame.origin - on_joints[link].origin))
+
+        gravity = Vec(0.0, 0.0, -1.0 if description.gravity.any() else 0.0)
+        return cls(links, tuple(joint.shift for joint in frames.joints), gravity, reading, fixed)
+
+    @classmethod
+    def by_frames(cls, description: Description, reading: Reading) -> ExactGeometry:
+        """The geometry told from frame to frame as the file does: entries that are zero there are so exactly."""
+
+        def fixed(_: int, pose: Pose) -> ExactFrame:
+            return _as_written(pose, reading)
+
+        links = tuple(_as_in_file(link, reading) for link in description.links)
+        gravity = Vec(*(reading.number(simplest_rational(float(g), 10.0)) for g in description.gravity))
+        return cls(links, (0.0,) * len(links), gravity, reading, fixed)
+
+
+def _as_written(pose: Pose, reading: Reading) -> ExactFrame:
+    """A pose with the file's own lengths; its rotation by three angles."""
+    placement = FramePlacement.of(FloatFrame.of(pose), reading.size, reading.precision)
+    rotation = ExactFrame.of(placement, reading).rotation
+    return ExactFrame(rotation, Vec(*(reading.length(x) for x in pose.translation.tolist())))
+
+
+def _as_in_file(link: Link, reading: Reading) -> Segment:
+    near, far = _as_written(link.near, reading), _as_written(link.far, reading)
+    x, y, z = link.joint.axis.tolist()
+    tilt, yaw = reading.turned(math.atan2(math.hypot(x, y), z)), reading.turned(math.atan2(x, -y) if x or y else 0.0)
+    axis = Vec(yaw[1] * tilt[1], -(yaw[0] * tilt[1]), tilt[0])
+    outward = far.rotation.T
+    return Segment(
+        parent=link.parent,
+        turns=link.joint.kind.turns,
+        joint_axis=axis,
+        axis=outward @ axis,
+        inward=_unless_identity(near.rotation.T),
+        outward=_unless_identity(outward),
+        near=near.origin,
+        far=outward @ far.origin,
+    )
 
 
 def _segment(parent: int, turns: bool, joint: ExactFrame, before: ExactFrame | None, own: ExactFrame) -> Segment:

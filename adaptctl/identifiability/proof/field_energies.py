@@ -17,7 +17,7 @@ from adaptctl.scalars import ZERO
 def energy_differences(description: Description, geometry: ExactGeometry, samples: int, seed: int) -> Residues:
     """H (samples, P): energies at random states, less those at another one."""
     rng = np.random.default_rng(seed)
-    places = random_places(description, geometry.frames, geometry.links, samples + 1, rng)
+    places = random_places(description, geometry, samples + 1, rng)
     rates = random_rates(description, samples + 1, rng)
     links = placed_energy_regressor(places, rates, geometry.gravity)
     row = TreeEquations.of(description).energies(links, rates)
@@ -32,7 +32,7 @@ def energy_changes(description: Description, geometry: ExactGeometry, samples: i
     A joint of a tree does not feel a body exactly when nothing changes in any state.
     """
     rng = np.random.default_rng(seed)
-    places = random_places(description, geometry.frames, geometry.links, samples, rng)
+    places = random_places(description, geometry, samples, rng)
     rates = random_rates(description, samples, rng)
     moving, heavy = twists(places, rates), weights(places, geometry.gravity)
     out = np.zeros((len(places), samples, 11), dtype=np.int64)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +11,7 @@ import numpy as np
 from adaptctl.description import Description
 from adaptctl.description.loops import Coupling
 from adaptctl.dynamics.recursion.segment import Placement, Segment
-from adaptctl.identifiability.proof.joint_frames import CanonicalFrames
+from adaptctl.identifiability.proof.exact_geometry import ExactGeometry
 from adaptctl.identifiability.proof.prime_field import modular, random_residues
 from adaptctl.identifiability.proof.simplest import simplest_rational, turn
 from adaptctl.scalars import Column
@@ -49,11 +48,12 @@ class Coordinate:
 
 
 def random_places(
-    description: Description, frames: CanonicalFrames, links: Sequence[Segment], samples: int, rng: np.random.Generator
+    description: Description, geometry: ExactGeometry, samples: int, rng: np.random.Generator
 ) -> list[Placement]:
     """Every link at random places of the joints; those that follow others follow."""
     couplings = () if description.loops is None else description.loops.couplings
     index = {name: i for i, name in enumerate(description.joint_names)}
+    links, shifts = geometry.links, geometry.shifts
     followers = {index[c.follower]: c for c in couplings}
     parts = [1] * len(links)
     for c in couplings:
@@ -64,7 +64,7 @@ def random_places(
         if i in followers:
             c = followers[i]
             leader = index[c.leader]
-            angle = c.offset + frames.joints[i].shift - c.ratio * frames.joints[leader].shift
+            angle = c.offset + shifts[i] - c.ratio * shifts[leader]
             place = free[leader].followed(c, parts[leader], angle)
         else:
             place = free[i].whole(parts[i])

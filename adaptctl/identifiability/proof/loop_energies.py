@@ -33,8 +33,8 @@ def exact_loops(mechanism: Mechanism, geometry: ExactGeometry) -> LoopEquations:
 def loop_energies(equations: LoopEquations, geometry: ExactGeometry, q: Array, v: Array) -> Any:
     """Energies (samples, P) at configurations q (samples, n) that nearly close the loops, joint velocities v
     (samples, r); whole numbers of 2^-200."""
-    joints = zip(q.T, geometry.frames.joints, geometry.links, strict=True)
-    guess = Column(_coordinate(x, joint.shift, link.turns, geometry.reading.unit) for x, joint, link in joints)
+    joints = zip(q.T, geometry.shifts, geometry.links, strict=True)
+    guess = Column(_coordinate(x, shift, link.turns, geometry.reading.unit) for x, shift, link in joints)
     closed = equations.closed(Column(guess[i] for i in equations.closing.primary), guess)
     row = equations.energy_regressor(closed, Column(samples_of(x) for x in v.T))
     return stacked_digits([*row], len(q))
@@ -57,8 +57,8 @@ def _exact_loop(loop: Loop, closure: Closure, description: Description, geometry
 
 def _exact_follower(follower: Follower, geometry: ExactGeometry) -> Follower:
     """With its offset among shifted joints, and lengths in the geometry's unit."""
-    joints, links = geometry.frames.joints, geometry.links
+    shifts, links = geometry.shifts, geometry.links
     over = {False: float(1 / geometry.reading.unit), True: 1.0}
     own, other = over[links[follower.follower].turns], over[links[follower.leader].turns]
-    shift = joints[follower.follower].shift - follower.ratio * joints[follower.leader].shift
+    shift = shifts[follower.follower] - follower.ratio * shifts[follower.leader]
     return replace(follower, ratio=follower.ratio * own / other, offset=follower.offset * own + shift)

@@ -27,7 +27,7 @@ def proved(mechanism: Mechanism, near: Near, prove: bool | None, seed: int) -> E
     if prove is False:
         return None
     exact = ExactEnergies(mechanism, seed=seed)
-    coincidences = near_coincidences(mechanism.description, exact.geometry.frames)
+    coincidences = near_coincidences(mechanism.description, exact.frames)
     if coincidences:
         exact = replace(exact, strict=True)
     if coincidences and near == "refuse":
