@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_loops import RECIPES, random_loop, two_arms
 from random_trees import random_chain, random_inertia, random_tree
+from robot_files import urdf
 
 from adaptctl.description import ClosureKind, Description, Joint, Link, Pose
 from adaptctl.description.pose import rotation_about
@@ -306,3 +307,11 @@ def planar_arm(rng: np.random.Generator) -> list[Link]:
     return [
         Link(f"link{i}", i - 1, Joint(f"joint{i}"), near[i], Pose.identity(), random_inertia(rng)) for i in range(5)
     ]
+
+
+@pytest.mark.filterwarnings("ignore::adaptctl.errors.SimplificationWarning")
+@pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
+def test_a_real_hands_frame_is_askew_by_less_than_floats_can_use() -> None:
+    """TIAGo's last link is turned by a rounded angle: the priority alone would remove a parameter that must stay."""
+    basis = fundamental_basis(essential_space(load(urdf("tiago.urdf"))), prove=True)
+    assert (basis.rank, basis.passed_over) == (310, ("arm_7_link.I_xy",))

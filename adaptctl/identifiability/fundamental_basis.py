@@ -117,14 +117,14 @@ def fundamental_basis(
     """The fundamental basis that removes parameters in the order of a priority (default: Table 4's rule).
 
     With `prove`, the kept parameters are also found on the exact geometry of the space's proof.
-    Raises `RankError` when both differ although every choice was clear, and when the removed parameters determine the
+    Raises `RankError` when both differ although every choice is clear, and when the removed parameters determine the
     kept ones too poorly (condition above 1e4 among scaled parameters): the priority then removes parameters that very
     nearly depend on each other.
     """
     order = (priority or Priority()).indices(space.parameter_names)
     found = space.null_space.regrouping(order, tolerance)
     _require_conditioned(space, found)
-    passed_over = {*found.passed_over, *_kept_against_the_order(space, found, order, prove)}
+    passed_over = {*found.passed_over, *_kept_against_the_order(space, found, order, prove, tolerance)}
     if found.rank != space.rank:
         raise RankError(
             f"{space.mechanism_name}: the kept columns have rank {found.rank}, not {space.rank}; "
@@ -143,22 +143,23 @@ def fundamental_basis(
 
 
 def _kept_against_the_order(
-    space: EssentialSpace, found: Regrouping, order: Sequence[int], prove: bool
+    space: EssentialSpace, found: Regrouping, order: Sequence[int], prove: bool, tolerance: float
 ) -> tuple[int, ...]:
     """Kept parameters that the order removes on exact geometry, looked for if asked or where that is nearly special.
 
-    Raises `RankError` where all choices were clear and the geometry is not: one of both is wrong then.
+    Raises `RankError` where more than the tolerance is left of every row that exact geometry removes: floats should
+    have removed them too.
     """
     if space.proof is None:
         if prove:
             raise InputError(f"{space.mechanism_name}: to prove the basis, prove the essential space (prove=True)")
         return ()
-    if not (prove or space.proof.strict):
+    if not (prove or space.proof.strict) or space.proof.keeps(found.kept, order):
         return ()
-    if space.proof.keeps(found.kept, order):
-        return ()
-    others = sorted(set(found.kept) - set(space.proof.kept(order)))
-    if others and not found.passed_over and not space.proof.strict:
+    exact = set(space.proof.kept(order))
+    rows = space.scaled_null_basis[[j for j in order if j not in exact]]
+    others = sorted(set(found.kept) - exact)
+    if np.abs(np.diag(np.linalg.qr(rows.T, mode="r"))).min(initial=1.0) > tolerance:
         raise RankError(
             f"{space.mechanism_name}: on exact geometry, over {space.proof.method}, this priority removes "
             f"{', '.join(space.parameter_names[j] for j in others[:4])}, and among floats it does not"
