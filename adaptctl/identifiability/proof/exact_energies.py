@@ -19,7 +19,6 @@ from adaptctl.identifiability.proof.digits import BITS, digits, scaled
 from adaptctl.identifiability.proof.exact_geometry import ExactGeometry, Reading
 from adaptctl.identifiability.proof.field_energies import energy_changes, energy_differences
 from adaptctl.identifiability.proof.joint_frames import CanonicalFrames, canonical_frames
-from adaptctl.identifiability.proof.loop_energies import exact_loops, loop_energies
 from adaptctl.identifiability.proof.near_geometry import as_equal, loop_lengths
 from adaptctl.identifiability.proof.prime_field import PRIME, modular, residue
 from adaptctl.identifiability.proof.simplest import AS_GIVEN, AS_MEANT, Precision, simplest_rational
@@ -137,6 +136,9 @@ class ExactEnergies:
 
 
 def _differences_in_digits(mechanism: Mechanism, geometry: ExactGeometry, rows: int, seed: int) -> Any:
+    """Energy differences (rows, P) of closed loops, whose equations are imported here since a tree has none."""
+    from adaptctl.identifiability.proof.loop_energies import exact_loops, loop_energies
+
     states = random_states(mechanism, rows + 1, np.random.default_rng(seed))
     exact = exact_loops(mechanism, geometry)
     E = loop_energies(exact, geometry, mechanism.configuration(states.p), states.v)
