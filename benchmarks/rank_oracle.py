@@ -7,8 +7,8 @@ random states; loops are closed by the intersection of two circles. Nothing of t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
@@ -89,7 +89,6 @@ class Case:
     """rad or of a length, by which it is nearly special; 0 where it is not."""
     scale: Fraction = Fraction(1)
     """m of the unit of length."""
-    extra: dict[str, Any] = field(default_factory=dict)
 
     def mechanism(self) -> Mechanism:
         """In floats."""
@@ -290,9 +289,6 @@ def _less(one: tuple[int, int], other: tuple[int, int]) -> tuple[int, int]:
     return (a * c + b * d) % FIELD, (b * c - a * d) % FIELD
 
 
-Draw = Callable[[np.random.Generator], Case]
-
-
 def length(rng: np.random.Generator) -> Fraction:
     """A length about one, of few digits, as files have them."""
     return Fraction(int(rng.integers(50, 900)), 1000) * int(rng.choice([-1, 1]))
@@ -340,10 +336,8 @@ def bent(rng: np.random.Generator, links: int) -> Case:
     if rng.random() < 0.7:
         small = about(0, turned(Fraction(case.miss / 2)))
         case.links[which].near = times(case.links[which].near, small)
-        case.extra["what"] = "angle"
     else:
         case.links[which].near = times(shifted(Fraction(case.miss) / 10, 0, 0), case.links[which].near)
-        case.extra["what"] = "offset"
     return case
 
 
