@@ -156,5 +156,10 @@ def test_a_rank_that_cannot_be_certified_fails(capsys: pytest.CaptureFixture[str
     assert main(["basis", str(tmp_path / "flat.toml")]) == 1
     said = capsys.readouterr()
     assert said.out == ""
-    assert "flat: the rank cannot be certified: the gap at 13 is" in said.err
+    assert "flat: the rank is 17 as the geometry stands, and 9 if what is nearly special is meant to be so" in said.err
     assert "joint1 and joint2 miss 0 degrees by 1.0e-06 rad" in said.err
+    assert main(["basis", str(tmp_path / "flat.toml"), "--as-is"]) == 1
+    assert "flat: the rank cannot be certified: the gap at 13 is" in capsys.readouterr().err
+    assert main(["basis", str(tmp_path / "flat.toml"), "--snap", "--json"]) == 0
+    certificate = json.loads(capsys.readouterr().out)["certificate"]
+    assert (certificate["rank_energy"], certificate["rank_exact"], certificate["exact_by"]) == (9, 9, "a prime field")

@@ -311,7 +311,5 @@ def test_wrong_constraints() -> None:
         constrained(mechanism, Constraints(relations=(Relation({"elbow": 1.0}),)))
     with pytest.raises(InputError, match=r"expected a matrix \(m, 50\) and values \(m,\), got \(3, 49\)"):
         Constraints.of(np.ones((3, 49)), mechanism.parameter_names)
-    with pytest.raises(InputError, match="semi_direct_drive: the constraints leave no parameter"):
-        constrained(mechanism, Constraints(dict.fromkeys(mechanism.parameter_names, 0.0)))
     with pytest.raises(InputError, match="relation 1 a = inf: expected finite weights"):
         Relation({"a": 1.0}, np.inf)

@@ -204,6 +204,8 @@ def test_a_twist_between_length_and_round_off_is_refused() -> None:
     """By geometry it counts as none or as one; energies must agree."""
     bent = (0.0, 1.0, 1e-7)
     with pytest.raises(RankError, match=r"arm: .* energies say \d+, geometry \d+, .*joint0 and joint1 miss 0 degrees"):
+        essential_space(arm(ACROSS, bent, ACROSS), method="transfers", prove=False)
+    with pytest.raises(RankError, match="arm: the rank is 17 as the geometry stands, and 9 if"):
         essential_space(arm(ACROSS, bent, ACROSS), method="transfers")
 
 
@@ -213,8 +215,8 @@ def test_left_to_itself_it_takes_what_certifies() -> None:
     assert essential_space(arm(*[ACROSS] * 9)).certificate.rank_geometry is None
     bent = arm(*[ACROSS] * 9, (0.0, 1.0, 1e-9))
     with pytest.raises(RankError):
-        essential_space(bent, method="transfers")
-    assert essential_space(bent).certificate.rank_torque is not None
+        essential_space(bent, method="transfers", prove=False)
+    assert essential_space(bent, prove=False).certificate.rank_torque is not None
 
 
 def test_only_trees_have_transfers() -> None:

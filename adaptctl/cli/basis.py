@@ -31,6 +31,12 @@ def basis(
             help="Also tell how many components keep the energy's error below this, within the joints' limits.",
         ),
     ] = None,
+    snap: Annotated[
+        bool, Parameter(negative=(), help="Make angles between joint axes within 1e-3 rad of right ones exact.")
+    ] = False,
+    as_is: Annotated[
+        bool, Parameter(negative=(), help="Take nearly special angles and lengths as they stand; else they may refuse.")
+    ] = False,
     json: Annotated[bool, Parameter(help="Print JSON instead of tables.")] = False,
     out: Annotated[
         Path | None, Parameter(metavar="FILE", help="Also save the basis, as JSON that adaptctl can load.")
@@ -40,10 +46,10 @@ def basis(
     from adaptctl.dynamics import load
     from adaptctl.identifiability import Priority, essential_space, fundamental_basis
 
-    mechanism = load(robot)
+    mechanism = load(robot, snap=snap)
     order = Priority.default(mechanism) if priority is None else Priority.read(priority, mechanism)
-    space = essential_space(mechanism)
-    found = fundamental_basis(space, order)
+    space = essential_space(mechanism, near="as_is" if as_is else "refuse", prove=True)
+    found = fundamental_basis(space, order, prove=True)
     reduction = None if energy_error is None else _reduction(mechanism, energy_error)
     if out is not None:
         found.save(out)
@@ -93,4 +99,4 @@ def _reduction(mechanism: Mechanism, energy_error: float) -> Reduction:
     from adaptctl.identifiability import essential_space, reduce, states_within_limits
 
     states = states_within_limits(mechanism, 2 * len(mechanism.parameter_names) + 1)
-    return reduce(essential_space(mechanism, states=states), mechanism, energy_error=energy_error)
+    return reduce(essential_space(mechanism, states=states, prove=False), mechanism, energy_error=energy_error)

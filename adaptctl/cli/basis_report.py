@@ -55,6 +55,9 @@ def header(mechanism: Mechanism, space: EssentialSpace, basis: FundamentalBasis)
     )
     certificate = Text(f"{space.certificate}; condition {basis.condition:.3g}", style="dim")
     remarks = [*space.certificate.remarks]
+    if basis.passed_over:
+        names = ", ".join(basis.passed_over)
+        remarks.append(f"{names} would go first, but nearly depend on those removed before, so others go instead")
     if friction:
         remarks.append(f"{friction} friction parameters are kept besides: energies say nothing of them")
     return Group(first, certificate, *(Text(f"note: {remark}", style="yellow") for remark in remarks))

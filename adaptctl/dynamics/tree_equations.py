@@ -108,8 +108,11 @@ class TreeEquations(Equations):
 
     def energy_regressor(self, p: Column, v: Column) -> Column:
         """E (P,): total energy is E' D, in J."""
-        links = energy.energy_regressor(self.segments, p, v, self.gravity)
-        return Column((*self.layout.owned(links), *(term.energy(v[term.joint]) for term in self.layout.drives)))
+        return self.energies(energy.energy_regressor(self.segments, p, v, self.gravity), v)
+
+    def energies(self, tens: Column, v: Column) -> Column:
+        """E (P,) from the energies of the ten of every link (10N,) and the joints' velocities."""
+        return Column((*self.layout.owned(tens), *(term.energy(v[term.joint]) for term in self.layout.drives)))
 
     def potential_regressor(self, p: Column) -> Column:
         """The potential part of E (P,)."""

@@ -13,18 +13,27 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import RankError
 from adaptctl.identifiability.energy_matrix import EnergyFactor, energetic_names, energy_blocks, torque_rows
 from adaptctl.identifiability.null_space import NullSpace, null_residual, unscaled_bases
+from adaptctl.identifiability.proof.exact_energies import ExactEnergies
 from adaptctl.identifiability.right_angles import NearRightAngle, near_right_angles
 from adaptctl.identifiability.sampling import random_halves, random_states, whereabouts
-from adaptctl.identifiability.scaled_rank import ScaledRegressor
+from adaptctl.identifiability.scaled_rank import (
+    FEW_STATES,
+    NOTHING,
+    DecomposedNullSpace,
+    ScaledRegressor,
+    energy_scales,
+)
 from adaptctl.identifiability.tree.null_space import TreeNullSpace
-from adaptctl.identifiability.tree.unobservable_inertia import BODY
-from adaptctl.identifiability.tree.verification import energy_changes, transfer_evidence
+from adaptctl.identifiability.tree.verification import TransferEvidence, energy_changes, transfer_evidence
 
 SMALLEST_GAP = 1e6
 SMALLEST_SINGULAR_VALUE = 1e-9
 """Least sigma_k/sigma_1 of the scaled energy differences."""
 ROUND_OFF = 1e-14
 """Values beyond the gap above this, relative to sigma_1, are named: they are more than round-off."""
+LARGEST_LEFTOVER = 1e-8
+"""Values beyond the gap above this, relative to sigma_1, are far more than round-off, and refuse the rank: 1e-11 of an
+angle, times a thousand where a small column is scaled up."""
 LISTED = 80
 """Most singular values in a message."""
 
@@ -43,7 +52,7 @@ class Leftover:
 
 @dataclass(frozen=True)
 class Certificate:
-    """The rank as found in three ways from scaled matrices, and how clear-cut it is.
+    """The rank as found in three ways from scaled matrices and in one by exact numbers, and how clear-cut it is.
 
     `gap` is sigma_k/sigma_k+1 of the energy differences, `relative_smallest` sigma_k/sigma_1, both floored at
     1e-15 of sigma_1. `null_residual` is the largest torque that any null vector makes on other samples,
@@ -51,6 +60,7 @@ class Certificate:
     By transfers, `rank_geometry`, which follows from a tree's geometry, takes the place of `rank_torque`. Gap and
     smallest value are then those of the worst joint's energy changes, as bodies are moved from its link to the parent
     link, and `null_residual` is the largest relative change by a body that is unobservable at its joint.
+    `rank_exact` is that of exact geometry, computed in what `exact_by` says; None where it was not asked for.
     """
 
     rank_energy: int
@@ -64,6 +74,8 @@ class Certificate:
     near_right_angles: tuple[NearRightAngle, ...] = ()
     rank_torque: int | None = None
     rank_geometry: int | None = None
+    rank_exact: int | None = None
+    exact_by: str = ""
 
     @property
     def rank(self) -> int:
@@ -75,6 +87,7 @@ class Certificate:
         """Reasons for which the rank cannot be accepted; empty when it can."""
         other, what = self._other
         ranks = (self.rank_energy, other, self.rank_doubled)
+        largest = max((leftover.value for leftover in self.leftovers), default=0.0)
         wrong = {
             f"the gap at {self.rank} is {self.gap:.1e}, at least {SMALLEST_GAP:.0e} is needed": (
                 self.gap < SMALLEST_GAP
@@ -84,6 +97,10 @@ class Certificate:
             ),
             f"energies say {ranks[0]}, {what} {ranks[1]}, energies of twice as many samples {ranks[2]}": (
                 len(set(ranks)) > 1
+            ),
+            f"beyond the gap there is {largest:.1e} of sigma_1, far more than round-off": largest > LARGEST_LEFTOVER,
+            f"energies say {self.rank_energy}, exact geometry over {self.exact_by} says {self.rank_exact}": (
+                self.rank_exact not in (None, self.rank_energy)
             ),
         }
         return tuple(text for text, holds in wrong.items() if holds)
@@ -99,6 +116,7 @@ class Certificate:
             f"rank {self.rank} by the energies of {self.samples} and of {2 * self.samples} states and by "
             f"{self._other[1]}; "
             f"gap {self.gap:.1e}, sigma_k/sigma_1 {self.relative_smallest:.1e}"
+            + (f"; the same exactly, over {self.exact_by}" if self.rank_exact is not None else "")
         )
 
     @property
@@ -115,7 +133,7 @@ class Certificate:
         hints = "".join(f"; {suspect}" for suspect in suspects)
         raise RankError(
             f"{mechanism}: the rank cannot be certified: {'; '.join(self.faults)}{hints}. "
-            f"Scaled singular values over the largest: {_listing(spectrum / spectrum[0], self.rank)}",
+            f"Scaled singular values over the largest: {_listing(spectrum / spectrum.max(initial=1e-300), self.rank)}",
             tuple(spectrum.tolist()),
         )
 
@@ -131,7 +149,9 @@ class CertifiedNullSpace(NamedTuple):
     """Where these states come from, in words."""
 
 
-def certified_by_decomposition(mechanism: Mechanism, samples: int, seed: int) -> CertifiedNullSpace:
+def certified_by_decomposition(
+    mechanism: Mechanism, samples: int, seed: int, proof: ExactEnergies | None = None
+) -> CertifiedNullSpace:
     """The null space by singular value decomposition of energy differences at random states; of any mechanism.
 
     Raises `RankError` unless the energies of `samples` states, of twice as many, and torques agree on a clear rank.
@@ -144,7 +164,7 @@ def certified_by_decomposition(mechanism: Mechanism, samples: int, seed: int) ->
     rows = torque_rows(mechanism, generator)
     certificate = Certificate(
         rank_energy=scaled.rank,
-        rank_torque=ScaledRegressor.of_torques(mechanism, rows).rank,
+        rank_torque=_torque_rank(mechanism, rows, scaled),
         rank_doubled=ScaledRegressor.of_energies(mechanism, doubled).rank,
         gap=scaled.decision.gap,
         relative_smallest=scaled.decision.smallest,
@@ -153,21 +173,33 @@ def certified_by_decomposition(mechanism: Mechanism, samples: int, seed: int) ->
         null_residual=null_residual(rows, unscaled_bases(scaled.null_basis, scaled.scales)[0], scaled.scales),
         leftovers=leftovers(scaled.singular_values, scaled.vectors, scaled.rank, energetic_names(mechanism)),
         near_right_angles=near_right_angles(mechanism.description),
+        rank_exact=None if proof is None else proof.rank,
+        exact_by="" if proof is None else proof.method,
     )
     _require_accepted(mechanism, certificate, scaled.singular_values)
-    return CertifiedNullSpace(scaled, certificate, lambda: factor.triangle, _origin(mechanism, samples, seed))
+    found = DecomposedNullSpace(scaled, energy_scales(mechanism, seed))
+    return CertifiedNullSpace(found, certificate, lambda: factor.triangle, _origin(mechanism, samples, seed))
 
 
-def certified_by_transfers(mechanism: Mechanism, samples: int, seed: int) -> CertifiedNullSpace:
+def _torque_rank(mechanism: Mechanism, rows: Array, energies: ScaledRegressor) -> int:
+    """The rank of torque rows (n, P); 0 where energies are round-off and torques, scaled like them, are too."""
+    if energies.rank == 0 and np.abs(rows * energies.scales).max(initial=0.0) <= NOTHING:
+        return 0
+    return ScaledRegressor.of_torques(mechanism, rows).rank
+
+
+def certified_by_transfers(
+    mechanism: Mechanism, samples: int, seed: int, proof: ExactEnergies | None = None
+) -> CertifiedNullSpace:
     """The null space of a tree from its geometry, joint by joint, checked at every joint against sampled energies.
 
     Raises `RankError` unless energies agree, joint by joint, with the rank by geometry. `samples` is the number of
     states whose energy differences are computed when they are asked for.
     """
-    found = TreeNullSpace.of(mechanism)
+    found = TreeNullSpace.of(mechanism, seed)
     generator = np.random.default_rng(seed)
-    few = 2 * BODY + 1
-    changes = energy_changes(mechanism, found.transfers, random_states(mechanism, 2 * few, generator))
+    few = FEW_STATES // 2
+    changes = energy_changes(mechanism, found.transfers, random_states(mechanism, FEW_STATES, generator))
     once, twice = (transfer_evidence(found.transfers, changes[:, :count]) for count in (few, 2 * few))
     certificate = Certificate(
         rank_energy=found.rank + once.surplus,
@@ -178,7 +210,10 @@ def certified_by_transfers(mechanism: Mechanism, samples: int, seed: int) -> Cer
         samples=few,
         seed=seed,
         null_residual=twice.residual,
+        leftovers=_far_from_round_off(mechanism, twice),
         near_right_angles=near_right_angles(mechanism.description),
+        rank_exact=None if proof is None else proof.rank,
+        exact_by="" if proof is None else proof.method,
     )
     _require_accepted(mechanism, certificate, once.weakest)
 
@@ -187,6 +222,13 @@ def certified_by_transfers(mechanism: Mechanism, samples: int, seed: int) -> Cer
         return EnergyFactor.of(energy_blocks(mechanism, some)).triangle
 
     return CertifiedNullSpace(found, certificate, energies, _origin(mechanism, samples, seed))
+
+
+def _far_from_round_off(mechanism: Mechanism, evidence: TransferEvidence) -> tuple[Leftover, ...]:
+    """What the worst joint feels of bodies that its geometry hides from it, where that refuses the rank."""
+    if evidence.leftover <= LARGEST_LEFTOVER:
+        return ()
+    return (Leftover(evidence.leftover, (f"bodies on {mechanism.links[evidence.worst].name}",)),)
 
 
 def _origin(mechanism: Mechanism, samples: int, seed: int) -> str:
@@ -204,7 +246,7 @@ def leftovers(spectrum: Array, vectors: Array, rank: int, names: Sequence[str]) 
 
     The spectrum (P,) falls; `vectors` (P, P) holds a right singular vector a column.
     """
-    relative = spectrum / spectrum[0]
+    relative = spectrum / spectrum.max(initial=1e-300)
     beyond = [i for i in range(rank, len(spectrum)) if relative[i] > ROUND_OFF]
     return tuple(Leftover(float(relative[i]), _dominant(vectors[:, i], names)) for i in beyond)
 

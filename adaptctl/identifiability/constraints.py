@@ -130,8 +130,6 @@ def constrained(
     A, b = _system(constraints.every, names)
     scales = length_scales(names, characteristic_length(mechanism))
     kept = _independent(constraints.every, A * scales, b)
-    if len(kept) == len(names):
-        raise InputError(f"{mechanism.name}: the constraints leave no parameter")
     order = (priority or Priority()).indices(names)
     return ConstrainedMechanism(mechanism, _parametrisation(A[kept] * scales, b[kept], scales, order, mechanism))
 

@@ -87,4 +87,4 @@ def torque_rows(mechanism: Mechanism, generator: np.random.Generator) -> Array:
     Y = mechanism.torque_regressor(states.p, states.v, a, columns)
     length = characteristic_length(mechanism)
     arms = [1.0 if joint.kind.turns else length for joint in mechanism.primary_joints]
-    return (Y * np.array(arms)[:, None]).reshape(-1, Y.shape[-1])
+    return (Y * np.array(arms)[:, None]).reshape(samples * mechanism.dof, len(columns))

@@ -22,6 +22,8 @@ from adaptctl.identifiability.certificate import (
 from adaptctl.identifiability.energy_matrix import EnergyFactor, energetic_names, energy_blocks
 from adaptctl.identifiability.factorisation import right_vectors, singular_values
 from adaptctl.identifiability.null_space import NullSpace, unscaled_bases
+from adaptctl.identifiability.proof.exact_energies import ExactEnergies
+from adaptctl.identifiability.proof.proved import Near, proved
 from adaptctl.identifiability.sampling import States
 
 Method = Literal["automatic", "svd", "transfers"]
@@ -48,6 +50,8 @@ class EssentialSpace:
     """Where the states behind `singular_values` and `basis` come from, in words."""
     energies: Callable[[], Array]
     """The triangle R of these states' energy differences H = Q R."""
+    proof: ExactEnergies | None = None
+    """Energies on exact geometry, where they were computed."""
 
     @property
     def mechanism_name(self) -> str:
@@ -125,6 +129,8 @@ def essential_space(
     seed: int = 0,
     states: States | None = None,
     method: Method = "automatic",
+    near: Near = "refuse",
+    prove: bool | None = None,
 ) -> EssentialSpace:
     """The essential parameter space of a mechanism.
 
@@ -134,18 +140,24 @@ def essential_space(
     takes transfers for trees of a hundred parameters or more if their rank can be certified so, and else "svd".
     With `states`, the singular values and V1 are those of the given states' energies, so that model reduction holds
     for them; the rank and V2, which are the mechanism's own, do not depend on them.
+    With `prove` the rank is also computed on exact geometry; by default where that takes milliseconds, that is, unless
+    loops are closed. Where angles or lengths are nearly, but not exactly, special, and the rank is another one if they
+    are meant to be, it is refused, unless `near` is "as_is": it is then that of the geometry as it stands.
     Raises `RankError`, with the spectrum, when the rank cannot be certified, and `InputError` for a method that is
     unknown or not for this mechanism, and for too few samples.
     """
     count = _sample_count(samples, mechanism.energetic)
     given = None if states is None else EnergyFactor.of(energy_blocks(mechanism, [states])).triangle
-    found = _certified(mechanism, method, count, seed)
+    proof = proved(mechanism, near, prove, seed)
+    found = _certified(mechanism, method, count, seed, proof)
     if given is None or states is None:
-        return EssentialSpace(mechanism, found.null_space, found.certificate, found.states, found.energies)
-    return EssentialSpace(mechanism, found.null_space, found.certificate, states.origin, lambda: given)
+        return EssentialSpace(mechanism, found.null_space, found.certificate, found.states, found.energies, proof)
+    return EssentialSpace(mechanism, found.null_space, found.certificate, states.origin, lambda: given, proof)
 
 
-def _certified(mechanism: Mechanism, method: str, samples: int, seed: int) -> CertifiedNullSpace:
+def _certified(
+    mechanism: Mechanism, method: str, samples: int, seed: int, proof: ExactEnergies | None
+) -> CertifiedNullSpace:
     """The null space by the method asked for; by "automatic", what transfers cannot certify is left to svd."""
     if method not in METHODS:
         raise InputError(f"method: expected one of {', '.join(METHODS)}, got {method!r}")
@@ -153,11 +165,11 @@ def _certified(mechanism: Mechanism, method: str, samples: int, seed: int) -> Ce
     if method == "transfers":
         if hindrance:
             raise InputError(f"method: transfers are for trees, but {mechanism.name} has {hindrance}; use svd")
-        return certified_by_transfers(mechanism, samples, seed)
+        return certified_by_transfers(mechanism, samples, seed, proof)
     if method == "automatic" and not hindrance and mechanism.energetic >= LONG:
         with suppress(RankError):
-            return certified_by_transfers(mechanism, samples, seed)
-    return certified_by_decomposition(mechanism, samples, seed)
+            return certified_by_transfers(mechanism, samples, seed, proof)
+    return certified_by_decomposition(mechanism, samples, seed, proof)
 
 
 def _no_tree(mechanism: Mechanism) -> str:
@@ -169,7 +181,7 @@ def _no_tree(mechanism: Mechanism) -> str:
 
 def _sample_count(asked: int | None, parameters: int) -> int:
     if asked is None:
-        return 2 * parameters + 1
+        return 2 * max(parameters, 1) + 1
     if asked < 2 * parameters:
         raise InputError(f"samples: expected at least twice the {parameters} parameters, got {asked}")
     return asked

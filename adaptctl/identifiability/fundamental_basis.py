@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -37,10 +38,13 @@ class FundamentalBasis:
     """Scales (P,): parameters over these are comparable, whatever the units."""
     gap: float
     """The gap sigma_k/sigma_k+1 of the rank's certificate."""
+    passed_over: tuple[str, ...] = ()
+    """Kept parameters that the priority alone would remove: they are so nearly determined by those removed before that
+    others went instead. Not saved."""
 
     def __post_init__(self) -> None:
         P, columns = len(self.parameter_names), self.columns
-        if list(columns) != sorted(set(columns)) or not columns or columns[0] < 0 or columns[-1] >= P:
+        if list(columns) != sorted(set(columns)) or not all(0 <= j < P for j in columns):
             raise InputError(f"columns: expected rising indices in 0..{P - 1}, got {list(columns)}")
         K = frozen_array(self.regrouping, (len(columns), P), "regrouping")
         if not np.array_equal(K[:, columns], np.eye(len(columns))):
@@ -108,16 +112,19 @@ class FundamentalBasis:
 
 
 def fundamental_basis(
-    space: EssentialSpace, priority: Priority | None = None, *, tolerance: float = TOLERANCE
+    space: EssentialSpace, priority: Priority | None = None, *, tolerance: float = TOLERANCE, prove: bool = False
 ) -> FundamentalBasis:
     """The fundamental basis that removes parameters in the order of a priority (default: Table 4's rule).
 
-    Raises `RankError` when the removed parameters determine the kept ones too poorly (condition above 1e4 among
-    scaled parameters): the priority then removes parameters that very nearly depend on each other.
+    With `prove`, the kept parameters are also found on the exact geometry of the space's proof.
+    Raises `RankError` when both differ although every choice is clear, and when the removed parameters determine the
+    kept ones too poorly (condition above 1e4 among scaled parameters): the priority then removes parameters that very
+    nearly depend on each other.
     """
     order = (priority or Priority()).indices(space.parameter_names)
     found = space.null_space.regrouping(order, tolerance)
     _require_conditioned(space, found)
+    passed_over = {*found.passed_over, *_kept_against_the_order(space, found, order, prove, tolerance)}
     if found.rank != space.rank:
         raise RankError(
             f"{space.mechanism_name}: the kept columns have rank {found.rank}, not {space.rank}; "
@@ -131,7 +138,33 @@ def fundamental_basis(
         regrouping=found.matrix(space.scales),
         scales=space.scales,
         gap=space.certificate.gap,
+        passed_over=tuple(space.parameter_names[j] for j in sorted(passed_over)),
     )
+
+
+def _kept_against_the_order(
+    space: EssentialSpace, found: Regrouping, order: Sequence[int], prove: bool, tolerance: float
+) -> tuple[int, ...]:
+    """Kept parameters that the order removes on exact geometry, looked for if asked or where that is nearly special.
+
+    Raises `RankError` where more than the tolerance is left of every row that exact geometry removes: floats should
+    have removed them too.
+    """
+    if space.proof is None:
+        if prove:
+            raise InputError(f"{space.mechanism_name}: to prove the basis, prove the essential space (prove=True)")
+        return ()
+    if not (prove or space.proof.strict) or space.proof.keeps(found.kept, order):
+        return ()
+    exact = set(space.proof.kept(order))
+    rows = space.scaled_null_basis[[j for j in order if j not in exact]]
+    others = sorted(set(found.kept) - exact)
+    if np.abs(np.diag(np.linalg.qr(rows.T, mode="r"))).min(initial=1.0) > tolerance:
+        raise RankError(
+            f"{space.mechanism_name}: on exact geometry, over {space.proof.method}, this priority removes "
+            f"{', '.join(space.parameter_names[j] for j in others[:4])}, and among floats it does not"
+        )
+    return tuple(others)
 
 
 def _require_conditioned(space: EssentialSpace, found: Regrouping) -> None:

@@ -57,9 +57,9 @@ def unscaled_bases(scaled_null_basis: Array, scales: Array) -> tuple[Array, Arra
 def null_residual(regressor: Array, null_basis: Array, scales: Array) -> float:
     """The largest torque of any null vector, relative to the largest that a vector of its size could make.
 
-    The torque regressor (rows, P) and the null basis (P, P-k) are unscaled; zero where nothing is null.
+    The torque regressor (rows, P) and the null basis (P, P-k) are unscaled; zero where nothing is null, or all is.
     """
-    if null_basis.shape[1] == 0:
+    if null_basis.shape[1] == 0 or not regressor.any():
         return 0.0
     largest = np.abs(regressor * scales).max() * np.abs(null_basis / scales[:, None]).max(axis=0)
     return float((np.abs(regressor @ null_basis).max(axis=0) / largest).max())

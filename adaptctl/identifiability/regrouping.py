@@ -9,12 +9,14 @@ from functools import cached_property
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.identifiability.selection import removable
+from adaptctl.identifiability.selection import removed_and_passed_over
 
 EXACT_ZERO = 1e-11
 """Size below which regrouping coefficients are round-off: left in, they would leak large parameters into small ones."""
 LARGEST_CONDITION = 1e4
 """Largest condition of F2' V2 among scaled parameters."""
+LARGEST_BOUND = 1e7
+"""Largest bound of that condition at which Cholesky's factor does not drown in round-off."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +31,8 @@ class Regrouping:
     """Coefficients C (k, P - k) of the removed parameters on the kept ones."""
     rank: int
     """Rank of a regressor's kept columns: k, if all is well."""
+    passed_over: tuple[int, ...] = ()
+    """Kept parameters that the order alone would remove: so little of their rows is left that others go instead."""
 
     @cached_property
     def condition(self) -> float:
@@ -46,6 +50,21 @@ class Regrouping:
         sizes = np.abs(self.coefficients)
         return float(np.sqrt(1.0 + sizes.sum(axis=0).max(initial=0.0) * sizes.sum(axis=1).max(initial=0.0)))
 
+    def leaves_more_than(self, tolerance: float, order: Sequence[int]) -> bool:
+        """Whether each removed parameter's row of an orthonormal null basis leaves more than a tolerance beside those
+        removed before it in the order (P,).
+
+        With the null vectors [-C; 1] = Z B, the removed rows of Z are A = B^-1, and A A' = L L' = (1 + C'C)^-1: what is
+        left of them is on the diagonal of L, from the last to the first that of Cholesky's factor of 1 + C'C.
+        """
+        if self.bound * tolerance < 1.0 or self.bound > LARGEST_BOUND:
+            return self.bound * tolerance < 1.0
+        places = {parameter: place for place, parameter in enumerate(order)}
+        backward = sorted(range(len(self.removed)), key=lambda i: -places[self.removed[i]])
+        C = self.coefficients[:, backward]
+        factor = np.linalg.cholesky(np.eye(len(backward)) + C.T @ C)
+        return bool(np.diagonal(factor).max(initial=1.0) * tolerance < 1.0)
+
     def matrix(self, scales: Array) -> Array:
         """The regrouping matrix K (k, P) among unscaled parameters, which are the scaled ones times `scales` (P,)."""
         kept, removed = list(self.kept), list(self.removed)
@@ -61,10 +80,10 @@ def by_null_vectors(null_basis: Array, order: Sequence[int], tolerance: float) -
 
     K = F1' (I - Z (F2' Z)^-1 F2'), equation 25 of Sheu and Walker (1991).
     """
-    gone = list(removable(null_basis, order, tolerance))
-    kept = sorted(set(order) - set(gone))
-    coefficients = np.asarray(-np.linalg.solve(null_basis[gone].T, null_basis[kept].T).T, dtype=np.float64)
-    return Regrouping(tuple(kept), tuple(gone), coefficients, len(kept))
+    gone, passed_over = removed_and_passed_over(null_basis, order, tolerance)
+    kept, removed = sorted(set(order) - set(gone)), list(gone)
+    coefficients = np.asarray(-np.linalg.solve(null_basis[removed].T, null_basis[kept].T).T, dtype=np.float64)
+    return Regrouping(tuple(kept), gone, coefficients, len(kept), passed_over)
 
 
 def condition(coefficients: Array) -> float:

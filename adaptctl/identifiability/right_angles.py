@@ -15,8 +15,8 @@ from adaptctl.description.transforms.snapping import meeting_axes
 
 NEAR = 1e-3
 """Angle (rad) to a multiple of 90 degrees below which a miss is suspicious."""
-EXACT = 1e-9
-"""Angle (rad) to a multiple of 90 degrees below which it counts as reached."""
+EXACT = 1e-11
+"""Angle (rad) to a multiple of 90 degrees below which it counts as reached: 1.57079632679 misses by 5e-12."""
 
 
 @dataclass(frozen=True)

@@ -48,18 +48,14 @@ class States:
 
 
 def characteristic_length(mechanism: Mechanism) -> float:
-    """The characteristic length L (m): the largest offset from a joint to the next at zero.
+    """L (m): the largest offset from a joint to the next, or from a joint to its link's frame; 1 m where there is none.
 
-    Where all joints meet in a point it is the largest offset of a link frame from its joint, and 1 m where even these
-    are zero.
+    Far frames count, since bodies are told in them: a frame 0.25 m from its joint carries inertias of (0.25 m)^2.
     """
     links = mechanism.links
-    between = [_offset(links[k.parent].far, k.near) for k in links if k.parent != GROUND]
-    for offsets in (between, [k.far.translation for k in links]):
-        longest = max((float(np.linalg.norm(offset)) for offset in offsets), default=0.0)
-        if longest > 1e-9:
-            return longest
-    return 1.0
+    offsets = [_offset(links[k.parent].far, k.near) for k in links if k.parent != GROUND]
+    longest = max((float(np.linalg.norm(x)) for x in (*offsets, *(k.far.translation for k in links))), default=0.0)
+    return longest if longest > 1e-9 else 1.0
 
 
 def _offset(first: Pose, second: Pose) -> Array:

@@ -12,16 +12,21 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array
 from adaptctl.description.inertia import PARAMETERS
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError
-from adaptctl.identifiability.energy_matrix import EnergyFactor, energetic_names
+from adaptctl.identifiability.energy_matrix import EnergyFactor, energetic_names, energies
 from adaptctl.identifiability.factorisation import right_vectors, triangle
 from adaptctl.identifiability.regrouping import Regrouping, by_null_vectors
-from adaptctl.identifiability.sampling import characteristic_length
+from adaptctl.identifiability.sampling import characteristic_length, random_states
 
 LENGTH_POWERS = dict(zip((*PARAMETERS, "rotor_inertia"), (0, 1, 1, 1, 2, 2, 2, 2, 2, 2, 2), strict=True))
 """Powers of a length: mass, first moment and inertia are kg times L^0, L^1 and L^2."""
 SMALLEST_NORM = 1e-3
 """Floor under column norms, relative to the largest. Without it, columns of mere round-off are blown up."""
+NOTHING = 1e-12
+"""Largest singular value of a matrix that is zero but for round-off, where columns had a norm of one before energies
+were subtracted from one another."""
+FEW_STATES = 46
+"""States that tell the size of energies, and, joint by joint, the ranks of their changes: twice eleven and two more,
+doubled."""
 FLOOR = 1e-15
 """Floor under singular values, relative to the largest: below, they are round-off, and their ratios say nothing."""
 
@@ -30,6 +35,13 @@ def length_scales(parameter_names: Sequence[str], length: float) -> Array:
     """Factors (P,) 1, L, L^2 of masses, first moments and inertias, for a length L in m."""
     powers = np.array([LENGTH_POWERS[name.rsplit(".", 1)[-1]] for name in parameter_names], dtype=np.float64)
     return np.asarray(length**powers)
+
+
+def parameter_units(mechanism: Mechanism, length: float) -> Array:
+    """Units (P,) 1, L, L^2 of the parameters that enter energies, in kg, kg m and kg m^2, for a length L in m."""
+    slides = {f"{k.joint.name}.rotor_inertia" for k in mechanism.links if not k.joint.kind.turns}
+    names = energetic_names(mechanism)
+    return np.where([name in slides for name in names], 1.0, length_scales(names, length))
 
 
 def column_scales(norms: Array, parameter_names: Sequence[str], length: float) -> Array:
@@ -41,12 +53,22 @@ def column_scales(norms: Array, parameter_names: Sequence[str], length: float) -
     """
     sizes = length_scales(parameter_names, length)
     scaled = norms * sizes
-    return sizes / np.maximum(scaled, SMALLEST_NORM * scaled.max())
+    largest = scaled.max(initial=0.0)
+    return sizes / np.maximum(scaled, SMALLEST_NORM * largest) if largest > 0.0 else sizes
+
+
+def energy_scales(mechanism: Mechanism, seed: int) -> Array:
+    """Scales (P,) that make the parameters D / scales comparable, by their energies at a few random states.
+
+    Choices among parameters of different units are made on D / scales, whichever way the null space was found.
+    """
+    E = energies(mechanism, random_states(mechanism, FEW_STATES, np.random.default_rng(seed)))
+    return column_scales(np.linalg.norm(E, axis=0), energetic_names(mechanism), characteristic_length(mechanism))
 
 
 @dataclass(frozen=True)
 class NumericalRank:
-    """The rank k of a matrix, where its singular values have their largest gap."""
+    """The rank k of a matrix, where its singular values have their largest gap; 0 where all are round-off."""
 
     rank: int
     gap: float
@@ -58,11 +80,11 @@ class NumericalRank:
     def of(cls, singular_values: ArrayLike) -> NumericalRank:
         """The rank at the largest ratio sigma_k/sigma_k+1 of singular values (n,), falling; full rank is possible too.
 
-        Ratios to sigma_1 are floored at 1e-15. Raises `InputError` for a matrix that is empty or zero.
+        Ratios to sigma_1 are floored at 1e-15. Nothing above 1e-12 is rank 0, by the largest gap there can be.
         """
         values = np.asarray(singular_values, dtype=np.float64)
-        if values.size == 0 or values[0] <= 0.0:
-            raise InputError("the rank of a matrix that is empty or zero cannot be decided by a gap")
+        if values.max(initial=0.0) <= NOTHING:
+            return cls(0, 1.0 / FLOOR, 1.0)
         relative = np.maximum(np.append(values / values[0], 0.0), FLOOR)
         ratios = relative[:-1] / relative[1:]
         k = int(np.argmax(ratios)) + 1
@@ -71,7 +93,7 @@ class NumericalRank:
 
 @dataclass(frozen=True, eq=False)
 class ScaledRegressor:
-    """A sampled regressor with comparable columns, as the triangle of its QR factors; a null space by decomposition."""
+    """A sampled regressor with comparable columns, as the triangle of its QR factors."""
 
     scales: Array
     """Factors (P,) of the columns."""
@@ -119,12 +141,32 @@ class ScaledRegressor:
         """Orthonormal null vectors (P, P-k) among the scaled parameters D / scales."""
         return self.vectors[:, self.rank :]
 
-    def regrouping(self, order: Sequence[int], tolerance: float) -> Regrouping:
-        """The regrouping that removes parameters in an order, with the rank of the columns that are kept."""
-        found = by_null_vectors(self.null_basis, order, tolerance)
-        return replace(found, rank=self._rank_of(found.kept))
-
-    def _rank_of(self, columns: Sequence[int]) -> int:
+    def rank_of(self, columns: Sequence[int]) -> int:
         """The rank of some columns of H = U S V'; without U, which changes no rank."""
         shares = (self.vectors * self.singular_values)[list(columns)]
         return NumericalRank.of(np.linalg.svd(shares, compute_uv=False)).rank
+
+
+@dataclass(frozen=True, eq=False)
+class DecomposedNullSpace:
+    """The null space of a regressor by its decomposition, among parameters of other scales than its columns'."""
+
+    regressor: ScaledRegressor
+    scales: Array
+    """Scales (P,) that make parameters comparable."""
+
+    @property
+    def rank(self) -> int:
+        """The number of independent parameters k."""
+        return self.regressor.rank
+
+    @cached_property
+    def null_basis(self) -> Array:
+        """Orthonormal null vectors (P, P-k) among the scaled parameters D / scales."""
+        vectors = self.regressor.null_basis * (self.regressor.scales / self.scales)[:, None]
+        return np.asarray(np.linalg.qr(vectors)[0], dtype=np.float64)
+
+    def regrouping(self, order: Sequence[int], tolerance: float) -> Regrouping:
+        """The regrouping that removes parameters in an order, with the rank of the columns that are kept."""
+        found = by_null_vectors(self.null_basis, order, tolerance)
+        return replace(found, rank=self.regressor.rank_of(found.kept))

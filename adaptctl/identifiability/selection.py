@@ -20,16 +20,27 @@ TOLERANCE = 1e-3
 """Length of the scaled null vectors' rows that counts as zero. Real robots leave nothing between 1e-4 and 0.1; tighter
 tolerances take a rounded right angle for independence, as Table 5 of Sheu and Walker (1991) shows."""
 
+CLEAR = 1e-8
+"""Length of such a row that is more than round-off, and so independent beyond doubt."""
+
 
 def require_tolerance(tolerance: float, parameters: int) -> None:
     """Raise `InputError` for a tolerance that could not find all of P - k rows: it must be below 1/sqrt(P)."""
-    most = 1.0 / np.sqrt(parameters)
+    most = 1.0 / np.sqrt(max(parameters, 1))
     if not 0.0 < tolerance < most:
         raise InputError(f"tolerance: expected a number between 0 and {most:.2g}, got {tolerance:g}")
 
 
 def removable(null_basis: Array, order: Iterable[int], tolerance: float) -> tuple[int, ...]:
-    """Rows of `null_basis` (P, P-k) that are independent, met in this order: the parameters to remove.
+    """Rows of `null_basis` (P, P-k) that are independent, met in this order: the parameters to remove."""
+    return removed_and_passed_over(null_basis, order, tolerance)[0]
+
+
+def removed_and_passed_over(
+    null_basis: Array, order: Iterable[int], tolerance: float
+) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Rows of `null_basis` (P, P-k) that are independent, met in this order, and those that were passed over although
+    they are independent by more than round-off.
 
     A row is taken when what is left of it beside the rows already taken is longer than `tolerance` (Sheu and
     Walker 1991, theorem 4.1), orthogonalised twice so that round-off cannot pass for independence. The columns
@@ -38,7 +49,7 @@ def removable(null_basis: Array, order: Iterable[int], tolerance: float) -> tupl
     """
     rows, needed = null_basis.shape
     require_tolerance(tolerance, rows)
-    left, directions, taken = null_basis.copy(), np.zeros((0, needed)), list[int]()
+    left, directions, taken, passed = null_basis.copy(), np.zeros((0, needed)), list[int](), list[int]()
     for j in order:
         if len(taken) == needed:
             break
@@ -49,7 +60,9 @@ def removable(null_basis: Array, order: Iterable[int], tolerance: float) -> tupl
             left -= np.outer(left @ direction, direction)
             directions = np.vstack([directions, direction])
             taken.append(j)
-    return tuple(taken)
+        elif size > CLEAR:
+            passed.append(j)
+    return tuple(taken), tuple(passed)
 
 
 def independent_columns(columns: Array, tolerance: float, negligible: float) -> tuple[list[int], Array]:

@@ -23,11 +23,15 @@ def weights(places: Sequence[Placement], gravity: Vec) -> list[Weight]:
     out: list[Weight] = []
     for place in places:
         parent = place.segment.parent
-        base = out[parent] if parent != GROUND else Weight(gravity, 0.0)
-        own = place.down(base.gravity)
-        fall = dot(base.gravity, place.segment.near) + dot(own, place.shift)
-        out.append(Weight(own, base.potential - fall))
+        out.append(carried_weight(place, out[parent] if parent != GROUND else Weight(gravity, 0.0)))
     return out
+
+
+def carried_weight(place: Placement, base: Weight) -> Weight:
+    """A link's weight from its parent's."""
+    own = place.down(base.gravity)
+    fall = dot(base.gravity, place.segment.near) + dot(own, place.shift)
+    return Weight(own, base.potential - fall)
 
 
 def link_energy(twist: Twist, weight: Weight) -> Column:
@@ -42,7 +46,11 @@ def link_energy(twist: Twist, weight: Weight) -> Column:
 
 def energy_regressor(links: Sequence[Segment], q: Column, v: Column, gravity: Vec) -> Column:
     """The row E (10N,) of T = E' D: kinetic plus potential energy of the tree, in J."""
-    places = placements(tuple(links), q)
+    return placed_energy_regressor(placements(tuple(links), q), v, gravity)
+
+
+def placed_energy_regressor(places: Sequence[Placement], v: Column, gravity: Vec) -> Column:
+    """The same of links that are placed already."""
     pairs = zip(twists(places, v), weights(places, gravity), strict=True)
     return Column(entry for twist, weight in pairs for entry in link_energy(twist, weight))
 

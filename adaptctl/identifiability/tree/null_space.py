@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
-from adaptctl.identifiability.energy_matrix import energetic_names
 from adaptctl.identifiability.regrouping import Regrouping, by_null_vectors
-from adaptctl.identifiability.scaled_rank import length_scales
-from adaptctl.identifiability.selection import TOLERANCE, require_tolerance
+from adaptctl.identifiability.scaled_rank import energy_scales, parameter_units
+from adaptctl.identifiability.selection import CLEAR, TOLERANCE, require_tolerance
 from adaptctl.identifiability.tree.regrouping import tree_regrouping
 from adaptctl.identifiability.tree.unobservable_inertia import InertialTransfers, inertial_transfers
 
@@ -22,26 +22,31 @@ from adaptctl.identifiability.tree.unobservable_inertia import InertialTransfers
 class TreeNullSpace:
     """The null space of a tree's energies, found joint by joint in time linear in the number of links."""
 
+    mechanism: Mechanism
     transfers: InertialTransfers
-    scales: Array
-    """Scales (P,) 1, L, L^2 of parameters in kg, kg m and kg m^2."""
-    rank: int
-    """The number of independent parameters k."""
+    seed: int
+    """The seed of the states whose energies tell the scales."""
 
     @classmethod
-    def of(cls, mechanism: Mechanism) -> TreeNullSpace:
+    def of(cls, mechanism: Mechanism, seed: int = 0) -> TreeNullSpace:
         """The null space of a tree, from its geometry and the direction of gravity; nothing is sampled."""
-        found = inertial_transfers(mechanism)
-        scales = length_scales(energetic_names(mechanism), found.frames.length)
-        for own, rotor in zip(found.own, found.frames.rotor_scales, strict=True):
-            scales[own.indices[own.bodies[10] != 0.0]] = rotor
-        return cls(found, scales, len(scales) - found.nullity)
+        return cls(mechanism, inertial_transfers(mechanism), seed)
+
+    @cached_property
+    def rank(self) -> int:
+        """The number of independent parameters k."""
+        return self.mechanism.energetic - self.transfers.nullity
+
+    @cached_property
+    def scales(self) -> Array:
+        """Scales (P,) that make parameters comparable."""
+        return energy_scales(self.mechanism, self.seed)
 
     @cached_property
     def null_basis(self) -> Array:
         """Orthonormal null vectors (P, P-k) among the scaled parameters D / scales."""
-        found = tree_regrouping(self.transfers, range(len(self.scales)), TOLERANCE)
-        vectors = np.zeros((len(self.scales), len(found.removed)))
+        found = self._by_links(range(self.mechanism.energetic), TOLERANCE)
+        vectors = np.zeros((self.mechanism.energetic, len(found.removed)))
         vectors[list(found.removed), range(len(found.removed))] = 1.0
         vectors[list(found.kept)] = -found.coefficients
         return np.linalg.qr(vectors)[0]
@@ -49,10 +54,20 @@ class TreeNullSpace:
     def regrouping(self, order: Sequence[int], tolerance: float) -> Regrouping:
         """The regrouping that removes parameters in an order (P,), made from the leaves to the root.
 
-        Near special positions of joints, parameters that nearly depend on each other may count as independent at one
-        link. If the result is then ill-conditioned, all null vectors are looked at together, which takes longer.
+        At each link any independence counts that is more than round-off. Where the tolerance, which is for all null
+        vectors together, says otherwise, they are looked at together, which takes longer.
         Raises `InputError` for a tolerance that is not between 0 and 1/sqrt(P).
         """
-        require_tolerance(tolerance, len(self.scales))
+        require_tolerance(tolerance, self.mechanism.energetic)
+        with suppress(np.linalg.LinAlgError):  # Of what is hardly independent, round-off may leave nothing.
+            found = self._by_links(order, CLEAR)
+            if found.leaves_more_than(tolerance, order):
+                return found
+        return by_null_vectors(self.null_basis, order, tolerance)
+
+    def _by_links(self, order: Sequence[int], tolerance: float) -> Regrouping:
+        """By the choices made link by link alone, told among parameters over their scales."""
         found = tree_regrouping(self.transfers, order, tolerance)
-        return found if found.determined else by_null_vectors(self.null_basis, order, tolerance)
+        own = parameter_units(self.mechanism, self.transfers.frames.length) / self.scales
+        kept, removed = list(found.kept), list(found.removed)
+        return replace(found, coefficients=found.coefficients * own[kept, None] / own[removed])

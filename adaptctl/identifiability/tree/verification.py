@@ -33,6 +33,10 @@ class TransferEvidence:
     """Largest energy change by an unobservable body, over the largest that a body of its size could make."""
     weakest: Array
     """Singular values (11,) of the joint with the smallest gap."""
+    leftover: float
+    """Largest sigma_k+1/sigma_1, which ought to be round-off."""
+    worst: int
+    """The joint that has it."""
 
 
 def energy_changes(mechanism: Mechanism, found: InertialTransfers, states: States) -> Array:
@@ -62,13 +66,15 @@ def transfer_evidence(found: InertialTransfers, changes: Array) -> TransferEvide
     relative = np.maximum(values / values[:, :1], FLOOR)
     ratios = relative[:, :-1] / relative[:, 1:]
     ranks = np.array([len(functionals) for functionals in found.observable])
-    last = np.arange(len(ranks)), ranks - 1
+    last, beyond = (np.arange(len(ranks)), ranks - 1), (np.arange(len(ranks)), ranks)
     return TransferEvidence(
         surplus=int((ratios.argmax(axis=1) + 1 - ranks).sum()),
         gap=float(ratios[last].min()),
         smallest=float(relative[last].min()),
         residual=_residual(found, changes),
         weakest=values[ratios[last].argmin()],
+        leftover=float(relative[beyond].max()),
+        worst=int(relative[beyond].argmax()),
     )
 
 

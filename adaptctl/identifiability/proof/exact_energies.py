@@ -1,0 +1,145 @@
+"""The rank of a mechanism's energies on exact geometry, and the parameters that an order of removal leaves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.constrained_mechanism import ConstrainedMechanism
+from adaptctl.identifiability.proof import elimination, pivots
+from adaptctl.identifiability.proof.digits import BITS, digits, scaled
+from adaptctl.identifiability.proof.exact_geometry import ExactGeometry, Reading
+from adaptctl.identifiability.proof.field_energies import energy_changes, energy_differences
+from adaptctl.identifiability.proof.joint_frames import CanonicalFrames, canonical_frames
+from adaptctl.identifiability.proof.near_geometry import as_equal, loop_lengths
+from adaptctl.identifiability.proof.prime_field import PRIME, modular, residue
+from adaptctl.identifiability.proof.simplest import AS_GIVEN, AS_MEANT, Precision, simplest_rational
+from adaptctl.identifiability.sampling import characteristic_length, random_states
+
+FIELD, DIGITS = "a prime field", "60 digits"
+SPARE = 5
+"""Rows more than a rank can be: all of them would have to be unlucky at once, one time in 2^31 each."""
+
+
+@dataclass(frozen=True, eq=False)
+class ExactEnergies:
+    """A mechanism's energies on exact geometry.
+
+    Without closed loops they are residues modulo a prime. A rank modulo a prime is never above the rank over the
+    rational numbers, and at random states below it only by a chance of about one in 2^31 for each factor of a
+    minor (Schwartz 1980, Zippel 1979). With closed loops they are numbers of sixty digits.
+    """
+
+    mechanism: Mechanism
+    precision: Precision = AS_GIVEN
+    seed: int = 0
+    strict: bool = False
+    """Whether relations that hold to a file's round-off alone, in closed loops, do not hold."""
+    by_frames: bool = False
+    """Whether geometry is told from frame to frame, as in the file, or from axis to axis."""
+
+    @property
+    def method(self) -> str:
+        """What the energies are computed in, in words."""
+        return DIGITS if self.closed else FIELD
+
+    @cached_property
+    def rank(self) -> int:
+        """The number of independent parameters."""
+        description = self.mechanism.description
+        plain = description.loops is None and len(description.bodies) == len(description.links)
+        if plain and not isinstance(self.mechanism, ConstrainedMechanism):
+            # Of a tree, it is the sum of what its joints feel (Wensing, Niemeyer and Slotine 2017).
+            return sum(elimination.ranks(energy_changes(description, self.geometry, 11 + SPARE, self.seed)))
+        return pivots.rank(self._differences, self._nothing) if self.closed else elimination.rank(self._differences)
+
+    def kept(self, order: Sequence[int]) -> tuple[int, ...]:
+        """The parameters (k,), rising, that stay when those that the others make up for are removed in an order (P,).
+
+        A parameter can be removed when the others that are left make up for it, so those that stay are the columns
+        that are independent of the columns after them in the order.
+        """
+        backward = list(order)[::-1]
+        if self.closed:
+            return tuple(sorted(pivots.independent_columns(self._differences, backward, self._nothing)))
+        return tuple(sorted(elimination.independent_columns(self._differences, backward)))
+
+    def keeps(self, kept: tuple[int, ...], order: Sequence[int]) -> bool:
+        """Whether an order of removal leaves these parameters (k,), with the geometry told in one way or the other.
+
+        From axis to axis nothing is lost that the rank depends on, but skew axes spoil zeros of the file's offsets, on
+        which it depends what is kept; from frame to frame it is the other way round.
+        """
+        return any(kept == way.kept(order) for way in (replace(self, by_frames=True), self))
+
+    @property
+    def _nothing(self) -> float:
+        return pivots.EXACTLY_NOTHING if self.strict else pivots.NOTHING
+
+    @property
+    def closed(self) -> bool:
+        """Whether the mechanism has closed loops."""
+        loops = self.mechanism.description.loops
+        return loops is not None and bool(loops.closures)
+
+    @cached_property
+    def geometry(self) -> ExactGeometry:
+        """The tree's links in exact numbers."""
+        length = characteristic_length(self.mechanism)
+        unit = Fraction(10) ** math.floor(math.log10(length)) if self.closed else Fraction(1)
+        reading = Reading(digits if self.closed else modular, length, unit, self.precision)
+        description = self.mechanism.description
+        if self.precision is AS_MEANT:
+            lengths = (x for x, _ in loop_lengths(description, self.frames))
+            reading = replace(reading, equal=as_equal(lengths, self.precision.length * length))
+        if self.by_frames:
+            return ExactGeometry.by_frames(description, reading)
+        return ExactGeometry.by_axes(description, self.frames, reading)
+
+    @cached_property
+    def frames(self) -> CanonicalFrames:
+        """The joints told from axis to axis, in floats."""
+        return canonical_frames(self.mechanism.description, characteristic_length(self.mechanism), self.precision)
+
+    @cached_property
+    def _differences(self) -> Any:
+        """H (samples, P)."""
+        whole = self.mechanism.whole if isinstance(self.mechanism, ConstrainedMechanism) else self.mechanism
+        rows = whole.energetic + SPARE
+        if self.closed:
+            H = _differences_in_digits(whole, self.geometry, rows, self.seed)
+        else:
+            H = energy_differences(whole.description, self.geometry, rows, self.seed)
+        if not isinstance(self.mechanism, ConstrainedMechanism):
+            return H
+        left = self.mechanism.parametrisation.matrix[: whole.energetic, : self.mechanism.energetic]
+        out = np.empty((len(H), left.shape[1]), dtype=H.dtype)
+        for j, weights in enumerate(left.T):
+            out[:, j] = self._combined(H, weights)
+        return out
+
+    def _combined(self, H: Any, weights: Array) -> Any:
+        """One column of H N from a column (P,) of N."""
+        total = np.zeros_like(H[:, 0])
+        for i in np.flatnonzero(np.abs(weights) > AS_GIVEN.number):
+            weight = simplest_rational(float(weights[i]), abs(float(weights[i])))
+            total = total + ((H[:, i] * scaled(weight) >> BITS) if self.closed else H[:, i] * residue(weight) % PRIME)
+        return total if self.closed else total % PRIME
+
+
+def _differences_in_digits(mechanism: Mechanism, geometry: ExactGeometry, rows: int, seed: int) -> Any:
+    """Energy differences (rows, P) of closed loops, whose equations are imported here since a tree has none."""
+    from adaptctl.identifiability.proof.loop_energies import exact_loops, loop_energies
+
+    states = random_states(mechanism, rows + 1, np.random.default_rng(seed))
+    exact = exact_loops(mechanism, geometry)
+    E = loop_energies(exact, geometry, mechanism.configuration(states.p), states.v)
+    return (E[1:] - E[:1])[:, : mechanism.energetic]

@@ -1,0 +1,171 @@
+"""A mechanism's geometry in exact numbers, as the equations see it."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Callable
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+from adaptctl.description import GROUND, Description, Link, Pose
+from adaptctl.dynamics.loops.constraint import product
+from adaptctl.dynamics.recursion.segment import Segment
+from adaptctl.identifiability.proof.joint_frames import CanonicalFrames, FloatFrame, FramePlacement, about_z
+from adaptctl.identifiability.proof.simplest import AS_GIVEN, Precision, simplest_rational, turn
+from adaptctl.scalars import Mat, Vec
+
+Number = Callable[[Fraction], Any]
+"""Makes scalars of rational numbers: residues, or numbers of many digits."""
+QUARTERS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
+"""Cosines and sines of quarter turns."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How floats become exact scalars."""
+
+    number: Number
+    size: float
+    """The mechanism's length, m."""
+    unit: Fraction = Fraction(1)
+    """The unit in which lengths are told, m."""
+    precision: Precision = AS_GIVEN
+    equal: tuple[float, ...] = ()
+    """Lengths (m), rising, each of which stands for those that are longer by less than the precision."""
+
+    def length(self, x: float) -> Any:
+        """A length (m), in the unit."""
+        place = bisect_right(self.equal, abs(x)) - 1
+        if place >= 0 and abs(x) - self.equal[place] <= self.precision.length * self.size:
+            x = math.copysign(self.equal[place], x)
+        return self.number(simplest_rational(x, self.size, self.precision) / self.unit)
+
+    def turned(self, angle: float) -> tuple[Any, Any]:
+        """The cosine and sine of an angle (rad)."""
+        found = turn(angle, self.precision)
+        if not found.half_tangent:
+            return QUARTERS[found.quarters]
+        c, s = found.cosine_and_sine
+        return self.number(c), self.number(s)
+
+
+@dataclass(frozen=True)
+class ExactFrame:
+    """A frame in another one, in exact scalars."""
+
+    rotation: Mat
+    origin: Vec
+
+    @classmethod
+    def of(cls, placement: FramePlacement, reading: Reading) -> ExactFrame:
+        """The rational frame that a placement in floats stands for."""
+        yaw, tilt, spin, bearing = (reading.turned(x) for x in placement[:4])
+        radius, height = (reading.length(x) for x in placement[4:])
+        rotation = product(product(about_z(*yaw), _about_x(*tilt)), about_z(*spin))
+        return cls(rotation, Vec(radius * bearing[0], radius * bearing[1], height))
+
+
+@dataclass(frozen=True)
+class ExactGeometry:
+    """The links of a tree in exact numbers, and how frames that are fixed to them are told."""
+
+    links: tuple[Segment, ...]
+    shifts: tuple[float, ...]
+    """What joints' coordinates here are more than in the file."""
+    gravity: Vec
+    reading: Reading
+    fixed: Callable[[int, Pose], ExactFrame]
+    """A frame that is fixed to a link, in the link's own, or to the ground (-1)."""
+
+    @classmethod
+    def by_axes(cls, description: Description, frames: CanonicalFrames, reading: Reading) -> ExactGeometry:
+        """The geometry told from axis to axis: axes that are parallel, meet or are at right angles are so exactly."""
+        on_joints = tuple(ExactFrame.of(joint.link, reading) for joint in frames.joints)
+        links = tuple(
+            _segment(
+                link.parent,
+                link.joint.kind.turns,
+                ExactFrame.of(joint.joint, reading),
+                None if link.parent == GROUND else on_joints[link.parent],
+                own,
+            )
+            for link, joint, own in zip(description.links, frames.joints, on_joints, strict=True)
+        )
+
+        def fixed(link: int, pose: Pose) -> ExactFrame:
+            frame = ExactFrame.of(frames.placement(link, pose), reading)
+            if link == GROUND:
+                return frame
+            back = on_joints[link].rotation.T
+            return ExactFrame(product(back, frame.rotation), back @ (frame.origin - on_joints[link].origin))
+
+        gravity = Vec(0.0, 0.0, -1.0 if description.gravity.any() else 0.0)
+        return cls(links, tuple(joint.shift for joint in frames.joints), gravity, reading, fixed)
+
+    @classmethod
+    def by_frames(cls, description: Description, reading: Reading) -> ExactGeometry:
+        """The geometry told from frame to frame as the file does: entries that are zero there are so exactly."""
+
+        def fixed(_: int, pose: Pose) -> ExactFrame:
+            return _as_written(pose, reading)
+
+        links = tuple(_as_in_file(link, reading) for link in description.links)
+        gravity = Vec(*(reading.number(simplest_rational(float(g), 10.0)) for g in description.gravity))
+        return cls(links, (0.0,) * len(links), gravity, reading, fixed)
+
+
+def _as_written(pose: Pose, reading: Reading) -> ExactFrame:
+    """A pose with the file's own lengths; its rotation by three angles."""
+    placement = FramePlacement.of(FloatFrame.of(pose), reading.size, reading.precision)
+    rotation = ExactFrame.of(placement, reading).rotation
+    return ExactFrame(rotation, Vec(*(reading.length(x) for x in pose.translation.tolist())))
+
+
+def _as_in_file(link: Link, reading: Reading) -> Segment:
+    near, far = _as_written(link.near, reading), _as_written(link.far, reading)
+    x, y, z = link.joint.axis.tolist()
+    tilt, yaw = reading.turned(math.atan2(math.hypot(x, y), z)), reading.turned(math.atan2(x, -y) if x or y else 0.0)
+    axis = Vec(yaw[1] * tilt[1], -(yaw[0] * tilt[1]), tilt[0])
+    outward = far.rotation.T
+    return Segment(
+        parent=link.parent,
+        turns=link.joint.kind.turns,
+        joint_axis=axis,
+        axis=outward @ axis,
+        inward=_unless_identity(near.rotation.T),
+        outward=_unless_identity(outward),
+        near=near.origin,
+        far=outward @ far.origin,
+    )
+
+
+def _segment(parent: int, turns: bool, joint: ExactFrame, before: ExactFrame | None, own: ExactFrame) -> Segment:
+    """A joint whose frame is told in that of the joint before, on a link whose frame stands at `before` there."""
+    turned, near = joint.rotation, joint.origin
+    if before is not None:
+        turned = product(before.rotation.T, joint.rotation)
+        near = before.rotation.T @ (joint.origin - before.origin)
+    outward = own.rotation.T
+    z = Vec(0.0, 0.0, 1.0)
+    return Segment(
+        parent=parent,
+        turns=turns,
+        joint_axis=z,
+        axis=outward @ z,
+        inward=_unless_identity(turned.T),
+        outward=_unless_identity(outward),
+        near=near,
+        far=outward @ own.origin,
+    )
+
+
+def _about_x(c: Any, s: Any) -> Mat:
+    return Mat(Vec(1.0, 0.0, 0.0), Vec(0.0, c, -s), Vec(0.0, s, c))
+
+
+def _unless_identity(rotation: Mat) -> Mat | None:
+    entries = [entry for row in (rotation.x, rotation.y, rotation.z) for entry in row]
+    identity = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+    return None if all(isinstance(x, float) and x == y for x, y in zip(entries, identity, strict=True)) else rotation

@@ -1,0 +1,49 @@
+"""Energies of a mechanism's links over the prime field, by the same recursion as in floats."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from adaptctl.description import GROUND, Description
+from adaptctl.dynamics.recursion.energy import Weight, carried_weight, link_energy, placed_energy_regressor, weights
+from adaptctl.dynamics.recursion.motion import Twist, carried, twists
+from adaptctl.dynamics.tree_equations import TreeEquations
+from adaptctl.identifiability.proof.exact_geometry import ExactGeometry
+from adaptctl.identifiability.proof.joint_states import random_places, random_rates
+from adaptctl.identifiability.proof.prime_field import PRIME, Residues, stacked_residues
+from adaptctl.scalars import ZERO
+
+
+def energy_differences(description: Description, geometry: ExactGeometry, samples: int, seed: int) -> Residues:
+    """H (samples, P): energies at random states, less those at another one."""
+    rng = np.random.default_rng(seed)
+    places = random_places(description, geometry, samples + 1, rng)
+    rates = random_rates(description, samples + 1, rng)
+    links = placed_energy_regressor(places, rates, geometry.gravity)
+    row = TreeEquations.of(description).energies(links, rates)
+    E = stacked_residues([*row][: description.energetic], samples + 1)
+    return (E[1:] - E[:1]) % PRIME
+
+
+def energy_changes(description: Description, geometry: ExactGeometry, samples: int, seed: int) -> Residues:
+    """(N, samples, 11): how energies change as bodies, ten in their links' frames, are set free to move with their
+    joints, which stood still at zero before; the eleventh is the joint's rotor, zero where it has none.
+
+    A joint of a tree does not feel a body exactly when nothing changes in any state.
+    """
+    rng = np.random.default_rng(seed)
+    places = random_places(description, geometry, samples, rng)
+    rates = random_rates(description, samples, rng)
+    moving, heavy = twists(places, rates), weights(places, geometry.gravity)
+    out = np.zeros((len(places), samples, 11), dtype=np.int64)
+    for i, link in enumerate(geometry.links):
+        before, base = Twist(ZERO, ZERO), Weight(geometry.gravity, 0.0)
+        if link.parent != GROUND:
+            before, base = moving[link.parent], heavy[link.parent]
+        still = link.placed((1.0, 0.0) if link.turns else (0.0,))
+        free = link_energy(moving[i], heavy[i])
+        held = link_energy(carried(still, before), carried_weight(still, base))
+        out[i, :, :10] = stacked_residues([*(free - held)], samples)
+        if description.links[i].joint.drive.rotor_inertia is not None:
+            out[i, :, 10] = rates[i].residues * rates[i].residues % PRIME
+    return out

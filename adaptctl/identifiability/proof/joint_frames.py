@@ -1,0 +1,199 @@
+"""The joints of a mechanism as angles and lengths that do not depend on how its file puts frames.
+
+Every link gets a frame with z along its joint's axis, and x along the common normal of that axis and the first that it
+carries (Denavit and Hartenberg 1955). Axes that are parallel, meet, or stand at right angles then have angles and
+lengths of exactly zero or a quarter turn, up to round-off, however skew the file's frames are.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from adaptctl.description import GROUND, Description, Pose
+from adaptctl.dynamics.loops.constraint import product
+from adaptctl.identifiability.proof.simplest import Precision
+from adaptctl.scalars import Mat, Vec, cross, dot
+
+
+class FloatFrame(NamedTuple):
+    """A frame in another one, in floats."""
+
+    rotation: Mat
+    origin: Vec
+
+    @classmethod
+    def of(cls, pose: Pose) -> FloatFrame:
+        """The same as a pose."""
+        return cls(Mat.of(pose.rotation.tolist()), Vec(*pose.translation.tolist()))
+
+    def __matmul__(self, inner: FloatFrame) -> FloatFrame:
+        """The frame that stands at `inner` in this one."""
+        return FloatFrame(product(self.rotation, inner.rotation), self.rotation @ inner.origin + self.origin)
+
+    @property
+    def inverse(self) -> FloatFrame:
+        """The other frame in this one."""
+        back = self.rotation.T
+        return FloatFrame(back, -(back @ self.origin))
+
+
+class FramePlacement(NamedTuple):
+    """A frame in another one: R = Rz(yaw) Rx(tilt) Rz(spin), origin (radius cos(bearing), radius sin(bearing), height).
+
+    Angles in rad, lengths in m.
+    """
+
+    yaw: float
+    tilt: float
+    spin: float
+    bearing: float
+    radius: float
+    height: float
+
+    @classmethod
+    def of(cls, frame: FloatFrame, length: float, precision: Precision) -> FramePlacement:
+        """The same as a frame in a mechanism of a length (m); what is less than the precision is zero."""
+        up, out = frame.rotation.T.z, frame.rotation.z
+        tilt = math.atan2(_across(up), _height(up))
+        if _across(up) <= precision.angle:
+            yaw, spin = _bearing(frame.rotation.T.x, precision), 0.0
+        else:
+            yaw, spin = _bearing(_normal(up), precision), _bearing(Vec(out.y, out.x, 0.0), precision)
+        radius = _across(frame.origin)
+        bearing = _bearing(frame.origin, precision) if radius > precision.length * length else 0.0
+        return cls(yaw, tilt, spin, bearing, radius, _height(frame.origin))
+
+
+@dataclass(frozen=True)
+class CanonicalJoint:
+    """A joint by its frame in that of the joint before (world's, z up, on the ground) and its link's frame in its own.
+
+    Its coordinate is the file's and `shift`.
+    """
+
+    joint: FramePlacement
+    link: FramePlacement
+    shift: float
+
+
+@dataclass(frozen=True)
+class CanonicalFrames:
+    """All joints' placements, and frames on links by whom the placements of other things can be told."""
+
+    joints: tuple[CanonicalJoint, ...]
+    on_links: tuple[FloatFrame, ...]
+    """(N + 1,): every joint's frame in its link's; the last is the ground's, in the world"""
+    length: float
+    precision: Precision
+
+    def placement(self, link: int, pose: Pose) -> FramePlacement:
+        """A frame that is fixed to a link, or to the ground (-1)."""
+        return FramePlacement.of(self.on_links[link].inverse @ FloatFrame.of(pose), self.length, self.precision)
+
+
+def canonical_frames(description: Description, length: float, precision: Precision) -> CanonicalFrames:
+    """Of a mechanism's tree, links in depth-first order."""
+    links = description.links
+    children: dict[int, list[int]] = {i: [] for i in range(GROUND, len(links))}
+    for i, link in enumerate(links):
+        children[link.parent].append(i)
+    nears = [FloatFrame.of(link.near) for link in links]
+    axes = [Vec(*link.joint.axis.tolist()) for link in links]
+
+    def gauged(frame: FloatFrame, link: int) -> tuple[FloatFrame, float]:
+        carried = ((frame.inverse @ nears[k], axes[k]) for k in children[link])
+        angle = _gauge(carried, frame.inverse, length, precision)
+        return FloatFrame(product(frame.rotation, about_z(math.cos(angle), math.sin(angle))), frame.origin), angle
+
+    on_links = {GROUND: gauged(_upright(description), GROUND)[0]}
+    joints = []
+    for i, link in enumerate(links):
+        standing = on_links[link.parent].inverse @ nears[i]
+        turns = link.joint.kind.turns
+        placed = _axis_frame(standing, axes[i], turns, length, precision)
+        on_link, shift = FloatFrame.of(link.far).inverse @ standing.inverse @ placed, 0.0
+        if turns:
+            on_link, angle = gauged(on_link, i)
+            shift = angle
+        on_links[i] = on_link
+        joints.append(
+            CanonicalJoint(
+                FramePlacement.of(placed, length, precision),
+                FramePlacement.of(on_link.inverse, length, precision),
+                shift,
+            )
+        )
+    return CanonicalFrames(tuple(joints), tuple(on_links[i] for i in (*range(len(links)), GROUND)), length, precision)
+
+
+def about_z(c: Any, s: Any) -> Mat:
+    """Child to parent coordinates after a turn about z."""
+    return Mat(Vec(c, -s, 0.0), Vec(s, c, 0.0), Vec(0.0, 0.0, 1.0))
+
+
+def _axis_frame(standing: FloatFrame, axis: Vec, turns: bool, length: float, precision: Precision) -> FloatFrame:
+    """A frame on a joint's axis, x along the common normal with the z axis; at the foot of that normal if the joint
+    turns, and else, since a sliding joint's axis has no place, at the origin."""
+    u, m = standing.rotation @ axis, standing.origin
+    across, radius = _across(u), _across(m)
+    if across > precision.angle:
+        normal = (1.0 / across) * _normal(u)
+        along = dot(m, cross(normal, Vec(0.0, 0.0, 1.0)))
+        slide = -along / across if abs(along) > precision.length * length else 0.0
+    else:
+        far = turns and radius > precision.length * length
+        normal = (1.0 / radius) * Vec(m.x, m.y, 0.0) if far else Vec(1.0, 0.0, 0.0)
+        u = Vec(0.0, 0.0, math.copysign(1.0, _height(u)))
+        slide = -m.z / u.z
+    rotation = Mat(normal, cross(u, normal), u).T
+    return FloatFrame(rotation, m + slide * u if turns else Vec(0.0, 0.0, 0.0))
+
+
+def _gauge(carried: Iterable[tuple[FloatFrame, Vec]], link: FloatFrame, length: float, precision: Precision) -> float:
+    """The bearing of the first joint that the link carries and that has one, else of the link's own frame."""
+    for standing, axis in carried:
+        u, m = standing.rotation @ axis, standing.origin
+        if _across(u) > precision.angle:
+            return _bearing(_normal(u), precision)
+        if _across(m) > precision.length * length:
+            return _bearing(m, precision)
+    return FramePlacement.of(link, length, precision).yaw
+
+
+def _across(u: Vec) -> float:
+    """The length of a vector's share in the plane across z."""
+    x, y, _ = u
+    return math.hypot(x, y)
+
+
+def _height(u: Vec) -> float:
+    """A vector's share along z."""
+    _, _, z = u
+    return float(z)
+
+
+def _normal(u: Vec) -> Vec:
+    """z x u, which is along the common normal of z and a line along u."""
+    return Vec(-u.y, u.x, 0.0)
+
+
+def _bearing(u: Vec, precision: Precision) -> float:
+    """The angle of a vector's share in that plane, a multiple of a right one where it nearly is."""
+    x, y, _ = u
+    angle = math.atan2(y, x)
+    quarters = round(angle / (math.pi / 2))
+    return quarters * (math.pi / 2) if abs(angle - quarters * (math.pi / 2)) <= precision.angle else angle
+
+
+def _upright(description: Description) -> FloatFrame:
+    """The world, turned until z is up."""
+    g = Vec(*description.gravity.tolist())
+    strength = math.sqrt(dot(g, g))
+    up = (-1.0 / strength) * g if strength > 0.0 else Vec(0.0, 0.0, 1.0)
+    helper = min((Vec(1.0, 0.0, 0.0), Vec(0.0, 1.0, 0.0), Vec(0.0, 0.0, 1.0)), key=lambda e: abs(dot(e, up)))
+    side = cross(helper, up)
+    x = (1.0 / math.sqrt(dot(side, side))) * side
+    return FloatFrame(Mat(x, cross(up, x), up).T, Vec(0.0, 0.0, 0.0))

@@ -1,0 +1,112 @@
+"""Random joint positions and velocities over the prime field."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from adaptctl.description import Description
+from adaptctl.description.loops import Coupling
+from adaptctl.dynamics.recursion.segment import Placement, Segment
+from adaptctl.identifiability.proof.exact_geometry import ExactGeometry
+from adaptctl.identifiability.proof.prime_field import modular, random_residues
+from adaptctl.identifiability.proof.simplest import simplest_rational, turn
+from adaptctl.scalars import Column
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """A joint's place as an angle's cosine and sine, and as a length.
+
+    Over the prime field these are independent of each other, as polynomials in an angle, its sine and its cosine are.
+    """
+
+    cosine: Any
+    sine: Any
+    length: Any
+
+    def placed(self, link: Segment) -> Placement:
+        """A link whose joint stands there."""
+        return link.placed((self.cosine, self.sine) if link.turns else (self.length,))
+
+    def followed(self, coupling: Coupling, parts: int, angle: float) -> Coordinate:
+        """The place of a joint that follows this one, whose cosine and sine are of a `parts`-th of its angle; the
+        follower's angle is `angle` (rad) where this one's is zero."""
+        ratio = simplest_rational(coupling.ratio)
+        c, s = _power((self.cosine, self.sine), int(ratio * parts))
+        ahead = _numbers(angle)
+        offset = modular(simplest_rational(coupling.offset))
+        cosine, sine = _product((c, s), ahead)
+        return Coordinate(cosine, sine, self.length * ratio + offset)
+
+    def whole(self, parts: int) -> Coordinate:
+        """The same of the whole angle instead of a part of it."""
+        return Coordinate(*_power((self.cosine, self.sine), parts), self.length)
+
+
+def random_places(
+    description: Description, geometry: ExactGeometry, samples: int, rng: np.random.Generator
+) -> list[Placement]:
+    """Every link at random places of the joints; those that follow others follow."""
+    couplings = () if description.loops is None else description.loops.couplings
+    index = {name: i for i, name in enumerate(description.joint_names)}
+    links, shifts = geometry.links, geometry.shifts
+    followers = {index[c.follower]: c for c in couplings}
+    parts = [1] * len(links)
+    for c in couplings:
+        parts[index[c.leader]] = math.lcm(parts[index[c.leader]], simplest_rational(c.ratio).denominator)
+    free = [_random(samples, rng) for _ in links]
+    out = []
+    for i, link in enumerate(links):
+        if i in followers:
+            c = followers[i]
+            leader = index[c.leader]
+            angle = c.offset + shifts[i] - c.ratio * shifts[leader]
+            place = free[leader].followed(c, parts[leader], angle)
+        else:
+            place = free[i].whole(parts[i])
+        out.append(place.placed(link))
+    return out
+
+
+def random_rates(description: Description, samples: int, rng: np.random.Generator) -> Column:
+    """Every joint's velocity; those that follow others follow."""
+    rates = [random_residues(samples, rng) for _ in description.links]
+    index = {name: i for i, name in enumerate(description.joint_names)}
+    for c in () if description.loops is None else description.loops.couplings:
+        rates[index[c.follower]] = rates[index[c.leader]] * simplest_rational(c.ratio)
+    return Column(rates)
+
+
+def _random(samples: int, rng: np.random.Generator) -> Coordinate:
+    t, length = random_residues(samples, rng), random_residues(samples, rng)
+    square = t * t
+    over = 1.0 / (1.0 + square)
+    return Coordinate((1.0 - square) * over, 2.0 * t * over, length)
+
+
+def _product(one: tuple[Any, Any], other: tuple[Any, Any]) -> tuple[Any, Any]:
+    """Cosine and sine of the sum of two angles."""
+    (a, b), (c, d) = one, other
+    return a * c - b * d, a * d + b * c
+
+
+def _power(turn: tuple[Any, Any], times: int) -> tuple[Any, Any]:
+    """Cosine and sine of so many times an angle."""
+    if times < 0:
+        c, s = _power(turn, -times)
+        return c, -s
+    out: tuple[Any, Any] = (1.0, 0.0)
+    while times:
+        if times & 1:
+            out = _product(out, turn)
+        turn, times = _product(turn, turn), times >> 1
+    return out
+
+
+def _numbers(angle: float) -> tuple[Any, Any]:
+    c, s = turn(angle).cosine_and_sine
+    return modular(c), modular(s)

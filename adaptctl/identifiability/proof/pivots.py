@@ -1,0 +1,56 @@
+"""Ranks and independent columns of matrices in sixty digits, by Gaussian elimination."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from adaptctl.identifiability.proof.digits import BITS, floats
+
+NOTHING, EXACTLY_NOTHING = 1e-10, 1e-40
+"""Sizes of what is left, relative to what was there, that count as zero. Relations that hold exactly leave 1e-50; those
+that a file's floats hold to round-off leave 1e-12; those that nearly hold, by a miss e, leave e or its square."""
+LEAST_COLUMN = 1e-3
+"""Floor under the sizes of columns, relative to the largest."""
+
+
+def pivots(matrix: Any) -> tuple[float, ...]:
+    """The sizes of the pivots, with complete pivoting, of scaled ints (m, n); beyond the rank they are round-off."""
+    left, found = matrix, list[float]()
+    while left.size:
+        sizes = np.abs(floats(left))
+        row, column = np.unravel_index(int(sizes.argmax()), sizes.shape)
+        found.append(float(sizes[row, column]))
+        if found[-1] <= EXACTLY_NOTHING * found[0]:
+            break
+        left = np.delete(_eliminated(left, int(row), int(column)), column, axis=1)
+    return tuple(found)
+
+
+def rank(matrix: Any, nothing: float) -> int:
+    """The rank of scaled ints (m, n)."""
+    sizes = pivots(matrix)
+    return sum(size > nothing * sizes[0] for size in sizes)
+
+
+def independent_columns(matrix: Any, order: Sequence[int], nothing: float) -> tuple[int, ...]:
+    """The columns of scaled ints (m, n) that are independent of those before them in an order."""
+    left, found = matrix, list[int]()
+    sizes = np.abs(floats(matrix)).max(axis=0, initial=0.0)
+    least = nothing * np.maximum(sizes, LEAST_COLUMN * sizes.max(initial=0.0))
+    for column in order:
+        rest = np.abs(floats(left[:, column]))
+        row = int(rest.argmax()) if rest.size else 0
+        if rest.size and rest[row] > least[column]:
+            left = _eliminated(left, row, column)
+            found.append(column)
+    return tuple(found)
+
+
+def _eliminated(left: Any, row: int, column: int) -> Any:
+    """The other rows, less as much of this one that they lose the column."""
+    scaled = (left[row] << BITS) // left[row, column]
+    rest = np.delete(left, row, axis=0)
+    return rest - (rest[:, column, None] * scaled >> BITS)

@@ -1,0 +1,102 @@
+"""Integers modulo a prime, as scalars on which equations run without round-off."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+PRIME = 2**31 - 1
+"""Products of two residues fit 64 bits. It is 3 modulo 4, so that no square is -1: 1 + t^2 never vanishes."""
+
+Residues = NDArray[np.int64]
+
+
+class Modular:
+    """Residues of many samples (an array) or of all (an int). Floats and fractions that it meets become residues.
+
+    Products with an exact 0 or 1 are not computed, and sums with an exact 0 are not either.
+    """
+
+    __slots__ = ("residues",)
+    __array_ufunc__ = None
+
+    def __init__(self, residues: Any) -> None:
+        self.residues = residues
+
+    def __add__(self, other: Any) -> Any:
+        if isinstance(other, Modular):
+            return Modular((self.residues + other.residues) % PRIME)
+        if not isinstance(other, float | Fraction):
+            return NotImplemented
+        return self if other == 0 else Modular((self.residues + residue(other)) % PRIME)
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Any) -> Any:
+        if isinstance(other, Modular):
+            return Modular((self.residues - other.residues) % PRIME)
+        if not isinstance(other, float | Fraction):
+            return NotImplemented
+        return self if other == 0 else Modular((self.residues - residue(other)) % PRIME)
+
+    def __rsub__(self, other: Any) -> Any:
+        return -self + other
+
+    def __mul__(self, other: Any) -> Any:
+        if isinstance(other, Modular):
+            return Modular(self.residues * other.residues % PRIME)
+        if not isinstance(other, float | Fraction):
+            return NotImplemented
+        if other in (0, 1):
+            return self if other == 1 else 0.0
+        return -self if other == -1 else Modular(self.residues * residue(other) % PRIME)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Any) -> Any:
+        if isinstance(other, Modular):
+            return Modular(self.residues * inverse(other.residues) % PRIME)
+        return self * (Fraction(1) / Fraction(other)) if isinstance(other, float | Fraction) else NotImplemented
+
+    def __rtruediv__(self, other: Any) -> Any:
+        return Modular(inverse(self.residues)) * other
+
+    def __neg__(self) -> Modular:
+        return Modular(-self.residues % PRIME)
+
+
+@lru_cache(maxsize=4096)
+def residue(x: float | Fraction) -> int:
+    """The residue of a rational number; every float is one. Raises `ValueError` where the prime divides its
+    denominator."""
+    exact = Fraction(x)
+    return exact.numerator * pow(exact.denominator, -1, PRIME) % PRIME
+
+
+def modular(x: Fraction) -> Modular | float:
+    """A rational number as a scalar: a float where it is 0, 1 or -1, for products with these cost nothing."""
+    return float(x) if x in (0, 1, -1) else Modular(residue(x))
+
+
+def inverse(residues: Any) -> Any:
+    """1/x of residues that are not zero."""
+    if isinstance(residues, int):
+        return pow(residues, -1, PRIME)
+    return np.array([pow(x, -1, PRIME) for x in residues.tolist()], dtype=np.int64)
+
+
+def random_residues(samples: int, generator: np.random.Generator) -> Modular:
+    """One residue a sample, all alike probable but zero."""
+    return Modular(generator.integers(1, PRIME, samples))
+
+
+def stacked_residues(entries: list[Any], samples: int) -> Residues:
+    """Scalars, floats among them, as columns (samples, n)."""
+    out = np.empty((samples, len(entries)), dtype=np.int64)
+    for i, entry in enumerate(entries):
+        out[:, i] = entry.residues if isinstance(entry, Modular) else residue(entry)
+    return out
