@@ -31,7 +31,7 @@ class TreeEquations:
     @classmethod
     def of(cls, description: Description) -> TreeEquations:
         """The equations of a described mechanism, its loops, if any, left open."""
-        drives = tuple(DriveTerm(joint, kind) for joint, kind in description.drive_parameters)
+        drives = tuple(DriveTerm(description.shaft(joint), kind) for joint, kind in description.drive_parameters)
         return cls(segments(description), Vec(*description.gravity.tolist()), description.bodies, drives)
 
     @property
@@ -64,7 +64,7 @@ class TreeEquations:
     def energy_regressor(self, p: Column, v: Column) -> Column:
         """E (P,): total energy is E' D, in J."""
         links = energy.energy_regressor(self.links, p, v, self.gravity)
-        return Column((*self._owned(links), *(term.energy(v[term.joint]) for term in self.drives)))
+        return Column((*self._owned(links), *(term.energy(v) for term in self.drives)))
 
     def potential_regressor(self, p: Column) -> Column:
         """The potential part of E (P,)."""
@@ -74,7 +74,7 @@ class TreeEquations:
     def motion(self, p: Column, v: Column, v_r: Column, a_r: Column) -> TreeMotion:
         """How the links move, from which the torques M a_r + C(p, v) v_r + g + friction at v follow."""
         places = placements(self.links, p)
-        drives = [term.torque(v[term.joint], a_r[term.joint]) for term in self.drives]
+        drives = [term.torque(v, a_r) for term in self.drives]
         return TreeMotion(self, places, motions(places, v, v_r, a_r, self.gravity), drives)
 
     def remembered(self, numbers: Column) -> TreeMotion:
@@ -105,8 +105,9 @@ class TreeEquations:
         """Rows of M(p)."""
         rows = mass_matrix(placements(self.links, p), self.tens(parameters))
         for term, value in zip(self.drives, parameters.of[self.driven :], strict=True):
-            if not term.kind.is_friction:
-                rows[term.joint][term.joint] = rows[term.joint][term.joint] + value
+            for joint, share in [] if term.kind.is_friction else term.on_joints(value):
+                for other, part in term.on_joints(share):
+                    rows[joint][other] = rows[joint][other] + part
         return rows
 
     @property

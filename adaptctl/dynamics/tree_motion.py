@@ -30,7 +30,8 @@ class TreeMotion:
         total = list(joint_torques(self.places, self.links, self.tree.tens(parameters)))
         shares = zip(self.tree.drives, self.drives, parameters.of[self.tree.driven :], strict=True)
         for term, share, value in shares:
-            total[term.joint] = total[term.joint] + value * share
+            for joint, part in term.on_joints(value * share):
+                total[joint] = total[joint] + part
         return Column(total)
 
     def regressor(self, columns: Sequence[int]) -> list[Column]:
@@ -39,14 +40,15 @@ class TreeMotion:
         rows = torque_regressor(self.places, self.links, list(of_bodies.values()))
         by_column = [dict(zip(of_bodies, row, strict=True)) for row in rows]
         for column, k in of_drives.items():
-            by_column[self.tree.drives[k].joint][column] = self.drives[k]
+            for joint, share in self.tree.drives[k].on_joints(self.drives[k]):
+                by_column[joint][column] = share
         return [Column(row.get(column, 0.0) for column in columns) for row in by_column]
 
     def powers(self, s: Column, columns: Sequence[int]) -> Column:
         """Y' s on the asked columns, without forming Y: what a unit of each parameter takes under joint rates s."""
         of_bodies, of_drives = self.tree.sorted_out(columns)
         found = dict(zip(of_bodies, powers(self.places, self.links, s, list(of_bodies.values())), strict=True))
-        found |= {column: s[self.tree.drives[k].joint] * self.drives[k] for column, k in of_drives.items()}
+        found |= {column: self.tree.drives[k].speed(s) * self.drives[k] for column, k in of_drives.items()}
         return Column(found[column] for column in columns)
 
     @property

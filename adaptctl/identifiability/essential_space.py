@@ -164,6 +164,8 @@ def _no_tree(mechanism: Mechanism) -> str:
     """What keeps a mechanism from being a tree with ten parameters a link; empty where nothing does."""
     if mechanism.description.loops is not None:
         return "loops"
+    if mechanism.description.shafts:
+        return "drives that turn with several joints"
     return "relations among its parameters" if isinstance(mechanism, RelatedMechanism) else ""
 
 
