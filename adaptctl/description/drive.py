@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from enum import Enum
+from typing import Any
 
 from adaptctl.errors import InputError
 
@@ -65,6 +67,11 @@ class Drive:
         for name, ratio in self.turns_with:
             if not (math.isfinite(ratio) and ratio != 0.0):
                 raise InputError(f"turns_with: {name}: expected a finite ratio other than 0, got {ratio}")
+
+    def with_terms(self, terms: Mapping[DriveParameter, float | None]) -> Drive:
+        """With some of the terms changed."""
+        values: dict[str, Any] = {kind.value: value for kind, value in terms.items()}
+        return replace(self, **values)
 
     def value(self, kind: DriveParameter) -> float | None:
         """The value of one parameter."""
