@@ -9,7 +9,7 @@ import numpy as np
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identification.drives_file import Drives, MotorEntry
-from adaptctl.identification.reading.table import Table
+from adaptctl.identification.reading.table import LogTable
 from adaptctl.identification.units import Units
 
 KNOWN = (
@@ -24,7 +24,10 @@ WHAT = ("time", "position", "torque", "velocity")
 
 
 def joint_columns(
-    mechanism: Mechanism, log: Table, columns: Mapping[str, str] | None = None, units: Mapping[str, str] | None = None
+    mechanism: Mechanism,
+    log: LogTable,
+    columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
 ) -> Drives:
     """Joints that are measured themselves, without gears between: a log's columns by joint.
 
@@ -69,7 +72,7 @@ def _named(pattern: str, joints: list[str]) -> list[str]:
     return [pattern.replace("{joint}", joint).replace("{}", str(j + 1)) for j, joint in enumerate(joints)]
 
 
-def _pattern(log: Table, joints: list[str], given: dict[str, str]) -> dict[str, str]:
+def _pattern(log: LogTable, joints: list[str], given: dict[str, str]) -> dict[str, str]:
     """Of position, torque and perhaps velocity: as given, completed by the first known naming that the log has."""
     for known in KNOWN:
         whole = known | {name: text for name, text in given.items() if name != "time"}
@@ -89,12 +92,12 @@ def _pattern(log: Table, joints: list[str], given: dict[str, str]) -> dict[str, 
     )
 
 
-def _require(log: Table, what: str, names: list[str]) -> None:
+def _require(log: LogTable, what: str, names: list[str]) -> None:
     for name in names:
         log.column(name, what)
 
 
-def _units(log: Table, names: Mapping[str, list[str]], stated: dict[str, str]) -> Units:
+def _units(log: LogTable, names: Mapping[str, list[str]], stated: dict[str, str]) -> Units:
     """As stated, by the caller or by the log itself. Raises `InputError` naming all that are not."""
     units = dict(stated)
     for what, columns in names.items():

@@ -9,7 +9,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.description.drive import DriveParameter
-from adaptctl.identification.fit import Evidence, Fit
+from adaptctl.identification.fit import Fit, LogEvidence
 from adaptctl.identification.friction_model import ALWAYS, FrictionModel
 from adaptctl.identification.least_squares import least_squares
 
@@ -24,7 +24,7 @@ class Alternative(NamedTuple):
 PLAIN = FrictionModel((*ALWAYS, DriveParameter.OFFSET))
 
 
-def alternatives(evidence: Evidence, fit: Fit, mechanism_fit: Fit) -> list[Alternative]:
+def alternatives(evidence: LogEvidence, fit: Fit, mechanism_fit: Fit) -> list[Alternative]:
     """Fitted to the same rows as a fit; `mechanism_fit` is one without what mechanisms do not have."""
     friction, cutoff = mechanism_fit.settings.friction, fit.settings.cutoff
     every = range(evidence.blocks)
@@ -38,7 +38,7 @@ def alternatives(evidence: Evidence, fit: Fit, mechanism_fit: Fit) -> list[Alter
     ]
 
 
-def _drives_alone(evidence: Evidence, fit: Fit, blocks: Sequence[int], links: bool) -> Array:
+def _drives_alone(evidence: LogEvidence, fit: Fit, blocks: Sequence[int], links: bool) -> Array:
     """Links as the prior has them, or none; the drives' parameters by weighted least squares."""
     equations = evidence.equations(fit.settings.cutoff, blocks)
     A, b = equations.whitened(fit.deviations)

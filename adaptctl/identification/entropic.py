@@ -71,6 +71,11 @@ class EntropicPrior:
         links = np.sum(self.inverses * matrices) - float(np.sum(determinants))
         return float(weight * links + SLIGHT * np.sum(ratios - np.log(ratios)))
 
+    def distance(self, x: Array) -> float:
+        """The links' divergence from the prior: 0 at the prior itself."""
+        _, logarithms = np.linalg.slogdet(self.inverses @ self._matrices(x))
+        return float(np.sum(self.inverses * self._matrices(x)) - np.sum(logarithms) - 4 * len(self.tens))
+
     def gradient(self, x: Array, weight: float) -> Array:
         """Of the divergence (P,)."""
         out = np.zeros_like(x)

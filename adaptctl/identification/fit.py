@@ -25,7 +25,7 @@ ROTOR, LOAD = 0.1, 0.1
 
 
 @dataclass(frozen=True)
-class Settings:
+class FitSettings:
     """What a fit has to choose: friction, the prior's weight, and the rows' cut-off (Hz)."""
 
     friction: FrictionModel
@@ -43,11 +43,11 @@ class Fit:
     """(r,) N m, of the joints' residuals"""
     curvature: Array
     """(P + r, P + r) of the whitened squares"""
-    settings: Settings
+    settings: FitSettings
 
 
 @dataclass(frozen=True, eq=False)
-class Evidence:
+class LogEvidence:
     """Everything that fits are made from: rows at each cut-off, summed by blocks of time."""
 
     mechanism: Mechanism
@@ -61,7 +61,7 @@ class Evidence:
     kept: dict[float, NDArray[np.bool_]] | None = None
     """which of the motions' rows these are, where not all"""
 
-    def part(self, blocks: Sequence[int]) -> Evidence:
+    def part(self, blocks: Sequence[int]) -> LogEvidence:
         """Of some of the blocks alone."""
         kept = {cutoff: np.isin(block, blocks) for cutoff, block in self._block.items()}
         rows = {cutoff: rows.chosen(kept[cutoff]) for cutoff, rows in self.rows.items()}
@@ -94,10 +94,6 @@ class Evidence:
         here = np.isin(self._block[cutoff], blocks)
         return plain.with_columns(self.rows[cutoff].chosen(here), load[here])
 
-    def equations_of(self, fit: Fit, cutoff: float, blocks: Sequence[int]) -> NormalEquations:
-        """Of some blocks, with the columns that a fit has at its own rigid torques."""
-        return self.equations(cutoff, blocks, self.load(cutoff, fit.x) if fit.settings.friction.load else None)
-
     def mask(self, friction: FrictionModel) -> Array:
         """Which of the P + r columns a friction model has, as 0 and 1."""
         return np.concatenate([friction.columns(self.mechanism), np.full(self.mechanism.dof, float(friction.load))])
@@ -108,17 +104,39 @@ class Evidence:
         others = [c for c in np.flatnonzero(self.mask(friction)).tolist() if c >= energetic]
         return np.array([*self.basis.columns, *others])
 
-    def fit(self, settings: Settings, blocks: Sequence[int], start: Array | None = None) -> Fit:
+    def fit(self, settings: FitSettings, blocks: Sequence[int], start: Array | None = None) -> Fit:
         """Consistent parameters from some of the blocks."""
-        plain = replace(settings, friction=replace(settings.friction, load=False))
-        found = self.fitted(self.equations(settings.cutoff, blocks), plain, start)
-        if not settings.friction.load:
-            return found
-        return self.fitted(
-            self.equations(settings.cutoff, blocks, self.load(settings.cutoff, found.x)), settings, found.x
-        )
+        load = self.load_from(settings, blocks)
+        return self.fitted(self.equations(settings.cutoff, blocks, load), settings, start)
 
-    def fitted(self, equations: NormalEquations, settings: Settings, start: Array | None = None) -> Fit:
+    def load_from(self, settings: FitSettings, blocks: Sequence[int], cutoff: float | None = None) -> Array | None:
+        """Load-dependent friction's columns at a cut-off, the settings' own by default, as far as some blocks tell:
+        at the rigid torques of a fit to them without it. None where it is not modelled."""
+        if not settings.friction.load:
+            return None
+        at = settings.cutoff if cutoff is None else cutoff
+        key = (settings.friction.kinds, tuple(blocks), at)
+        if key not in self._loads:
+            self._loads[key] = self.load(at, self._rigid(settings, tuple(blocks)))
+        return self._loads[key]
+
+    def _rigid(self, settings: FitSettings, blocks: tuple[int, ...]) -> Array:
+        """Parameters found without load-dependent friction, whose rigid torques it grows with."""
+        key = (settings.friction.kinds, blocks)
+        if key not in self._plain_fits:
+            plain = replace(settings, friction=replace(settings.friction, load=False))
+            self._plain_fits[key] = self.fit(plain, blocks).x
+        return self._plain_fits[key]
+
+    @cached_property
+    def _loads(self) -> dict[object, Array]:
+        return {}
+
+    @cached_property
+    def _plain_fits(self) -> dict[object, Array]:
+        return {}
+
+    def fitted(self, equations: NormalEquations, settings: FitSettings, start: Array | None = None) -> Fit:
         """Consistent parameters from summed equations."""
         mask = self.mask(settings.friction)
         _, deviations = weighted_least_squares(equations, self.independent(settings.friction))

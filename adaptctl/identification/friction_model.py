@@ -60,13 +60,9 @@ CANDIDATES = tuple(FrictionModel((*ALWAYS, *curve, *offset)) for curve in CURVES
 def with_all_friction(mechanism: Mechanism, drives: Drives) -> Mechanism:
     """The mechanism with a rotor and every kind of friction in every primary joint, zero each, coupled as its drives
     are; other joints keep what they have."""
-    own = dict(zip(drives.joints, drives.on_joints(), strict=True))
-    each = [
-        own[link.joint.name].with_terms(dict.fromkeys(DriveParameter, 0.0))
-        if link.joint.name in own
-        else link.joint.drive
-        for link in mechanism.links
-    ]
+    terms = dict.fromkeys(DriveParameter, 0.0)
+    own = {name: drive.with_terms(terms) for name, drive in zip(drives.joints, drives.on_joints(), strict=True)}
+    each = [own.get(link.joint.name, link.joint.drive) for link in mechanism.links]
     return mechanism.with_drives(each)
 
 

@@ -21,11 +21,11 @@ from adaptctl.identification.comparisons import alternatives
 from adaptctl.identification.drives_file import Drives, read_drives
 from adaptctl.identification.entropic import EntropicPrior
 from adaptctl.identification.filtered_dynamics import SmoothMotion, motions_of, rows_of
-from adaptctl.identification.fit import Evidence, Fit, positive_columns
+from adaptctl.identification.fit import Fit, LogEvidence, positive_columns
 from adaptctl.identification.friction_model import FrictionModel, with_all_friction
 from adaptctl.identification.joint_log import JointLog, joint_log
 from adaptctl.identification.normal_equations import block_edges
-from adaptctl.identification.preparation import Step, prepare
+from adaptctl.identification.preparation import PreparationStep, prepare
 from adaptctl.identification.prior_links import prior_links
 from adaptctl.identification.reading.registry import read_log
 from adaptctl.identification.uncertainty import uncertainty
@@ -54,7 +54,7 @@ class Identification:
     alternatives: dict[str, Validation]
     """simpler models on the same rows"""
     choice: Choice
-    steps: tuple[Step, ...]
+    steps: tuple[PreparationStep, ...]
     remarks: tuple[str, ...]
     misfit_ratio: float
     """the training rows' root mean square, whitened, over that of least squares"""
@@ -172,7 +172,7 @@ def gathered(
     logs: Sequence[JointLog],
     skip: Collection[str] = (),
     cutoff: float | None = None,
-) -> tuple[Evidence, tuple[Step, ...], tuple[str, ...]]:
+) -> tuple[LogEvidence, tuple[PreparationStep, ...], tuple[str, ...]]:
     """What fits are made from, and what was done to the logs and to the prior, in words."""
     prepared = [prepare(log, mechanism, skip) for log in logs]
     pieces = [piece for found, _ in prepared for piece in found]
@@ -187,7 +187,7 @@ def gathered(
     basis = fundamental_basis(essential_space(full))
     edges = block_edges(rows[cutoffs[0]], BLOCKS)
     prior = EntropicPrior(tens, positive, scales)
-    return Evidence(full, basis, drives, prior, motions, rows, edges), steps, tuple(remarks)
+    return LogEvidence(full, basis, drives, prior, motions, rows, edges), steps, tuple(remarks)
 
 
 def _require_enough(source: str, rows: int, mechanism: Mechanism) -> None:
@@ -198,7 +198,7 @@ def _require_enough(source: str, rows: int, mechanism: Mechanism) -> None:
         )
 
 
-def _plain(evidence: Evidence, fit: Fit) -> Fit:
+def _plain(evidence: LogEvidence, fit: Fit) -> Fit:
     """The fit itself, or without the load-dependent friction that mechanisms do not have."""
     friction = fit.settings.friction
     if not friction.load:
@@ -206,7 +206,7 @@ def _plain(evidence: Evidence, fit: Fit) -> Fit:
     return evidence.fit(replace(fit.settings, friction=replace(friction, load=False)), range(evidence.blocks), fit.x)
 
 
-def _validated(evidence: Evidence, x: Array, origin: str) -> Validation:
+def _validated(evidence: LogEvidence, x: Array, origin: str) -> Validation:
     rows = evidence.rows[judged_at(evidence)]
     P = len(evidence.mechanism.parameter_names)
     load = evidence.load(rows.cutoff, x) if np.any(x[P:]) else None
@@ -215,13 +215,13 @@ def _validated(evidence: Evidence, x: Array, origin: str) -> Validation:
 
 def _result(
     mechanism: Mechanism,
-    evidence: Evidence,
+    evidence: LogEvidence,
     own: Fit,
     final: Fit,
     validation: Validation,
     others: dict[str, Validation],
     choice: Choice,
-    steps: tuple[Step, ...],
+    steps: tuple[PreparationStep, ...],
     remarks: tuple[str, ...],
 ) -> Identification:
     identified = identified_mechanism(evidence, own)
@@ -253,7 +253,7 @@ def _result(
     )
 
 
-def identified_mechanism(evidence: Evidence, fit: Fit) -> Mechanism:
+def identified_mechanism(evidence: LogEvidence, fit: Fit) -> Mechanism:
     """With the drives' terms that a fit has, and its parameters."""
     full = evidence.mechanism
     mask = evidence.mask(fit.settings.friction)
@@ -269,7 +269,7 @@ def _with_terms(drive: Drive, joint: str, names: Sequence[str]) -> Drive:
     return drive.with_terms({kind: 0.0 if f"{joint}.{kind.value}" in names else None for kind in DriveParameter})
 
 
-def _states(mechanism: Mechanism, evidence: Evidence) -> tuple[Mechanism, Array, Array]:
+def _states(mechanism: Mechanism, evidence: LogEvidence) -> tuple[Mechanism, Array, Array]:
     """At most so many of the logs' positions and velocities as tell their energy."""
     p = np.concatenate([motion.position for motion in evidence.motions])
     v = np.concatenate([motion.velocity for motion in evidence.motions])

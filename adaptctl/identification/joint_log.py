@@ -11,7 +11,7 @@ from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import FileError
 from adaptctl.identification.drives_file import Drives
-from adaptctl.identification.reading.table import Table
+from adaptctl.identification.reading.table import LogTable
 
 FEWEST = 100
 """Samples below which nothing can be learnt from a log."""
@@ -35,7 +35,7 @@ class JointLog:
         return len(self.time)
 
 
-def joint_log(log: Table, drives: Drives, mechanism: Mechanism, rate: float | None = None) -> JointLog:
+def joint_log(log: LogTable, drives: Drives, mechanism: Mechanism, rate: float | None = None) -> JointLog:
     """The joints' log of a table's motors. With `rate` (Hz), rows are taken as that evenly spaced, stamps or not.
 
     Raises `FileError`, naming the column, for what is missing, constant, not finite or not rising in time.
@@ -57,7 +57,7 @@ def joint_log(log: Table, drives: Drives, mechanism: Mechanism, rate: float | No
     )
 
 
-def _velocity(log: Table, drives: Drives) -> Array | None:
+def _velocity(log: LogTable, drives: Drives) -> Array | None:
     names = [m.velocity for m in drives.motors]
     if drives.units.velocity is None or None in names:
         return None
@@ -65,7 +65,7 @@ def _velocity(log: Table, drives: Drives) -> Array | None:
     return drives.velocity(np.stack(columns, axis=-1) * drives.units.velocity)
 
 
-def _time(log: Table, drives: Drives, rate: float | None) -> Array:
+def _time(log: LogTable, drives: Drives, rate: float | None) -> Array:
     if rate is not None:
         return np.arange(len(log)) / rate
     stamps = log.column(drives.time, "time")
@@ -85,7 +85,7 @@ def _time(log: Table, drives: Drives, rate: float | None) -> Array:
     return np.asarray(stamps * drives.units.time)
 
 
-def _require_change(log: Table, names: list[str], values: Array, meaning: str) -> None:
+def _require_change(log: LogTable, names: list[str], values: Array, meaning: str) -> None:
     for name, still in zip(names, np.ptp(values, axis=0) == 0.0, strict=True):
         if still:
             raise FileError(

@@ -28,7 +28,7 @@ STEPS = ("resample", "unwrap", "velocities", "limits", "standstill")
 """What can be skipped, by name."""
 
 
-class Step(NamedTuple):
+class PreparationStep(NamedTuple):
     """One step of the preparation, and what it found or did, in words."""
 
     name: str
@@ -51,34 +51,40 @@ class PreparedLog:
     """(n,) whether the arm moves"""
 
 
-def prepare(log: JointLog, mechanism: Mechanism, skip: Collection[str] = ()) -> tuple[list[PreparedLog], list[Step]]:
+def prepare(
+    log: JointLog, mechanism: Mechanism, skip: Collection[str] = ()
+) -> tuple[list[PreparedLog], list[PreparationStep]]:
     """The log's pieces between its holes, and what was done, step by step, those in `skip` left out.
 
     Raises `InputError` naming the joint for units that cannot be, a log of another robot, and a log at rest.
     """
     _require_known(skip)
-    steps = [Step(name, "skipped") for name in STEPS if name in skip]
+    steps = [PreparationStep(name, "skipped") for name in STEPS if name in skip]
     pieces = list(_pieces(log))
     if "resample" not in skip:
         done = [_resampled(piece) for piece in pieces]
         pieces = [piece for piece, _ in done]
-        steps.append(Step("resample", _resampling([how for _, how in done], len(pieces))))
+        steps.append(PreparationStep("resample", _resampling([how for _, how in done], len(pieces))))
     if "unwrap" not in skip:
         turned = [_unwrapped(piece, mechanism) for piece in pieces]
         pieces = [piece for piece, _ in turned]
-        steps.append(Step("unwrap", f"{sum(count for _, count in turned)} jumps of a turn taken out of the angles"))
+        steps.append(
+            PreparationStep("unwrap", f"{sum(count for _, count in turned)} jumps of a turn taken out of the angles")
+        )
     speeds = [_speed(piece) for piece in pieces]
     if "velocities" not in skip:
-        steps.append(Step("velocities", _compared(log.source, pieces, speeds, mechanism)))
+        steps.append(PreparationStep("velocities", _compared(log.source, pieces, speeds, mechanism)))
     if "limits" not in skip:
-        steps.append(Step("limits", _within_limits(log.source, pieces, speeds, mechanism)))
+        steps.append(PreparationStep("limits", _within_limits(log.source, pieces, speeds, mechanism)))
     moving = [np.ones(len(piece), dtype=np.bool_) for piece in pieces]
     if "standstill" not in skip:
         moving = _moving(pieces, speeds)
         share = float(np.mean(np.concatenate(moving)))
         if share * sum(len(piece) for piece in pieces) < 50:
             raise InputError(f"{log.source}: the arm is at rest throughout: nothing but its weight is in the torques")
-        steps.append(Step("standstill", f"{1.0 - share:.1%} of the samples dropped, where the whole arm is at rest"))
+        steps.append(
+            PreparationStep("standstill", f"{1.0 - share:.1%} of the samples dropped, where the whole arm is at rest")
+        )
     return [_prepared(piece, where) for piece, where in zip(pieces, moving, strict=True)], steps
 
 

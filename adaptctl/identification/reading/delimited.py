@@ -8,10 +8,10 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.errors import FileError
-from adaptctl.identification.reading.table import MAX_ROWS, Table, table
+from adaptctl.identification.reading.table import MAX_ROWS, LogTable, table
 
 
-def read_delimited(path: str | Path) -> Table:
+def read_delimited(path: str | Path) -> LogTable:
     """The columns of a text file separated by commas, semicolons or tabs, whichever its first line has most of.
 
     Cells may be empty or words, which become NaN and are refused where the column is needed. Raises `FileError`.

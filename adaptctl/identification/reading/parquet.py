@@ -9,10 +9,10 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.errors import FileError
-from adaptctl.identification.reading.table import MAX_ROWS, Table, table
+from adaptctl.identification.reading.table import MAX_ROWS, LogTable, table
 
 
-def read_parquet(path: str | Path) -> Table:
+def read_parquet(path: str | Path) -> LogTable:
     """The numeric columns of a Parquet file, a list of numbers as `name[0]`, `name[1]`. Raises `FileError`."""
     import pyarrow as pa
     import pyarrow.parquet as pq

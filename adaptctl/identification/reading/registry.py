@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from adaptctl.errors import FileError
-from adaptctl.identification.reading.table import MAX_BYTES, Table
+from adaptctl.identification.reading.table import MAX_BYTES, LogTable
 
 TEXT = (".csv", ".tsv", ".txt")
 BAGS = (".mcap", ".bag", ".db3")
 
 
-def read_log(path: str | Path, topic: str | None = None) -> Table:
+def read_log(path: str | Path, topic: str | None = None) -> LogTable:
     """The columns of a log, read by its suffix; a folder is taken as a ROS 2 bag. Raises `FileError`."""
     place = Path(path)
     suffix = place.suffix.lower()

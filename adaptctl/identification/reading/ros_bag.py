@@ -10,14 +10,14 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.errors import FileError, MissingExtraError
-from adaptctl.identification.reading.table import MAX_ROWS, Table, table
+from adaptctl.identification.reading.table import MAX_ROWS, LogTable, table
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 FIELDS = (("position", "rad"), ("velocity", "rad/s"), ("effort", "N m"))
 """What a JointState holds, in the units that its definition states for joints that turn."""
 
 
-def read_ros_bag(path: str | Path, topic: str | None = None) -> Table:
+def read_ros_bag(path: str | Path, topic: str | None = None) -> LogTable:
     """Columns `time`, `position.J`, `velocity.J`, `effort.J` of a bag's JointState messages, for every joint J.
 
     Time is the messages' own stamp where they have one, else when they were recorded, in s from the first. With

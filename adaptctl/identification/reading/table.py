@@ -17,7 +17,7 @@ MAX_BYTES = 4 * 2**30
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class LogTable:
     """Columns (n,) by name, and the units that the file itself states of them, if any."""
 
     source: str
@@ -47,7 +47,7 @@ class Table:
         return f"{'did you mean' if near else 'there are'} {listed}"
 
 
-def table(source: str, columns: Iterable[tuple[str, Array]], units: Mapping[str, str] | None = None) -> Table:
+def table(source: str, columns: Iterable[tuple[str, Array]], units: Mapping[str, str] | None = None) -> LogTable:
     """A table of checked size and names. Raises `FileError`."""
     found: dict[str, Array] = {}
     for name, values in columns:
@@ -56,4 +56,4 @@ def table(source: str, columns: Iterable[tuple[str, Array]], units: Mapping[str,
         found[name] = np.asarray(values, dtype=np.float64)
     if not found or not len(next(iter(found.values()))):
         raise FileError(f"{source}: holds no rows of numbers; expected a line of column names and a line a sample")
-    return Table(source, found, units or {})
+    return LogTable(source, found, units or {})
