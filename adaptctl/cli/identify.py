@@ -22,7 +22,10 @@ def identify(
     ],
     /,
     *,
-    robot: Annotated[Path, Parameter(help="The robot's file: .urdf, .xml (MJCF) or .toml, its links a first guess.")],
+    robot: Annotated[
+        Path | None,
+        Parameter(metavar="FILE", help="The robot's file, .urdf, .xml (MJCF) or .toml: a first guess."),
+    ] = None,
     drives: Annotated[
         Path | None, Parameter(metavar="FILE", help="TOML file: how motors turn joints, and which columns are theirs.")
     ] = None,
@@ -55,7 +58,7 @@ def identify(
     """Identify a robot's inertial and friction parameters from logs of its motion."""
     from adaptctl.identification import identify as identified
 
-    with _folder(out, overwrite) as folder:
+    with _folder(out, overwrite) as folder, _files(logs, robot, drives) as (logs, robot, drives):
         found = identified(
             logs,
             robot,
@@ -72,6 +75,24 @@ def identify(
         )
         _write(folder, found, robot)
     _tell(found, out)
+
+
+@contextmanager
+def _files(
+    logs: tuple[Path, ...], robot: Path | None, drives: Path | None
+) -> Iterator[tuple[tuple[Path, ...], Path, Path | None]]:
+    """As given, or an example's by its name."""
+    from adaptctl.errors import InputError
+    from adaptctl.identification.examples import NAMES, example
+
+    name = str(logs[0]) if len(logs) == 1 else ""
+    if robot is None and name in NAMES and not logs[0].exists():
+        with example(name) as files:
+            yield (files.log,), files.robot, drives or files.drives
+    elif robot is None:
+        raise InputError(f"--robot is missing: name the robot's file, or try the example: adaptctl identify {NAMES[0]}")
+    else:
+        yield logs, robot, drives
 
 
 @contextmanager

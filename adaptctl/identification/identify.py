@@ -25,6 +25,7 @@ from adaptctl.identification.fit import Fit, LogEvidence, positive_columns
 from adaptctl.identification.friction_model import FrictionModel, with_all_friction
 from adaptctl.identification.joint_log import JointLog, joint_log
 from adaptctl.identification.normal_equations import block_edges
+from adaptctl.identification.plausibility import require_plausible
 from adaptctl.identification.preparation import PreparationStep, prepare
 from adaptctl.identification.prior_links import prior_links
 from adaptctl.identification.reading.registry import read_log
@@ -131,28 +132,30 @@ def identify(
     turned = known.of(mechanism)
     train = [joint_log(read_log(path, topic), turned, mechanism, rate) for path in given]
     test = [joint_log(read_log(path, topic), turned, mechanism, rate) for path in _paths(validate)]
-    if friction is not None:
-        chosen = FrictionModel.named(friction)
-    return _identified(mechanism, turned, train, test, skip, chosen if friction is not None else None, cutoff, weight)
+    terms = None if friction is None else FrictionModel.named(friction)
+    return identified(mechanism, turned, train, test, skip=skip, friction=terms, cutoff=cutoff, weight=weight)
 
 
 def _paths(given: str | Path | Sequence[str | Path]) -> list[str | Path]:
     return [given] if isinstance(given, str | Path) else list(given)
 
 
-def _identified(
+def identified(
     mechanism: Mechanism,
     drives: Drives,
     train: Sequence[JointLog],
-    test: Sequence[JointLog],
-    skip: Collection[str],
-    friction: FrictionModel | None,
-    cutoff: float | None,
-    weight: float | None,
+    test: Sequence[JointLog] = (),
+    *,
+    skip: Collection[str] = (),
+    friction: FrictionModel | None = None,
+    cutoff: float | None = None,
+    weight: float | None = None,
 ) -> Identification:
+    """The same from logs that are read already, in the drives' order of joints."""
     evidence, steps, remarks = gathered(mechanism, drives, train, skip, cutoff)
     held_out = [] if test else list(range(round((1.0 - HELD_OUT) * evidence.blocks), evidence.blocks))
     training = evidence.part([b for b in range(evidence.blocks) if b not in held_out])
+    require_plausible(training, train[0].source, judged_at(training))
     choice = choose(training, friction, weight, cutoff)
     every = range(training.blocks)
     fit = training.fit(choice.settings, every)

@@ -24,6 +24,8 @@ REST, AT_REST = 0.01, 0.1
 """A joint slower than this share of its greatest speed rests; when all do for so many s, the arm is at rest."""
 TOO_FAST, TOO_FAR = 3.0, 0.25
 """Times the greatest speed, and rad or m beyond the range, that a robot's file allows."""
+SLOWEST, FASTEST = 20.0, 1e5
+"""Hz, between which logs of arms are sampled."""
 STEPS = ("resample", "unwrap", "velocities", "limits", "standstill")
 """What can be skipped, by name."""
 
@@ -61,6 +63,7 @@ def prepare(
     _require_known(skip)
     steps = [PreparationStep(name, "skipped") for name in STEPS if name in skip]
     pieces = list(_pieces(log))
+    _require_plausible_rate(log)
     if "resample" not in skip:
         done = [_resampled(piece) for piece in pieces]
         pieces = [piece for piece, _ in done]
@@ -91,6 +94,16 @@ def prepare(
 def _require_known(skip: Collection[str]) -> None:
     if unknown := [name for name in skip if name not in STEPS]:
         raise InputError(f"skip: expected {', '.join(STEPS)}, got {unknown[0]!r}")
+
+
+def _require_plausible_rate(log: JointLog) -> None:
+    rate = 1.0 / float(np.median(np.diff(log.time)))
+    if not SLOWEST <= rate <= FASTEST:
+        likely = "ms taken for s" if rate < SLOWEST else "s taken for ms"
+        raise InputError(
+            f"{log.source}: samples are {rate:.3g} a second, where {SLOWEST:g} to {FASTEST:g} are expected: is the "
+            f"unit of time right ({likely})?"
+        )
 
 
 def _prepared(piece: JointLog, moving: NDArray[np.bool_]) -> PreparedLog:
@@ -196,7 +209,13 @@ def _within_limits(source: str, logs: list[JointLog], speeds: list[Array], mecha
                 f"{limits.lower:.3g} to {limits.upper:.3g}: are units, gear ratio (and its sign) and offset right, and "
                 "is it this robot's log?"
             )
-    return "positions and speeds are within the robot's limits"
+        strongest = max(float(np.percentile(np.abs(log.torque[:, j]), 99.0)) for log in logs)
+        if strongest > TOO_FAST * limits.effort:
+            raise InputError(
+                f"{source}: joint {joint.name!r} takes {strongest:.3g} N m, its robot at most {limits.effort:.3g}: are "
+                "the unit of torque, the torque constant and the gear ratio right?"
+            )
+    return "positions, speeds and torques are within the robot's limits"
 
 
 def _moving(logs: list[JointLog], speeds: list[Array]) -> list[NDArray[np.bool_]]:

@@ -1,0 +1,40 @@
+"""What a log cannot be: friction that drives, and equations that explain nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from adaptctl.errors import InputError
+from adaptctl.identification.fit import LogEvidence
+from adaptctl.identification.friction_model import FrictionModel
+from adaptctl.identification.least_squares import weighted_least_squares
+
+DRIVING = -0.3
+"""Power of friction over the product of root mean square torque and speed, below which a sign must be wrong."""
+UNEXPLAINED = 0.5
+"""Share of the torques that least squares may leave of its own rows."""
+
+
+def require_plausible(evidence: LogEvidence, source: str, cutoff: float) -> None:
+    """Raise `InputError`, naming the joint, where least squares finds friction that drives the motion, or where even
+    it leaves half of the torques unexplained."""
+    friction = FrictionModel()
+    equations = evidence.equations(cutoff, range(evidence.blocks))
+    x, deviations = weighted_least_squares(equations, evidence.independent(friction))
+    left = float(np.sqrt(equations.misfit(x).sum() / equations.square.sum()))
+    values = dict(zip(evidence.mechanism.parameter_names, x.tolist(), strict=False))
+    rows = evidence.rows[cutoff]
+    for j, joint in enumerate(evidence.mechanism.primary_joints):
+        v, torque = rows.velocity[:, j], rows.torque[:, j]
+        rubbing = values[f"{joint.name}.viscous"] * v + values[f"{joint.name}.coulomb"] * np.sign(v)
+        seen = np.sqrt(np.mean(rubbing**2)) > deviations[j]
+        if seen and np.mean(rubbing * v) < DRIVING * np.sqrt(np.mean(v**2) * np.mean(torque**2)):
+            raise InputError(
+                f"{source}: joint {joint.name!r}: its torques go against its motion, as if friction drove it: is the "
+                "sign of its gear ratio, or of its torque or position column, right?"
+            )
+    if left > UNEXPLAINED:
+        raise InputError(
+            f"{source}: the equations of {evidence.mechanism.name} leave {left:.0%} of the torques unexplained: is it "
+            "this robot's log, and are columns, transmission and units right?"
+        )
