@@ -97,6 +97,12 @@ EXPERIMENTS = (
         "Adaptive",
     ),
     Entry(
+        "identify-then-adapt",
+        "A real arm's log gives the first estimate: adaptation from it, from the URDF and from zero",
+        "adaptctl.experiments.identify_then_adapt",
+        "IdentifyThenAdapt",
+    ),
+    Entry(
         "sheu-walker-1991",
         "Every table and figure of the paper behind all this, computed again, with a verdict",
         "adaptctl.experiments.sheu_walker_1991",
