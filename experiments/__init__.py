@@ -103,6 +103,12 @@ EXPERIMENTS = (
         "IdentifyThenAdapt",
     ),
     Entry(
+        "energy-differences",
+        "Energy differences as an estimator on a real log: exact in theory, and what they amplify",
+        "adaptctl.experiments.energy_differences",
+        "EnergyDifferences",
+    ),
+    Entry(
         "sheu-walker-1991",
         "Every table and figure of the paper behind all this, computed again, with a verdict",
         "adaptctl.experiments.sheu_walker_1991",

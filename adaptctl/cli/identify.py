@@ -52,6 +52,9 @@ def identify(
     ] = None,
     cutoff: Annotated[float | None, Parameter(metavar="HZ", help="Cut-off of the filter; else chosen.")] = None,
     weight: Annotated[float | None, Parameter(help="Weight of the robot file's links as a prior; else chosen.")] = None,
+    instruments: Annotated[
+        bool, Parameter(help="Instrumental variables, for encoders that are coarse or noisy.")
+    ] = False,
     out: Annotated[Path, Parameter(metavar="DIR", help="Folder to write.")] = Path("results/identify"),
     overwrite: Annotated[bool, Parameter(help="Write into a folder that is not empty.")] = False,
 ) -> None:
@@ -72,6 +75,7 @@ def identify(
             friction=friction,
             cutoff=cutoff,
             weight=weight,
+            instruments=instruments,
         )
         _write(folder, found, robot)
     _tell(found, out)

@@ -23,6 +23,7 @@ from adaptctl.identification.entropic import EntropicPrior
 from adaptctl.identification.filtered_dynamics import SmoothMotion, motions_of, rows_of
 from adaptctl.identification.fit import Fit, LogEvidence, positive_columns
 from adaptctl.identification.friction_model import FrictionModel, with_all_friction
+from adaptctl.identification.instrumental import halves, joined_first_stage
 from adaptctl.identification.joint_log import JointLog, joint_log
 from adaptctl.identification.normal_equations import block_edges
 from adaptctl.identification.plausibility import require_plausible
@@ -115,6 +116,7 @@ def identify(
     friction: str | None = None,
     cutoff: float | None = None,
     weight: float | None = None,
+    instruments: bool = False,
 ) -> Identification:
     """Identify a robot's inertial and friction parameters from logs of its motion.
 
@@ -122,7 +124,8 @@ def identify(
     joints are measured themselves, `columns` and `units` (`joint_columns`) and perhaps a sampling `rate` (Hz).
     Without logs to `validate` on, the last 40 % of the given ones are held out for it, and everything is chosen on
     the rest; the estimate then takes them all. `skip` names steps of the preparation, `friction` the terms, `cutoff`
-    (Hz) and `weight` (of the prior) what else is chosen by an inner validation. Raises `InputError`, `FileError`.
+    (Hz) and `weight` (of the prior) what else is chosen by an inner validation. With `instruments`, regressors are
+    freed of noise by instrumental variables, for encoders that are coarse or noisy. Raises `InputError`, `FileError`.
     """
     mechanism = load(robot, snap=True) if not isinstance(robot, Mechanism) else robot
     given = _paths(logs)
@@ -133,7 +136,17 @@ def identify(
     train = [joint_log(read_log(path, topic), turned, mechanism, rate) for path in given]
     test = [joint_log(read_log(path, topic), turned, mechanism, rate) for path in _paths(validate)]
     terms = None if friction is None else FrictionModel.named(friction)
-    return identified(mechanism, turned, train, test, skip=skip, friction=terms, cutoff=cutoff, weight=weight)
+    return identified(
+        mechanism,
+        turned,
+        train,
+        test,
+        skip=skip,
+        friction=terms,
+        cutoff=cutoff,
+        weight=weight,
+        instruments=instruments,
+    )
 
 
 def _paths(given: str | Path | Sequence[str | Path]) -> list[str | Path]:
@@ -150,9 +163,11 @@ def identified(
     friction: FrictionModel | None = None,
     cutoff: float | None = None,
     weight: float | None = None,
+    instruments: bool = False,
 ) -> Identification:
     """The same from logs that are read already, in the drives' order of joints."""
-    evidence, steps, remarks = gathered(mechanism, drives, train, skip, cutoff)
+    measured, steps, remarks = gathered(mechanism, drives, train, skip, cutoff)
+    evidence = freed_of_noise(measured) if instruments else measured
     held_out = [] if test else list(range(round((1.0 - HELD_OUT) * evidence.blocks), evidence.blocks))
     training = evidence.part([b for b in range(evidence.blocks) if b not in held_out])
     require_plausible(training, train[0].source, judged_at(training))
@@ -160,7 +175,7 @@ def identified(
     every = range(training.blocks)
     fit = training.fit(choice.settings, every)
     plain = _plain(training, fit)
-    judged = evidence.part(held_out) if held_out else gathered(mechanism, drives, test, skip, cutoff)[0]
+    judged = measured.part(held_out) if held_out else gathered(mechanism, drives, test, skip, cutoff)[0]
     origin = "the last 40 % of the logs, held out" if held_out else ", ".join(log.source for log in test)
     validation = _validated(judged, fit.x, origin)
     others = {other.name: _validated(judged, other.x, origin) for other in alternatives(training, fit, plain)}
@@ -191,6 +206,19 @@ def gathered(
     edges = block_edges(rows[cutoffs[0]], BLOCKS)
     prior = EntropicPrior(tens, positive, scales)
     return LogEvidence(full, basis, drives, prior, motions, rows, edges), steps, tuple(remarks)
+
+
+def freed_of_noise(evidence: LogEvidence) -> LogEvidence:
+    """With regressors by instrumental variables: even samples' on odd samples'."""
+    pairs = [halves(motion.log) for motion in evidence.motions]
+    cutoffs = [cutoff for cutoff in evidence.rows if cutoff <= 0.1 * min(log.rate for log, _ in pairs)]
+    if not cutoffs:
+        raise InputError("instruments: the log is too slow to be split into even and odd samples")
+    motions = [SmoothMotion.of(own, number) for number, (own, _) in enumerate(pairs)]
+    others = [SmoothMotion.of(other, number) for number, (_, other) in enumerate(pairs)]
+    own, instruments = (rows_of(each, evidence.mechanism, cutoffs) for each in (motions, others))
+    rows = dict(zip(cutoffs, joined_first_stage(own, instruments), strict=True))
+    return replace(evidence, motions=motions, rows=rows, edges=block_edges(rows[cutoffs[0]], BLOCKS))
 
 
 def _require_enough(source: str, rows: int, mechanism: Mechanism) -> None:

@@ -40,7 +40,7 @@ def require_plausible(evidence: LogEvidence, source: str, cutoff: float) -> None
     if left > UNEXPLAINED:
         raise InputError(
             f"{source}: the equations of {evidence.mechanism.name} leave {left:.0%} of the torques unexplained: is it "
-            "this robot's log, and are columns, transmission and units right?"
+            "this robot's log, are columns, transmission and units right, or are encoders so noisy (then instruments)?"
         )
 
 
