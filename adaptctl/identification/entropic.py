@@ -11,12 +11,14 @@ positive alone, rotors, viscous and Coulomb friction, has the same divergence of
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
 from adaptctl.arrays import Array
 from adaptctl.description.inertia import pseudo_inertia
@@ -24,7 +26,7 @@ from adaptctl.errors import AdaptctlError, InputError
 
 UNITS = np.stack([pseudo_inertia(unit) for unit in np.eye(10)])
 """(10, 4, 4): the pseudo-inertia of each unit parameter."""
-MOST = 200
+MOST, STAGES = 60, 12
 ENOUGH = 1e-10
 """Newton's decrement, relative to the objective, at which the search ends."""
 SLIGHT = 1e-2
@@ -102,42 +104,65 @@ class EntropicPrior:
 def consistent_estimate(A: Array, b: Array, prior: EntropicPrior, weight: float, start: Array | None = None) -> Array:
     """x (P,) that minimises x'A x/2 - b'x plus `weight` times the divergence from the prior; links that can be.
 
-    Columns of A that are zero keep what the prior says, or zero. Raises `AdaptctlError` where Newton's method does
-    not come to an end, which is not expected.
+    Columns of A that are zero keep what the prior says, or zero. Where the data outweigh the prior by far, Newton's
+    steps are short; the weight is then brought down to what is asked, from where they are not. Raises `AdaptctlError`
+    where that does not come to an end either, which is not expected.
     """
+    begun = prior.start(len(b)) if start is None else start
+    x, done = _newton(A, b, prior, weight, 1.0, begun)
+    if done:
+        return x
+    x = prior.start(len(b))
+    for times in np.geomspace(1.0 + abs(_value(A, b, prior, weight, 1.0, x)) / weight, 1.0, STAGES).tolist():
+        x, done = _newton(A, b, prior, weight, times, x)
+    if not done:
+        raise AdaptctlError("the consistent estimate was not found: are the columns scaled beyond reason?")
+    return x
+
+
+def _newton(A: Array, b: Array, prior: EntropicPrior, weight: float, times: float, x: Array) -> tuple[Array, bool]:
+    """Damped, with the divergence so many times as heavy; where it got to, and whether that is the minimum."""
     own = np.diag(A)
     absent = own == 0.0
     absent[: prior.tens.size] = False
     absent[prior.positive] = False
     ridge = RIDGE * np.where(own > 0.0, own, 0.0) + np.where(absent, 1.0, 0.0)
-    x = prior.start(len(b)) if start is None else start.copy()
-    value = _value(A, b, prior, weight, x)
+    value = _value(A, b, prior, weight, times, x)
     for _ in range(MOST):
-        gradient = A @ x - b + prior.gradient(x, weight)
-        curvature = A + prior.curvature(x, weight)
+        gradient = A @ x - b + times * prior.gradient(x, weight)
+        curvature = A + times * prior.curvature(x, weight)
         curvature[np.diag_indices_from(curvature)] += ridge
-        scale = 1.0 / np.sqrt(np.diag(curvature))
-        step = -scale * cho_solve(cho_factor(curvature * np.outer(scale, scale)), scale * gradient)
+        step = -_solved(curvature, gradient)
         decrement = float(-gradient @ step)
-        there, found = _stepped(A, b, prior, weight, x, value, step, decrement)
+        there, found = _stepped(lambda y: _value(A, b, prior, weight, times, y), x, value, step, decrement)
         if decrement <= ENOUGH * (1.0 + abs(value)) or found == value:
-            return there
+            return there, True
         x, value = there, found
+    return x, False
+
+
+def _solved(curvature: Array, gradient: Array) -> Array:
+    """Of a positive definite matrix, made more so where round-off has spoilt that: any descent will do."""
+    scale = 1.0 / np.sqrt(np.diag(curvature))
+    scaled = curvature * np.outer(scale, scale)
+    for more in (0.0, 1e-10, 1e-8, 1e-6):
+        with suppress(LinAlgError):
+            return scale * cho_solve(cho_factor(scaled + more * np.eye(len(scaled))), scale * gradient)
     raise AdaptctlError("the consistent estimate was not found: are the columns scaled beyond reason?")
 
 
-def _value(A: Array, b: Array, prior: EntropicPrior, weight: float, x: Array) -> float:
-    return float(0.5 * x @ A @ x - b @ x + prior.divergence(x, weight))
+def _value(A: Array, b: Array, prior: EntropicPrior, weight: float, times: float, x: Array) -> float:
+    return float(0.5 * x @ A @ x - b @ x + times * prior.divergence(x, weight))
 
 
 def _stepped(
-    A: Array, b: Array, prior: EntropicPrior, weight: float, x: Array, value: float, step: Array, decrement: float
+    objective: Callable[[Array], float], x: Array, value: float, step: Array, decrement: float
 ) -> tuple[Array, float]:
     """As far along a Newton step as the objective falls enough, by halves (Armijo)."""
     share = 1.0
     while share > 1e-14:
         there = x + share * step
-        found = _value(A, b, prior, weight, there)
+        found = objective(there)
         if found <= value - 1e-4 * share * decrement:
             return there, found
         share *= 0.5

@@ -26,10 +26,12 @@ from adaptctl.identification.friction_model import FrictionModel, with_all_frict
 from adaptctl.identification.instrumental import halves, joined_first_stage
 from adaptctl.identification.joint_log import JointLog, joint_log
 from adaptctl.identification.normal_equations import block_edges
+from adaptctl.identification.payloads import without_payloads
 from adaptctl.identification.plausibility import require_plausible
 from adaptctl.identification.preparation import PreparationStep, prepare
 from adaptctl.identification.prior_links import prior_links
 from adaptctl.identification.reading.registry import read_log
+from adaptctl.identification.torque_constants import known_drives, torque_constants, with_constants
 from adaptctl.identification.uncertainty import uncertainty
 from adaptctl.identification.unexcited import Combination, combinations, essential_components, unexcited
 from adaptctl.identification.validation import Validation, predicted_torques
@@ -166,6 +168,7 @@ def identified(
     instruments: bool = False,
 ) -> Identification:
     """The same from logs that are read already, in the drives' order of joints."""
+    drives, train, test, known = _with_constants(mechanism, drives, train, test, skip)
     measured, steps, remarks = gathered(mechanism, drives, train, skip, cutoff)
     evidence = freed_of_noise(measured) if instruments else measured
     held_out = [] if test else list(range(round((1.0 - HELD_OUT) * evidence.blocks), evidence.blocks))
@@ -181,7 +184,19 @@ def identified(
     others = {other.name: _validated(judged, other.x, origin) for other in alternatives(training, fit, plain)}
     final = evidence.fit(choice.settings, range(evidence.blocks), fit.x) if held_out else fit
     own = _plain(evidence, final) if held_out else plain
-    return _result(mechanism, evidence, own, final, validation, others, choice, steps, remarks)
+    return _result(mechanism, evidence, own, final, validation, others, choice, steps, remarks + known)
+
+
+def _with_constants(
+    mechanism: Mechanism, drives: Drives, train: Sequence[JointLog], test: Sequence[JointLog], skip: Collection[str]
+) -> tuple[Drives, Sequence[JointLog], Sequence[JointLog], tuple[str, ...]]:
+    """Drives and logs whose torque constants are known, and in words how, where they were not."""
+    if not np.isnan(drives.constants).any():
+        return drives, train, test, ()
+    evidence, _, _ = gathered(mechanism, drives, train, (*skip, "limits") if "limits" not in skip else skip)
+    constants, words = torque_constants(evidence, judged_at(evidence))
+    train, test = ([with_constants(log, drives, constants) for log in logs] for logs in (train, test))
+    return known_drives(drives, constants), train, test, (words,)
 
 
 def gathered(
@@ -199,7 +214,10 @@ def gathered(
     motions = list(motions_of(pieces))
     cutoffs = cutoffs_for(min(piece.rate for piece in pieces))
     cutoffs = cutoffs if cutoff is None or cutoff in cutoffs else (*cutoffs, cutoff)
-    rows = dict(zip(cutoffs, rows_of(motions, full, cutoffs), strict=True))
+    whole = rows_of(motions, full, cutoffs)
+    settled = not np.isnan(drives.constants).any()
+    own = [without_payloads(rows, motions, full, drives) for rows in whole] if settled else whole
+    rows = dict(zip(cutoffs, own, strict=True))
     _require_enough(pieces[0].source, min(len(part) for part in rows.values()), full)
     positive, scales = positive_columns(full, tens)
     basis = fundamental_basis(essential_space(full))
