@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
+
+from adaptctl.cli.output_folder import output_folder
 
 if TYPE_CHECKING:
     from adaptctl.identification import Identification
@@ -61,7 +63,7 @@ def identify(
     """Identify a robot's inertial and friction parameters from logs of its motion."""
     from adaptctl.identification import identify as identified
 
-    with _folder(out, overwrite) as folder, _files(logs, robot, drives) as (logs, robot, drives):
+    with output_folder(out, overwrite) as folder, _files(logs, robot, drives) as (logs, robot, drives):
         found = identified(
             logs,
             robot,
@@ -97,22 +99,6 @@ def _files(
         raise InputError(f"--robot is missing: name the robot's file, or try the example: adaptctl identify {NAMES[0]}")
     else:
         yield logs, robot, drives
-
-
-@contextmanager
-def _folder(out: Path, overwrite: bool) -> Iterator[Path]:
-    """The folder, ready; gone again where nothing came of it and it was not there before."""
-    from adaptctl.recording import prepare_folder
-
-    there = out.exists()
-    folder = prepare_folder(out, overwrite)
-    try:
-        yield folder
-    except BaseException:
-        if not there:
-            with suppress(OSError):
-                folder.rmdir()
-        raise
 
 
 def _write(folder: Path, found: Identification, robot: str) -> None:
