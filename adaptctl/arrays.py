@@ -52,13 +52,13 @@ def checked(values: ArrayLike, size: int, what: str) -> Array:
 def per_joint(values: ArrayLike, dof: int, what: str) -> Array:
     """One number a joint (dof,), from one for all joints or one each: a read-only copy. Infinity is allowed.
 
-    Raises `InputError` on a wrong shape and on NaN.
+    Raises `InputError` on a wrong shape and `NonFiniteError` on NaN.
     """
     array = numbers(values, what)
     if array.shape not in ((), (dof,)):
         raise InputError(f"{what}: expected a number or {dof} of them, got shape {array.shape}")
     if np.isnan(array).any():
-        raise InputError(f"{what}: expected numbers, got {array.tolist()}")
+        raise NonFiniteError(f"{what}: expected numbers, got {array.tolist()}")
     return frozen(np.broadcast_to(array, (dof,)).copy())
 
 

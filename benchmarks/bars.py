@@ -12,12 +12,12 @@ from matplotlib.figure import Figure
 
 from adaptctl.files import replacing
 from adaptctl.recording.palette import INK, MUTED, PAPER, run_color
-from benchmarks.findings import Comparison
+from benchmarks.findings import Speedup
 
 STYLE: dict[Any, Any] = {"svg.hashsalt": "adaptctl", "svg.fonttype": "none", "font.size": 9.0, "text.color": INK.hex}
 
 
-def write_bars(path: Path, compared: Sequence[Comparison]) -> None:
+def write_bars(path: Path, compared: Sequence[Speedup]) -> None:
     """A bar a comparison: its median, its quartiles, and a mark where it was asked to be."""
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(10.0, 0.6 + 0.45 * len(compared)), facecolor=PAPER.hex, layout="constrained")
@@ -27,7 +27,7 @@ def write_bars(path: Path, compared: Sequence[Comparison]) -> None:
             figure.savefig(beside, metadata={"Date": None})
 
 
-def _draw(axes: Axes, compared: Sequence[Comparison]) -> None:
+def _draw(axes: Axes, compared: Sequence[Speedup]) -> None:
     for row, one in enumerate(compared):
         ratio = one.ratio
         axes.barh(row, ratio.median, height=0.6, color=run_color(0).hex)

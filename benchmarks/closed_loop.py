@@ -10,9 +10,9 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.envs import TrackingEnv
 from adaptctl.simulation import RungeKutta4, rollout, simulate
-from benchmarks.findings import Agreement, Comparison, Finding
+from benchmarks.findings import Agreement, Finding, Speedup
 from benchmarks.fleet import Fleet
-from benchmarks.interleaved import Contender, Effort, Race, Spread, race
+from benchmarks.interleaved import Effort, Race, Spread, Statement, race
 from benchmarks.pinocchio_tracking import PinocchioArm
 from benchmarks.tasks import PERIOD, puma_at_joints
 from benchmarks.tick import peer
@@ -28,21 +28,21 @@ def measure(effort: Effort) -> Iterator[Finding]:
     timed, recorded, controller = one.course(SECOND), _environment(TEN), one.task.controller
     raced = race(
         {
-            "ours": Contender(timed.run, work=SECOND),
-            "recorded": Contender(lambda: simulate(recorded, controller), work=10 * SECOND),
-            "theirs": Contender(in_python, work=SECOND),
+            "ours": Statement(timed.run, work=SECOND),
+            "recorded": Statement(lambda: simulate(recorded, controller), work=10 * SECOND),
+            "theirs": Statement(in_python, work=SECOND),
         },
         effort,
     )
     what = "closed loop of one PUMA, RK4 at 1 kHz"
     yield _faster_than_time(what, raced, "ours", 1000.0)
     yield _faster_than_time(f"{what}, all recorded (`simulate`)", raced, "recorded", None)
-    yield Comparison.of(what, "NumPy and Pinocchio", raced, "ours", "theirs", 30.0)
+    yield Speedup.of(what, "NumPy and Pinocchio", raced, "ours", "theirs", 30.0)
 
 
-def _faster_than_time(what: str, raced: Race, name: str, at_least: float | None) -> Comparison:
+def _faster_than_time(what: str, raced: Race, name: str, at_least: float | None) -> Speedup:
     second = Spread(PERIOD, PERIOD, PERIOD)
-    return Comparison(what, "real time", raced.time(name), second, Spread.of(PERIOD / raced.seconds[name]), at_least)
+    return Speedup(what, "real time", raced.time(name), second, Spread.of(PERIOD / raced.seconds[name]), at_least)
 
 
 def _environment(duration: float) -> TrackingEnv:

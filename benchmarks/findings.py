@@ -1,4 +1,4 @@
-"""What is found out: how much faster, how long, how equal; each with what was asked of it."""
+"""Findings of benchmarks: speed-ups, measurements and agreements, each with its goal."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ class DisagreementError(Exception):
 
 
 @dataclass(frozen=True)
-class Comparison:
-    """How many times faster something is than its peer at the same work; seconds for one unit of that work."""
+class Speedup:
+    """Ratio of a peer's time to ours at the same work; seconds for one unit of that work."""
 
     what: str
     against: str
@@ -25,8 +25,8 @@ class Comparison:
     at_least: float | None
 
     @classmethod
-    def of(cls, what: str, against: str, race: Race, ours: str, theirs: str, at_least: float | None) -> Comparison:
-        """From a race of the two."""
+    def of(cls, what: str, against: str, race: Race, ours: str, theirs: str, at_least: float | None) -> Speedup:
+        """Speed-up from a race of the two."""
         return cls(what, against, race.time(ours), race.time(theirs), race.ratio(theirs, ours), at_least)
 
     @property
@@ -37,7 +37,7 @@ class Comparison:
 
 @dataclass(frozen=True)
 class Measurement:
-    """Something that stands for itself; `unit` is "s", or nothing for a plain number."""
+    """Measured value without a peer; `unit` is "s", or nothing for a plain number."""
 
     what: str
     value: Spread
@@ -67,9 +67,9 @@ class Agreement:
             )
 
 
-Finding: TypeAlias = Comparison | Measurement | Agreement
+Finding: TypeAlias = Speedup | Measurement | Agreement
 
 
 def plain(finding: Finding) -> Mapping[str, Any]:
-    """As JSON has it."""
+    """Finding in JSON's types."""
     return {"kind": type(finding).__name__.lower(), **asdict(finding)}

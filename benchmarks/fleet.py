@@ -11,11 +11,8 @@ import numpy as np
 import adaptctl
 from adaptctl.arrays import Array
 from adaptctl.compilation import Ensemble, Stepper, compile_step
-from adaptctl.control import ReferencePoint
-from adaptctl.control.adaptive import AdaptiveState
-from adaptctl.control.controller import leaves, like
 from adaptctl.scalars import Column
-from adaptctl.simulation import Integrator
+from adaptctl.simulation import ClosedLoop, Integrator
 from benchmarks.tasks import PERIOD, Task
 
 
@@ -25,12 +22,12 @@ class Course:
 
     ensemble: Ensemble
     start: Array
-    reference: Mapping[str, Array]
+    signals: Mapping[str, Array]
 
     def run(self) -> Array:
         """All steps: where the joints (arms, n) are in the end."""
         self.ensemble.state.blocks[...] = self.start
-        self.ensemble.run(len(self.reference["p_d"]), self.reference)
+        self.ensemble.run(len(self.signals["noise"]), self.signals)
         return self.ensemble.state["q"]
 
 
@@ -52,39 +49,25 @@ class Fleet:
         return adaptctl.Plant(self.task.arm, PERIOD, integrator=self.integrator)
 
     @cached_property
+    def loop(self) -> ClosedLoop:
+        """One of the arms under its controller."""
+        return ClosedLoop(self.plant, self.task.controller)
+
+    @cached_property
     def stepper(self) -> Stepper:
-        """A control period: tick, learn, and move on."""
-        plant, controller, blank = self.plant, self.task.controller, self._memory
+        """A control period: tick, learn, and move on; nothing is recorded."""
 
-        def period(
-            q: Column, v: Column, parameters: Column, p_d: Column, v_d: Column, a_d: Column, **kept: Column
-        ) -> tuple[Column, ...]:
-            memory = like(blank, kept.values())
-            torque, memory = controller.law(plant.primary(q), v, ReferencePoint(p_d, v_d, a_d), memory)
-            return (*plant.equation(q, v, torque, parameters), *leaves(memory))
+        def period(**columns: Column) -> tuple[Column, ...]:
+            return tuple(self.loop.equation(**columns)[0])
 
-        equations, r = self.task.arm.equations, self.task.arm.dof
-        remembered = {f"memory_{k}": len(part) for k, part in enumerate(leaves(blank))}
-        return compile_step(
-            period,
-            state={"q": equations.joints, "v": r} | remembered,
-            held={"parameters": equations.parameters},
-            shared={"p_d": r, "v_d": r, "a_d": r},
-            lanes=self.lanes,
-        )
+        loop = self.loop
+        shared = loop.reference | loop.noise
+        return compile_step(period, state=loop.state, held=loop.held, shared=shared, lanes=self.lanes)
 
     def course(self, steps: int) -> Course:
         """So many steps from the start."""
         ensemble, (p, v) = self.stepper.ensemble(self.arms), self.task.starts(self.arms)
         ensemble.held["parameters"] = self.task.arm.inertial_parameters
-        ensemble.state["q"], ensemble.state["v"] = self.task.arm.configuration(p), v
-        begun = [leaves(self.task.controller.init(*start)) for start in zip(p, v, strict=True)]
-        for k, parts in enumerate(zip(*begun, strict=True)):
-            ensemble.state[f"memory_{k}"] = np.array(parts)
-        reference = dict(zip(("p_d", "v_d", "a_d"), self.task.references(steps), strict=True))
-        return Course(ensemble, ensemble.state.blocks.copy(), reference)
-
-    @property
-    def _memory(self) -> AdaptiveState:
-        controller = self.task.controller
-        return controller.start(controller.home, np.zeros(controller.dof))
+        self.loop.begin(ensemble, self.plant.init(p, v), self.task.controller.init(p, v))
+        reference = dict(zip(self.loop.reference, self.task.references(steps), strict=True))
+        return Course(ensemble, ensemble.state.blocks.copy(), reference | {"noise": np.zeros((steps, 0))})

@@ -25,22 +25,22 @@ class Spread:
 
     @classmethod
     def of(cls, values: ArrayLike) -> Spread:
-        """That of some values."""
+        """Spread of some values (n,)."""
         lower, median, upper = np.quantile(np.asarray(values, dtype=np.float64), (0.25, 0.5, 0.75)).tolist()
         return cls(median, lower, upper)
 
 
 @dataclass(frozen=True)
 class Effort:
-    """How often each contender takes its turn, and for how many seconds at least."""
+    """Number of turns of each statement, and the seconds of each at least."""
 
     rounds: int = 21
     seconds: float = 0.02
 
 
 @dataclass(frozen=True)
-class Contender:
-    """A statement to be timed, in Python, with the names it uses; it does `work` times what is asked about.
+class Statement:
+    """Python statement to be timed, with the names it uses; it does `work` units of the work in question.
 
     Only the statement itself is timed, as `timeit` does it: nobody pays for a call of the harness.
     """
@@ -50,27 +50,27 @@ class Contender:
     work: int = 1
 
     def timer(self, clock: Clock) -> Timer:
-        """What times it."""
+        """Timer of the statement by a clock."""
         return Timer(self.statement, globals=dict(self.names or {}), timer=clock)
 
 
 @dataclass(frozen=True)
 class Race:
-    """Seconds that each contender needed for one unit of work, (rounds,) each."""
+    """Seconds (rounds,) that each statement needed for one unit of work."""
 
     seconds: Mapping[str, Array]
 
     def time(self, name: str) -> Spread:
-        """Seconds of one."""
+        """Spread of one statement's seconds."""
         return Spread.of(self.seconds[name])
 
     def ratio(self, slow: str, fast: str) -> Spread:
-        """How many times as long one took as another in the same round."""
+        """Spread of the ratio of two statements' seconds in the same round."""
         return Spread.of(self.seconds[slow] / self.seconds[fast])
 
 
-def race(contenders: Mapping[str, Contender], effort: Effort, clock: Clock = time.process_time) -> Race:
-    """Let all take turns, forwards in one round and backwards in the next.
+def race(contenders: Mapping[str, Statement], effort: Effort, clock: Clock = time.process_time) -> Race:
+    """Race of statements that take turns, forwards in one round and backwards in the next.
 
     Seconds are the processor's, of all threads: while another process has the core, the clock stands.
     """
@@ -84,7 +84,7 @@ def race(contenders: Mapping[str, Contender], effort: Effort, clock: Clock = tim
 
 
 def _loops(timer: Timer, seconds: float) -> int:
-    """How many calls take that long. The first call, which may compile something, does not count."""
+    """Number of calls that take that long. The first call, which may compile something, does not count."""
     timer.timeit(1)
     loops = 1
     while (taken := timer.timeit(loops)) < seconds:

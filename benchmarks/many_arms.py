@@ -11,9 +11,9 @@ import adaptctl
 from adaptctl.arrays import Array
 from adaptctl.scalars import column
 from adaptctl.simulation import Integrator, RungeKutta4, SemiImplicitEuler
-from benchmarks.findings import Agreement, Comparison, Finding
+from benchmarks.findings import Agreement, Finding, Speedup
 from benchmarks.fleet import Fleet
-from benchmarks.interleaved import Contender, Effort, race
+from benchmarks.interleaved import Effort, Statement, race
 from benchmarks.mujoco_arm import Physics, mujoco_model
 from benchmarks.tasks import PERIOD, Task, puma, semi_direct_drive
 
@@ -51,10 +51,10 @@ def _compared(task: Task, name: str, integrator: str, asked: Asked, effort: Effo
         yield _moved_alike(task, f"{name}, {integrator}, after {STEPS} steps", integrator, physics)
     arm_steps = ARMS * STEPS
     raced = race(
-        {"ours": Contender(course.run, work=arm_steps), "theirs": Contender(physics.run, work=arm_steps)}, effort
+        {"ours": Statement(course.run, work=arm_steps), "theirs": Statement(physics.run, work=arm_steps)}, effort
     )
     what = f"{ARMS:,} {name} and their controllers, {integrator}, a step of one"
-    yield Comparison.of(what, "MuJoCo's rollout, physics alone", raced, "ours", "theirs", asked.at_least)
+    yield Speedup.of(what, "MuJoCo's rollout, physics alone", raced, "ours", "theirs", asked.at_least)
 
 
 def _physics(task: Task, integrator: str) -> Physics:

@@ -13,9 +13,9 @@ from adaptctl.description import Description, Joint, Link, Pose
 from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.errors import PhysicalConsistencyWarning
 from adaptctl.identifiability import Priority, essential_space
-from adaptctl.identifiability.tree.null_space import TransferredNullSpace
+from adaptctl.identifiability.tree.null_space import TreeNullSpace
 from benchmarks.findings import Finding, Measurement
-from benchmarks.interleaved import Contender, Effort, Race, Spread, race
+from benchmarks.interleaved import Effort, Race, Spread, Statement, race
 
 LONG, HALF = 96, 48
 """links"""
@@ -29,12 +29,12 @@ def measure(effort: Effort) -> Iterator[Finding]:
     half, long = chain(HALF), chain(LONG)
     raced = race(
         {
-            "puma": Contender(lambda: essential_space(puma)),
-            "half": Contender(lambda: TransferredNullSpace.of(half)),
-            "long": Contender(lambda: TransferredNullSpace.of(long)),
-            "half basis": Contender(lambda: basis(half)),
-            "long basis": Contender(lambda: basis(long)),
-            "certified": Contender(lambda: essential_space(long)),
+            "puma": Statement(lambda: essential_space(puma)),
+            "half": Statement(lambda: TreeNullSpace.of(half)),
+            "long": Statement(lambda: TreeNullSpace.of(long)),
+            "half basis": Statement(lambda: basis(half)),
+            "long basis": Statement(lambda: basis(long)),
+            "certified": Statement(lambda: essential_space(long)),
         },
         effort,
     )
@@ -56,7 +56,7 @@ def growth(raced: Race, half: str, long: str) -> Spread:
 
 def basis(mechanism: adaptctl.Mechanism) -> Array:
     """K (k, P) of a tree, from its description; what `fundamental_basis` has besides is in the certificate."""
-    found = TransferredNullSpace.of(mechanism)
+    found = TreeNullSpace.of(mechanism)
     order = Priority().indices(mechanism.parameter_names)
     return found.regrouping(order, 1e-3).matrix(found.scales)
 

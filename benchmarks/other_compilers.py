@@ -24,7 +24,7 @@ from adaptctl.arrays import Array
 from adaptctl.compilation import Op, Routine, compile_function, trace
 from adaptctl.compilation.graph import Expression
 from adaptctl.files import write_text
-from benchmarks.interleaved import Contender, Effort, race
+from benchmarks.interleaved import Effort, Statement, race
 from benchmarks.machine import Machine
 from benchmarks.published import ROOT, inserted, seconds, table
 from benchmarks.regressor import ARGUMENTS, regressor
@@ -202,8 +202,8 @@ def main() -> None:
     for name, compiled in made.items():
         np.testing.assert_allclose(compiled.one(), expected[0], rtol=0, atol=bound, err_msg=name)
         np.testing.assert_allclose(compiled.all(), expected, rtol=0, atol=bound, err_msg=name)
-    ones = race({name: Contender(compiled.one) for name, compiled in made.items()}, Effort())
-    alls = race({name: Contender(compiled.all, work=SAMPLES) for name, compiled in made.items()}, Effort())
+    ones = race({name: Statement(compiled.one) for name, compiled in made.items()}, Effort())
+    alls = race({name: Statement(compiled.all, work=SAMPLES) for name, compiled in made.items()}, Effort())
     head = ("compiler", "imported in", "traced and compiled in", "a call", f"one of {SAMPLES:,} at once")
     rows = [
         (

@@ -10,7 +10,7 @@ from typing import TypeAlias
 
 from adaptctl.files import write_text
 from benchmarks.bars import write_bars
-from benchmarks.findings import Agreement, Comparison, Finding, Measurement, plain
+from benchmarks.findings import Agreement, Finding, Measurement, Speedup, plain
 from benchmarks.interleaved import Spread
 from benchmarks.machine import Machine
 
@@ -28,7 +28,7 @@ def publish(found: Sequence[Finding]) -> None:
     """Write numbers and plot, and put the tables into both pages."""
     machine = Machine.here()
     numbers = {"schema": SCHEMA, "machine": asdict(machine), "findings": [plain(finding) for finding in found]}
-    compared = [finding for finding in found if isinstance(finding, Comparison)]
+    compared = [finding for finding in found if isinstance(finding, Speedup)]
     write_text(NUMBERS, json.dumps(numbers, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
     write_bars(PLOT, compared)
     where = f"Measured by `make bench` on {machine}.\n"
@@ -48,18 +48,18 @@ def inserted(page: str, text: str, command: str = BENCH) -> str:
 
 
 def comparisons(found: Iterable[Finding]) -> str:
-    """How many times faster, with quartiles."""
+    """Table of the speed-ups, with quartiles."""
 
-    def row(one: Comparison) -> Row:
+    def row(one: Speedup) -> Row:
         times = seconds(one.ours), seconds(one.theirs), _times(one.ratio)
         return one.what, one.against, *times, _at_least(one)
 
     head = "what", "against", "adaptctl", "peer", "times faster", "goal"
-    return table(head, (row(one) for one in found if isinstance(one, Comparison)))
+    return table(head, (row(one) for one in found if isinstance(one, Speedup)))
 
 
 def measurements(found: Iterable[Finding]) -> str:
-    """What stands for itself."""
+    """Table of the measurements."""
 
     def row(one: Measurement) -> Row:
         return one.what, _value(one.value, one.unit), _at_most(one)
@@ -68,7 +68,7 @@ def measurements(found: Iterable[Finding]) -> str:
 
 
 def agreements(found: Iterable[Finding]) -> str:
-    """What was compared before it was timed."""
+    """Table of the agreements that were checked before anything was timed."""
 
     def row(one: Agreement) -> Row:
         difference = f"{one.difference:.0e} {one.unit}".strip()
@@ -79,7 +79,7 @@ def agreements(found: Iterable[Finding]) -> str:
 
 
 def line(finding: Finding) -> str:
-    """For whoever watches."""
+    """Line about a finding for the screen."""
     if isinstance(finding, Agreement):
         return f"{finding.what} against {finding.against}: {finding.difference:.0e} {finding.unit}".rstrip()
     if isinstance(finding, Measurement):
@@ -91,11 +91,11 @@ def line(finding: Finding) -> str:
 
 
 def seconds(spread: Spread) -> str:
-    """A median time in a unit that suits it."""
+    """Text of a median time in a unit that suits it."""
     return _plain_value(spread.median, "s")
 
 
-def _at_least(one: Comparison) -> str:
+def _at_least(one: Speedup) -> str:
     return "" if one.at_least is None else f"{_digits(one.at_least)}{_unless(one.as_asked)}"
 
 

@@ -10,8 +10,8 @@ import pinocchio
 from adaptctl.arrays import Array
 from adaptctl.compilation import Ensemble, Kernel, compile_function, compile_step
 from adaptctl.scalars import Column
-from benchmarks.findings import Agreement, Comparison, Finding
-from benchmarks.interleaved import Contender, Effort, race
+from benchmarks.findings import Agreement, Finding, Speedup
+from benchmarks.interleaved import Effort, Statement, race
 from benchmarks.pinocchio_tracking import slotine_li_regressor
 from benchmarks.tasks import puma_at_joints
 
@@ -32,18 +32,18 @@ def measure(effort: Effort) -> Iterator[Finding]:
     at_once = lanes.stepper.lanes
     raced = race(
         {
-            "call": Contender("call(p, v, v_r, a_r)", names | {"call": kernel.call}),
-            "three": Contender("; ".join([ONE] * 3), names),
-            "one": Contender(ONE, names),
-            "loop": Contender(lambda: scalar.run(STEPS), work=STEPS),
-            "lanes": Contender(lambda: lanes.run(STEPS), work=STEPS * at_once),
+            "call": Statement("call(p, v, v_r, a_r)", names | {"call": kernel.call}),
+            "three": Statement("; ".join([ONE] * 3), names),
+            "one": Statement(ONE, names),
+            "loop": Statement(lambda: scalar.run(STEPS), work=STEPS),
+            "lanes": Statement(lambda: lanes.run(STEPS), work=STEPS * at_once),
         },
         effort,
     )
     what, one = "Slotine-Li regressor of the PUMA, 6 × 36", "one torque regressor of Pinocchio, a call"
-    yield Comparison.of(f"{what}, a call", "three torque regressors of Pinocchio", raced, "call", "three", 20.0)
-    yield Comparison.of(f"{what}, in a compiled loop", one, raced, "loop", "one", 15.0)
-    yield Comparison.of(f"{what}, in {at_once} lanes", one, raced, "lanes", "one", 15.0)
+    yield Speedup.of(f"{what}, a call", "three torque regressors of Pinocchio", raced, "call", "three", 20.0)
+    yield Speedup.of(f"{what}, in a compiled loop", one, raced, "loop", "one", 15.0)
+    yield Speedup.of(f"{what}, in {at_once} lanes", one, raced, "lanes", "one", 15.0)
 
 
 def regressor(p: Column, v: Column, v_r: Column, a_r: Column) -> list[Column]:

@@ -8,8 +8,8 @@ import numpy as np
 
 import adaptctl
 from adaptctl.control import ReferencePoint
-from benchmarks.findings import Agreement, Comparison, Finding
-from benchmarks.interleaved import Contender, Effort, race
+from benchmarks.findings import Agreement, Finding, Speedup
+from benchmarks.interleaved import Effort, Statement, race
 from benchmarks.pinocchio_tracking import PinocchioArm, PinocchioTracker
 from benchmarks.tasks import BANDWIDTH, PERIOD, Task, puma_at_joints
 
@@ -32,13 +32,13 @@ def measure(effort: Effort) -> Iterator[Finding]:
     _, state = controller.step(controller.init(p, v), p, v, reference)
     raced = race(
         {
-            "ours": Contender("controller.step(state, p, v, reference)", locals()),
-            "theirs": Contender("tracker.step(p, v, *reference)", locals()),
+            "ours": Statement("controller.step(state, p, v, reference)", locals()),
+            "theirs": Statement("tracker.step(p, v, *reference)", locals()),
         },
         effort,
     )
     what = "tick of adaptive control of the PUMA, a call"
-    yield Comparison.of(what, "the same law in NumPy and Pinocchio", raced, "ours", "theirs", 8.0)
+    yield Speedup.of(what, "the same law in NumPy and Pinocchio", raced, "ours", "theirs", 8.0)
 
 
 def _agreement(task: Task) -> Agreement:

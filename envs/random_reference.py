@@ -1,4 +1,4 @@
-"""Trajectories nobody chose: sinusoids within the limits of any mechanism."""
+"""Random sinusoidal references within a mechanism's limits."""
 
 from __future__ import annotations
 
@@ -34,14 +34,15 @@ FADE_SLOPE = 1.875
 
 
 def drawn(trajectory: Trajectory, mechanism: Mechanism, rng: np.random.Generator) -> Reference:
-    """The reference meant; a new random one is drawn from `rng`. Raises `InputError` when none is meant."""
+    """The reference that is meant; a new random one is drawn from `rng`. Raises `InputError` where none is meant."""
     return all_drawn([trajectory], mechanism, lambda _: rng)[0]
 
 
 def all_drawn(
     trajectories: Sequence[Trajectory], mechanism: Mechanism, generator: Callable[[int], np.random.Generator]
 ) -> list[Reference]:
-    """The references meant; a new random one, the k-th, is drawn from `generator(k)`, and equal seeds share one."""
+    """The references that trajectories stand for; a new random one, the k-th, is drawn from `generator(k)`, and equal
+    seeds share one. Raises `InputError` for what stands for none."""
     sources: dict[Hashable, np.random.Generator] = {}
     keys: list[Hashable] = []
     for k, given in enumerate(trajectories):
@@ -69,7 +70,7 @@ def random_sinusoids(mechanism: Mechanism, rng: np.random.Generator) -> Sinusoid
 
 
 def many_random_sinusoids(mechanism: Mechanism, rngs: Iterable[np.random.Generator]) -> list[Sinusoids]:
-    """`random_sinusoids` of each generator; loops are tried for all at once."""
+    """One `random_sinusoids` for each generator; loops are tried for all at once."""
     references = [_within_limits(mechanism, rng) for rng in rngs]
     return references if mechanism.continuation is None else _where_loops_allow(mechanism, references)
 

@@ -1,4 +1,4 @@
-"""What an environment pays for tracking."""
+"""Rewards for tracking."""
 
 from __future__ import annotations
 

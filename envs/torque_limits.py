@@ -1,4 +1,4 @@
-"""Torques an action may have, also where the mechanism states none."""
+"""Torque limits of actions, also where the mechanism states none."""
 
 from __future__ import annotations
 

@@ -13,10 +13,9 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
-from adaptctl.arrays import Array, frozen_array
+from adaptctl.arrays import Array, frozen_array, per_joint
 from adaptctl.control.controller import Reference, ReferencePoint
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.envs.preview import Preview
 from adaptctl.envs.random_reference import Trajectory, drawn
 from adaptctl.envs.reward import RewardWeights
 from adaptctl.envs.torque_limits import finite_torque_limits
@@ -24,13 +23,12 @@ from adaptctl.errors import InputError, NotFoundError
 from adaptctl.simulation import Integrator, Plant, PlantState, RungeKutta4
 from adaptctl.simulation.effects import Effect, Payload, PlantEffects
 from adaptctl.simulation.episode import Episode
-from adaptctl.simulation.real_plant import RealPlant, RealPlantState, require_ten_a_link
+from adaptctl.simulation.plant import require_ten_a_link
+from adaptctl.simulation.sampled_references import Preview
 from adaptctl.simulation.stiffness import substeps_for_friction
 
 if TYPE_CHECKING:
     from adaptctl.envs.rendering.render import Renderer
-
-_NO_NOISE = np.zeros(0)
 
 LARGEST_OBSERVATION = 1e6
 """Bound of every observation in its own unit: check_env wants a finite one, and no motion comes near it."""
@@ -40,11 +38,11 @@ OPTIONS = ("payload", "trajectory", "initial_error", "parameters")
 
 @dataclass(slots=True)
 class _Episode:
-    """What changes while an episode runs."""
+    """The changing parts of a running episode."""
 
     parameters: Array
     preview: Preview
-    state: RealPlantState
+    state: PlantState
     step: int = 0
     clipped: int = 0
     over: bool = False
@@ -174,28 +172,26 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         reward_weights: RewardWeights | None = None,
         initial_error: ArrayLike = 0.0,
         torque_limits: ArrayLike | None = None,
-        effects: Iterable[Effect] | PlantEffects = (),
+        effects: Iterable[Effect] = (),
         render_mode: str | None = None,
     ) -> None:
         self.mechanism = robot if isinstance(robot, Mechanism) else load(robot)
         own = finite_torque_limits(self.mechanism) if torque_limits is None else torque_limits
-        limits = _per_joint(own, self.mechanism.dof, "torque_limits")
-        own_effects, period = PlantEffects.of(effects), float(control_period)
-        own_effects.require(self.mechanism.dof, self.mechanism.description.body_names, period)
+        limits, period = per_joint(own, self.mechanism.dof, "torque_limits"), float(control_period)
+        placed = PlantEffects.of(effects := tuple(effects))
+        placed.require(self.mechanism.dof, self.mechanism.description.body_names, period)
         if substeps is None:
-            substeps = substeps_for_friction(self.mechanism, own_effects.joints, period)
-        self.plant = Plant(
-            self.mechanism, period, substeps, integrator or RungeKutta4(), limits, friction=own_effects.joints
-        )
-        self.real_plant = RealPlant(self.plant, own_effects)
+            substeps = substeps_for_friction(self.mechanism, placed.joints, period)
+        method = integrator or RungeKutta4()
+        self.plant = Plant(self.mechanism, period, substeps, method, limits, effects=effects)
         self.control_period = self.plant.control_period
         self.steps = _steps(duration, self.control_period)
         self.look_ahead = _times_ahead(look_ahead)
-        self.error_bound = _per_joint(error_bound, self.mechanism.dof, "error_bound")
+        self.error_bound = per_joint(error_bound, self.mechanism.dof, "error_bound")
         if not np.all(self.error_bound > 0.0):
             raise InputError(f"error_bound: expected positive numbers, got {self.error_bound.tolist()}")
         self.reward_weights = reward_weights or RewardWeights()
-        self.initial_error = _per_joint(initial_error, self.mechanism.dof, "initial_error")
+        self.initial_error = per_joint(initial_error, self.mechanism.dof, "initial_error")
         self.trajectory = reference
         self._set_spaces()
         self._set_render_mode(render_mode)
@@ -214,13 +210,13 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         if unknown := [name for name in given if name not in OPTIONS]:
             raise NotFoundError(f"reset: unknown option {unknown[0]!r}; options: {', '.join(OPTIONS)}")
         r = self.plant.dof
-        error = _per_joint(given.get("initial_error", self.initial_error), r, "initial_error")
+        error = per_joint(given.get("initial_error", self.initial_error), r, "initial_error")
         parameters = self._true_parameters(given)
         reference = drawn(given.get("trajectory", self.trajectory), self.mechanism, self.np_random)
         preview = Preview(reference, r, self.control_period, self.look_ahead)
         start = preview.row(0)
-        self.real_plant.compile()
-        state = self.real_plant.init(start[:r] + error, start[r : 2 * r], self._noise(), self._now(parameters, 0))
+        self.plant.compile()
+        state = self.plant.init(start[:r] + error, start[r : 2 * r], self._now(parameters, 0), self._noise())
         self._episode = _Episode(parameters, preview, state)
         return self._observation(self._episode), self._info(self._episode, np.zeros(r))
 
@@ -231,14 +227,13 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
             raise ResetNeeded("the episode is over: call env.reset() before the next env.step(action)")
         torque = self._torque(action)
         parameters = self._now(episode.parameters, episode.step)
-        episode.state = self.real_plant.step(episode.state, torque, self._noise(), parameters)
-        applied = episode.state.applied
+        episode.state = state = self.plant.step(episode.state, torque, parameters, self._noise())
         episode.step += 1
-        episode.clipped += episode.state.clipped
-        rewards, over = self._judged(episode.state.arm, self._reference(episode), applied)
+        episode.clipped += state.clipped
+        rewards, over = self._judged(state.q, state.v, self._reference(episode), state.applied)
         reward, terminated, truncated = float(rewards), bool(over), episode.step >= self.steps
         episode.over = terminated or truncated
-        return self._observation(episode), reward, terminated, truncated, self._info(episode, applied)
+        return self._observation(episode), reward, terminated, truncated, self._info(episode, state.applied)
 
     def render(self) -> NDArray[np.uint8] | None:
         """The arm and, as a ghost, where it should be: an image (height, width, 3). None without a render mode."""
@@ -251,13 +246,13 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
             self._renderer = Renderer(self.mechanism)
         goal = episode.preview.row(episode.step)[: self.plant.dof]
-        return self._renderer.image(episode.state.arm.p, goal, episode.step * self.control_period)
+        return self._renderer.image(episode.state.p, goal, episode.step * self.control_period)
 
     def hand_over(self) -> Episode:
         """The parts of the running episode, for `simulate`, which computes it in native code."""
         episode = self._running("hand_over")
         return Episode(
-            self.real_plant,
+            self.plant,
             episode.state,
             episode.parameters,
             episode.preview.reference,
@@ -266,58 +261,58 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
             self._judged,
         )
 
-    def take_back(self, state: RealPlantState, steps: int, clipped: int, terminated: bool) -> dict[str, Any]:
-        """Go on from where an episode that was handed over was brought in a number of steps. Returns the info there."""
+    def take_back(self, state: PlantState, steps: int, clipped: int, terminated: bool) -> dict[str, Any]:
+        """Continue from the state to which a number of steps brought an episode that was handed over. Returns the info
+        there."""
         episode = self._running("take_back")
         episode.state, episode.step, episode.clipped = state, episode.step + steps, episode.clipped + clipped
         episode.over = terminated or episode.step >= self.steps
         return self._info(episode, state.applied)
 
-    def _judged(self, state: PlantState, reference: ReferencePoint, applied: Array) -> tuple[Array, NDArray[np.bool_]]:
+    def _judged(self, q: Array, v: Array, reference: ReferencePoint, applied: Array) -> tuple[Array, NDArray[np.bool_]]:
         """The rewards (...) of states reached (...), and whether the episode ends there."""
-        error = state.p - reference.p
+        error = self.plant.positions(q) - reference.p
         terminated = (np.abs(error) > self.error_bound).any(-1)
-        terminated |= ~self.plant.may_work(state)
+        terminated |= ~self.plant.may_work(q)
         relative = applied / self._limits
-        return self.reward_weights.reward(error, state.v - reference.v, relative, terminated), terminated
+        return self.reward_weights.reward(error, v - reference.v, relative, terminated), terminated
 
     def _reference(self, episode: _Episode) -> ReferencePoint:
         row, r = episode.preview.row(episode.step), self.plant.dof
         return ReferencePoint(row[:r], row[r : 2 * r], row[2 * r : 3 * r])
 
     def _observation(self, episode: _Episode) -> Array:
-        return np.concatenate((episode.state.p, episode.state.v, episode.preview.row(episode.step)))
+        return np.concatenate((episode.state.measured_p, episode.state.measured_v, episode.preview.row(episode.step)))
 
     def _info(self, episode: _Episode, applied: Array) -> dict[str, Any]:
-        parameters, arm = self._now(episode.parameters, episode.step), episode.state.arm
+        parameters, state = self._now(episode.parameters, episode.step), episode.state
         info: dict[str, Any] = {
             "time": episode.step * self.control_period,
             "parameters": parameters.copy(),  # Gymnasium: what is returned is the caller's to change
             "applied_torque": applied,
-            "energy": self.plant.energy(arm, parameters),
+            "energy": self.plant.energy(state, parameters),
             "clipped": episode.clipped,
         }
-        if self.real_plant.effects:
-            info |= {"p": arm.p.copy(), "v": arm.v.copy(), "marks": self._marks(episode)}
+        if self.plant.effects:
+            info |= {"p": state.p.copy(), "v": state.v.copy(), "marks": self._marks(episode)}
         return info
 
     def _marks(self, episode: _Episode) -> dict[str, float]:
-        marks = dict(zip(self.real_plant.marks, episode.state.marks.tolist(), strict=True))
-        if self.real_plant.effects.loads:
-            marks["payload"] = self.real_plant.payload(episode.step * self.control_period)
+        marks = dict(zip(self.plant.marks, episode.state.marks.tolist(), strict=True))
+        if self.plant.loads:
+            marks["payload"] = self.plant.payload(episode.step * self.control_period)
         return marks
 
     def _now(self, parameters: Array, step: int) -> Array:
         """The true parameters at a step, what is held by then included."""
-        if not self.real_plant.effects.loads:
+        if not self.plant.loads:
             return parameters
-        return self.real_plant.parameters(parameters, step * self.control_period)
+        return self.plant.parameters(parameters, step * self.control_period)
 
-    def _noise(self) -> Array:
-        """What the sensors' noise is made of; none is drawn where there are no sensors."""
-        if not self.real_plant.effects.sensors:
-            return _NO_NOISE
-        return self.np_random.standard_normal(2 * self.plant.dof)
+    def _noise(self) -> Array | None:
+        """Standard normal numbers for the sensors; none are drawn where there are no sensors."""
+        size = self.plant.noise_size
+        return self.np_random.standard_normal(size) if size else None
 
     def _torque(self, action: ArrayLike) -> Array:
         try:
@@ -369,14 +364,3 @@ def _steps(duration: float, control_period: float) -> int:
 
 def _times_ahead(times: Sequence[float]) -> Array:
     return frozen_array(times, (np.size(times),), "look_ahead")
-
-
-def _per_joint(values: ArrayLike, dof: int, what: str) -> Array:
-    """One number for all joints or one each, as (r,)."""
-    try:
-        array = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{what}: expected a number or {dof} of them, got {values!r}") from error
-    if array.shape not in ((), (dof,)):
-        raise InputError(f"{what}: expected a number or shape ({dof},), got shape {array.shape}")
-    return np.broadcast_to(array, (dof,)).copy()

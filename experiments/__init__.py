@@ -1,4 +1,4 @@
-"""Experiments, one file each: settings whose fields become flags, and what is done with them."""
+"""Experiments, one file each: settings whose fields become flags, and a function from them to a result."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["EXPERIMENTS", "Entry", "find"]
 
 
 class Entry(NamedTuple):
-    """An experiment in the list: what is needed to choose it, without importing it."""
+    """Entry of the list of experiments: what is needed to choose one without importing it."""
 
     name: str
     summary: str
@@ -94,7 +94,7 @@ EXPERIMENTS = (
         "adaptive",
         "The same for any arm: a built-in robot or a file of yours",
         "adaptctl.experiments.adaptive",
-        "Adaptive",
+        "AdaptiveTracking",
     ),
     Entry(
         "identify-then-adapt",
@@ -118,7 +118,7 @@ EXPERIMENTS = (
 
 
 def find(name: str) -> type[Experiment]:
-    """The experiment of that name. Raises NotFoundError with the names that exist."""
+    """Class of the experiment of that name. Raises NotFoundError with the names that exist."""
     names = [entry.name for entry in EXPERIMENTS]
     if name not in names:
         close = get_close_matches(name, names, n=1, cutoff=0.4)

@@ -1,4 +1,4 @@
-"""Every adaptation law, and every control law, on one scenario: an arm known roughly, a motion that excites it."""
+"""Comparison of all adaptation laws and control laws on an arm known roughly and a motion that excites it."""
 
 from __future__ import annotations
 
@@ -29,19 +29,19 @@ from adaptctl.control import (
     Projection,
     SigmaModification,
     Sinusoids,
-    SlotineLi,
 )
 from adaptctl.control.adaptation.natural import pseudos
 from adaptctl.control.controller import leaves
 from adaptctl.dynamics import Mechanism
+from adaptctl.envs.torque_limits import finite_torque_limits
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.experiments.contest import Contender, Outcome
 from adaptctl.experiments.experiment import setting
 from adaptctl.experiments.learning import ADAPTATION_OFF, Found, Learning, numbers
 from adaptctl.experiments.parameter_errors import SAMPLES, ParameterErrors, parameter_errors
-from adaptctl.experiments.rough_model import deviations, scaled_links
+from adaptctl.experiments.rough_start import RoughStart
 from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
-from adaptctl.recording import Finding, Run, Setting
+from adaptctl.recording import ControllerRun, Finding, Setting
 
 if TYPE_CHECKING:
     import gymnasium
@@ -80,8 +80,8 @@ EULER = "gradient-euler"
 
 
 @dataclass(frozen=True)
-class AdaptationLaws(Learning):
-    """All laws from one rough model, on one reference and one seed.
+class AdaptationLaws(RoughStart, Learning):
+    """Runs of all laws from one rough model, on one reference and one seed.
 
     Slotine and Li's control law with every adaptation law in turn; then the other control laws, those that
     adapt with the gradient.
@@ -136,7 +136,7 @@ class AdaptationLaws(Learning):
 
     @property
     def purpose(self) -> str:
-        """What is asked."""
+        """Question that the experiment answers, in a paragraph."""
         return (
             "An arm whose links are known within "
             f"{100 * self.parameter_error:.0f} % follows sums of sinusoids that excite it. {self.comparing}"
@@ -150,7 +150,7 @@ class AdaptationLaws(Learning):
     """How laws are compared, and in what."""
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """The tracking environment on the reference, with the effects."""
+        """Tracking environment on the reference, with the effects."""
         import gymnasium
 
         return gymnasium.make(
@@ -169,18 +169,18 @@ class AdaptationLaws(Learning):
     """rad or m: the error of a joint that ends a run"""
 
     def motors(self, mechanism: Mechanism) -> Array:
-        """The most that the joints' motors give (r,), N m."""
-        return self._limits(mechanism)
+        """Largest torques (r,) that the joints' motors give, N m."""
+        return finite_torque_limits(mechanism)
 
     def effects(self) -> Iterator[Effect]:
-        """What the plant has besides: the noise asked for."""
+        """Effects of the plant: the noise asked for."""
         from adaptctl.simulation.effects import Encoder
 
         if self.velocity_noise:
             yield Encoder(velocity_noise=self.velocity_noise)
 
     def reference(self, mechanism: Mechanism) -> Sinusoids:
-        """Five sinusoids a joint about a bent posture, phases and exact frequencies by seed; or the most telling."""
+        """Five sinusoids a joint about a bent posture, phases and exact frequencies by seed; or the most exciting."""
         if self.motion == EXCITING:
             return most_exciting(mechanism, self.seed)
         if mechanism.dof > len(CENTER):
@@ -192,7 +192,7 @@ class AdaptationLaws(Learning):
         return Sinusoids(center, self.amplitude / np.sqrt(frequency / 0.2), frequency, phase)
 
     def followed(self, mechanism: Mechanism) -> Sinusoids:
-        """The reference, where the loops, if any, allow all of it."""
+        """Reference that the loops, if any, allow all of. Raises InputError where they do not."""
         reference = self.reference(mechanism)
         p = reference(np.linspace(0.0, self.duration, REACHES)).p
         apart = mechanism.continuation is not None and not mechanism.continuation.reachable(p).all()
@@ -203,20 +203,8 @@ class AdaptationLaws(Learning):
             )
         return reference
 
-    def gains(self, mechanism: Mechanism) -> Gains:
-        """Lambda as set, K from typical inertia."""
-        return Gains.from_bandwidth(mechanism, self.bandwidth, self.ratio)
-
-    def adaptation(self, model: ReducedModel) -> Array:
-        """Gamma from how far off the rough model may be."""
-        return self.rate * self._deviations(model) ** 2
-
-    def adaptation_setting(self, mechanism: Mechanism) -> str:
-        """Gamma in words."""
-        return f"{self.rate:g} × (deviation)², {100 * self.parameter_error:.0f} % of each link's and drive's size"
-
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
-        """The frequencies; phases follow from the seed."""
+        """Settings that state the reference: its frequencies; phases follow from the seed."""
         if self.motion == EXCITING:
             yield Setting("reference", "Fourier series of five harmonics of 0.1 Hz a joint", "optimised for condition")
             return
@@ -224,37 +212,30 @@ class AdaptationLaws(Learning):
         yield Setting("reference frequencies", numbers(np.array(FREQUENCIES)), "Hz, ±20 % by joint and seed")
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Who drives, in order; the first is the subject."""
+        """Contenders in the order in which they drive; the first is the subject."""
         model, full = ReducedModel(mechanism, basis), ReducedModel.full(mechanism)
-        gains, rough = self.gains(mechanism), self._rough(mechanism)
+        gains, first = self.gains(mechanism), self.first(model)
         knows = f"links within {100 * self.parameter_error:.0f} %"
-
-        first = model.regrouping @ rough
-
-        def slotine_li(law: AdaptationLaw[Any] | None) -> SlotineLi:
-            return SlotineLi(model, gains.bandwidth, gains.damping, law, first, self.control_period)
-
         adaptation, control = self._laws(model, first), self._control_laws(model, gains, first)
 
         def contender(name: str) -> Contender:
             if name == "natural":
-                law, start = self._natural(mechanism)
-                natural = SlotineLi(full, gains.bandwidth, gains.damping, law, start, self.control_period)
+                natural = self.slotine_li(full, *self._natural(mechanism))
                 return Contender(name, "Natural, full parameters", knows, natural)
             if name in adaptation:
-                return Contender(name, adaptation[name][0], knows, slotine_li(adaptation[name][1]))
+                return Contender(name, adaptation[name][0], knows, self.slotine_li(model, adaptation[name][1], first))
             return Contender(name, control[name][0], knows, control[name][1])
 
-        off = Contender(ADAPTATION_OFF, "Adaptation off", knows, slotine_li(None))
+        off = Contender(ADAPTATION_OFF, "Adaptation off", knows, self.slotine_li(model, None, first))
         return [*map(contender, self.laws), off]
 
     def _natural(self, mechanism: Mechanism) -> tuple[Natural, Array]:
-        """Natural adaptation with the gain that the others have at the rough model, and where it starts."""
-        return Natural(self.rate * self.parameter_error**2), self._rough(mechanism)
+        """Natural adaptation with the others' gain at the rough model, and its first estimate (P,)."""
+        return Natural(self.rate * self.parameter_error**2), self.rough(mechanism)
 
     def _laws(self, model: ReducedModel, first: Array) -> dict[str, tuple[str, AdaptationLaw[Any]]]:
         """Adaptation laws on the reduced model, by name, with what to call them."""
-        gain, weight = self.adaptation(model), self.prediction / self._limits(model.mechanism) ** 2
+        gain, weight = self.adaptation(model), self.prediction / finite_torque_limits(model.mechanism) ** 2
         return {
             "composite": ("Composite", Composite(gain, weight, self.cutoff)),
             "gradient": ("Gradient", Gradient(gain)),
@@ -271,12 +252,12 @@ class AdaptationLaws(Learning):
         }
 
     def _projected(self, model: ReducedModel, gain: Array, first: Array) -> Projection[Any]:
-        """The gradient, within some deviations of the rough model."""
-        reach = BOUNDS * self._deviations(model)
+        """Gradient law with estimates kept within some deviations of the rough model."""
+        reach = BOUNDS * self.deviations(model)
         return Projection(Gradient(gain), first - reach, first + reach)
 
     def _control_laws(self, model: ReducedModel, gains: Gains, first: Array) -> dict[str, tuple[str, Controller[Any]]]:
-        """The other control laws, by name, with what to call them."""
+        """Control laws besides Slotine and Li's, by name, with what to call them."""
         gain, period = self.adaptation(model), self.control_period
         stiffness, resetting = (
             gains.bandwidth * gains.damping,
@@ -299,7 +280,7 @@ class AdaptationLaws(Learning):
         }
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Each law's parameter error at the end, and what its tick costs in Python."""
+        """Findings: each law's parameter error at the end, and the time of its tick in Python."""
         errors = self._errors(outcome, basis)
         contenders = {c.name: c for c in self.contenders(errors.model.mechanism, basis)}
         for run in outcome.runs:
@@ -313,14 +294,14 @@ class AdaptationLaws(Learning):
             yield Finding(f"tick_floats.{run.name}", 1e6 * cost, "us", f"{run.label}: a tick on Python floats")
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """The parameter errors."""
+        """Sentence with the parameter errors at the end."""
         off = found.of.get(f"parameter_error.{ADAPTATION_OFF}", np.nan)
         adapting = [run for run in outcome.runs if run.name != ADAPTATION_OFF]
         errors = ", ".join(found.each("parameter_error", adapting, rising=True))
         return f"From a parameter error of {off:.2g}, {self.duration:g} s end at {errors}." if errors else None
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
-        """The parameter errors over time."""
+        """Figure of the parameter errors over time."""
         from adaptctl.recording.drawing import Drawing
 
         errors = self._errors(outcome, basis)
@@ -338,22 +319,11 @@ class AdaptationLaws(Learning):
         points = self.reference(mechanism)(np.linspace(0.0, self.duration, SAMPLES))
         return ParameterErrors.along(ReducedModel(mechanism, basis), points.p, points.v, points.a)
 
-    def _rough(self, mechanism: Mechanism) -> Array:
-        return scaled_links(mechanism, self.parameter_error, self.seed)
-
-    def _deviations(self, model: ReducedModel) -> Array:
-        return deviations(model, self._rough(model.mechanism), self.parameter_error)
-
-    def _limits(self, mechanism: Mechanism) -> Array:
-        from adaptctl.envs.torque_limits import finite_torque_limits
-
-        return finite_torque_limits(mechanism)
-
 
 @lru_cache(maxsize=4)
 def most_exciting(mechanism: Mechanism, seed: int) -> Sinusoids:
-    """The reference that `exciting_reference` finds for all that can be told of a mechanism."""
-    from adaptctl.control.excitation.exciting_reference import exciting_reference
+    """Reference that `exciting_reference` finds for all parameters of a mechanism's reduced model."""
+    from adaptctl.control import exciting_reference
 
     if mechanism.description.loops is not None:
         raise InputError(f"motion: {EXCITING} is for arms without loops, and {mechanism.name} has some")
@@ -361,8 +331,8 @@ def most_exciting(mechanism: Mechanism, seed: int) -> Sinusoids:
     return exciting_reference(ReducedModel(mechanism, basis), seed=seed).reference
 
 
-def smallest_eigenvalue(mechanism: Mechanism, run: Run) -> Finding:
-    """The smallest eigenvalue of any link's pseudo-inertia over a run that adapts all parameters."""
+def smallest_eigenvalue(mechanism: Mechanism, run: ControllerRun) -> Finding:
+    """Smallest eigenvalue of any link's pseudo-inertia over a run that adapts all parameters."""
     bodies = len(mechanism.description.bodies)
     tens = run.rollout.estimate[:, : 10 * bodies].reshape(-1, bodies, 10)
     value = float(np.linalg.eigvalsh(pseudos(tens))[..., 0].min())
@@ -370,13 +340,13 @@ def smallest_eigenvalue(mechanism: Mechanism, run: Run) -> Finding:
     return Finding(f"smallest_eigenvalue.{run.name}", value, "SI", meaning)
 
 
-def float_tick(controller: Controller[Any], run: Run) -> float:
-    """The median time (s) of a tick on Python's floats."""
-    o = run.rollout
+def float_tick(controller: Controller[Any], run: ControllerRun) -> float:
+    """Median time (s) of a tick on Python's floats."""
+    o, on_floats = run.rollout, controller.on_floats
     kept = leaves(controller.init(o.p[0], o.v[0]))
     costs = []
     for k in np.linspace(0, len(o.time) - 1, FLOAT_TICKS).astype(int):
         started = time.perf_counter()
-        controller._on_floats(o.p[k], o.v[k], o.reference_p[k], o.reference_v[k], o.reference_a[k], *kept)
+        on_floats(o.p[k], o.v[k], o.reference_p[k], o.reference_v[k], o.reference_a[k], *kept)
         costs.append(time.perf_counter() - started)
     return float(np.median(costs))

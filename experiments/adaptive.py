@@ -11,6 +11,7 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.control import Gains, PriorRanges, sampled_gain, typical_inertia
 from adaptctl.description import GROUND
+from adaptctl.description.reach import reach_behind
 from adaptctl.dynamics import Mechanism
 from adaptctl.envs.random_reference import random_sinusoids
 from adaptctl.envs.torque_limits import finite_torque_limits
@@ -18,7 +19,6 @@ from adaptctl.experiments.experiment import setting
 from adaptctl.experiments.learning import Learning, numbers
 from adaptctl.identifiability import ReducedModel
 from adaptctl.recording import Setting
-from adaptctl.recording.skeleton import reach_behind
 
 if TYPE_CHECKING:
     import gymnasium
@@ -35,7 +35,7 @@ SHORTEST_LEVER = 0.05
 
 
 @dataclass(frozen=True)
-class Adaptive(Learning):
+class AdaptiveTracking(Learning):
     """The contest of `Learning` on any arm, with a reference drawn by seed and gains from its inertia."""
 
     name: ClassVar[str] = "adaptive"
@@ -50,7 +50,7 @@ class Adaptive(Learning):
 
     @property
     def purpose(self) -> str:
-        """What is asked."""
+        """Question that the experiment answers, in a paragraph."""
         return (
             f"An arm follows sinusoids drawn by seed {self.seed} within its limits, and nobody tells the controller "
             "its inertial parameters. First those that its motion depends on are found, from energies alone. Then "
@@ -58,7 +58,7 @@ class Adaptive(Learning):
         )
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """The tracking environment on a reference drawn by seed."""
+        """Tracking environment on a reference drawn by seed."""
         import gymnasium
 
         return gymnasium.make(
@@ -71,7 +71,7 @@ class Adaptive(Learning):
         )
 
     def gains(self, mechanism: Mechanism) -> Gains:
-        """Lambda as set; K from the torque limits, as far as inertia and control period carry it."""
+        """Gains: Lambda as set; K from the torque limits, as far as inertia and control period carry it."""
         first_sliding = self.bandwidth * max(abs(self.initial_error), SMALLEST_ERROR)
         affordable = self.effort * finite_torque_limits(mechanism) / first_sliding
         carried = SAMPLED_GAIN * typical_inertia(mechanism) / self.control_period
@@ -80,7 +80,7 @@ class Adaptive(Learning):
         return Gains(np.full(mechanism.dof, self.bandwidth), damping / max(1.0, excess))
 
     def adaptation(self, model: ReducedModel) -> Array:
-        """Gamma from each link's prior ranges, and no larger than the control period carries."""
+        """Diagonal (k,) of Gamma from each link's prior ranges, no larger than the control period carries."""
         return self._carried_rate(model.mechanism) * _link_ranges(model, self.heaviest) ** 2
 
     def adaptation_setting(self, mechanism: Mechanism) -> str:
@@ -88,7 +88,7 @@ class Adaptive(Learning):
         return f"{self._carried_rate(mechanism):.3g} × (range)², ranges from each joint's typical inertia and reach"
 
     def _carried_rate(self, mechanism: Mechanism) -> float:
-        """The rate set, or less: T_c lambda_max(K^-1 Y_r Gamma Y_r') stays well below 1 along the reference."""
+        """Adaptation rate: as set, or less, so that T_c lambda_max(K^-1 Y_r Gamma Y_r') stays well below 1."""
         full, rng = ReducedModel.full(mechanism), np.random.default_rng(self.seed)
         reference = random_sinusoids(mechanism, rng)(np.linspace(0.0, self.duration, REFERENCE_SAMPLES))
         off = self.initial_error * rng.choice([-1.0, 1.0], reference.p.shape)
@@ -99,7 +99,7 @@ class Adaptive(Learning):
         return min(self.rate, LARGEST_ADAPTATION / (self.control_period * largest))
 
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
-        """The reference that was drawn."""
+        """Settings that state the reference that was drawn."""
         env.reset(seed=self.seed)
         drawn = env.unwrapped.reference  # type: ignore[attr-defined]
         for name, unit in (("center", "rad"), ("amplitude", "rad"), ("frequency", "Hz")):
@@ -107,14 +107,14 @@ class Adaptive(Learning):
 
 
 def _link_ranges(model: ReducedModel, heaviest: float) -> Array:
-    """How large every parameter (k,) may be: a link's from its joint's typical inertia and what lies behind it.
+    """Prior ranges (k,) of a model's parameters: a link's from its joint's typical inertia and the reach behind it.
 
     Of that inertia I, a body at a third of what is left of the arm's reach has the mass m = I/lever^2, which is
     at most `heaviest` (kg), and the first moment sqrt(m I).
     """
     mechanism = model.mechanism
     inertia = _behind(mechanism)
-    levers = np.maximum(reach_behind(mechanism), SHORTEST_LEVER) / 3.0
+    levers = np.maximum(reach_behind(mechanism.links), SHORTEST_LEVER) / 3.0
     masses = np.minimum(inertia / levers**2, heaviest)
     by_owner: dict[str, PriorRanges] = {}
     for link, mass, moment in zip(mechanism.links, masses.tolist(), inertia.tolist(), strict=True):
@@ -124,7 +124,7 @@ def _link_ranges(model: ReducedModel, heaviest: float) -> Array:
 
 
 def _behind(mechanism: Mechanism) -> Array:
-    """The typical inertia (N,) that the nearest driven joint at or before each link moves."""
+    """Typical inertia (N,) that the nearest driven joint at or before each link moves."""
     of_joints = dict(zip(mechanism.description.primary, typical_inertia(mechanism).tolist(), strict=True))
     found: list[float] = []
     for i, link in enumerate(mechanism.links):

@@ -1,4 +1,4 @@
-"""Several controllers on one environment, one after the other, under equal conditions."""
+"""Contests: several controllers on one environment, one after the other, under equal conditions."""
 
 from __future__ import annotations
 
@@ -14,8 +14,7 @@ from adaptctl.arrays import Array
 from adaptctl.control import Controller, ReferencePoint, SlotineLi, lyapunov
 from adaptctl.control.controller import leaves
 from adaptctl.dynamics import Mechanism
-from adaptctl.experiments.experiment import Progress
-from adaptctl.recording import Run, TickCost
+from adaptctl.recording import ControllerRun, Progress, TickCost
 from adaptctl.simulation import Rollout, simulate
 
 if TYPE_CHECKING:
@@ -27,7 +26,7 @@ TIMED_TICKS, REPETITIONS = 1000, 10
 
 @dataclass(frozen=True, eq=False)
 class Contender:
-    """A controller, what to call it, and what it knows of the arm."""
+    """Controller of a contest, what to call it, and what it knows of the arm."""
 
     name: str
     label: str
@@ -37,10 +36,10 @@ class Contender:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """The runs of a contest; when it was interrupted, those that were begun."""
+    """Runs of a contest; when it was interrupted, those that were begun."""
 
     mechanism: Mechanism
-    runs: tuple[Run, ...]
+    runs: tuple[ControllerRun, ...]
     complete: bool
 
 
@@ -51,11 +50,11 @@ def contest(
     seed: int,
     progress: Progress,
 ) -> Outcome:
-    """Drive the environment with each contender from the same seed.
+    """Outcome of driving the environment with each contender from the same seed.
 
     Ctrl-C ends the contest and keeps what was run; before anything was run it passes.
     """
-    runs: list[Run] = []
+    runs: list[ControllerRun] = []
     try:
         for contender in contenders:
             runs.append(_run(env, mechanism, contender, seed, partial(progress, contender.label)))
@@ -76,11 +75,11 @@ def _run(
     contender: Contender,
     seed: int,
     progress: Callable[[float], object],
-) -> Run:
+) -> ControllerRun:
     controller = contender.controller
     progress(0.0)
     result = simulate(env, controller, seed=seed, progress=progress)
-    run = Run(name=contender.name, label=contender.label, knows=contender.knows, rollout=result)
+    run = ControllerRun(name=contender.name, label=contender.label, knows=contender.knows, rollout=result)
     try:
         cost = tick_cost(controller, result) if result.complete else None
         run = replace(run, lyapunov=_lyapunov(controller, result, mechanism), cost=cost)
@@ -91,8 +90,8 @@ def _run(
 
 
 def _lyapunov(controller: Controller[Any], run: Rollout, mechanism: Mechanism) -> Array | None:
-    """The Lyapunov function of a law that adapts."""
-    if not isinstance(controller, SlotineLi) or controller.adaptation_law is None or not len(run.time):
+    """Lyapunov function (T,) of Slotine and Li's law where it adapts; its relatives' need more than a run keeps."""
+    if type(controller) is not SlotineLi or controller.adaptation_law is None or not len(run.time):
         return None
     if controller.model.regrouping.shape[1] != len(mechanism.parameter_names):
         return None  # its model knows less of the arm, friction for one
@@ -104,20 +103,21 @@ def _lyapunov(controller: Controller[Any], run: Rollout, mechanism: Mechanism) -
 
 
 def tick_cost(controller: Controller[Any], run: Rollout) -> TickCost:
-    """What one control tick costs, over states of a run."""
+    """Cost of one control tick, over states of a run."""
     picked = np.linspace(0, len(run.time) - 1, TIMED_TICKS).astype(int)
     states = [run.p[picked], run.v[picked], run.reference_p[picked], run.reference_v[picked], run.reference_a[picked]]
     called, kernel = _called(controller, states), controller.kernel
     if kernel is None:
         return TickCost(called)
     memory = controller.init(run.p[0], run.v[0])
-    arguments = [*states, *(np.tile(part, (TIMED_TICKS, 1)) for part in leaves(memory))]
+    kept = [*leaves(memory), *([controller.packed] if controller.packed.size else [])]
+    arguments = [*states, *(np.tile(part, (TIMED_TICKS, 1)) for part in kept)]
     native = min(_duration(kernel.map, *arguments) for _ in range(REPETITIONS))
     return TickCost(called, native / TIMED_TICKS, kernel.operations.flops)
 
 
 def _called(controller: Controller[Any], states: list[Array]) -> float:
-    """The median time (s) of a tick called from Python."""
+    """Median time (s) of a tick called from Python."""
     state = controller.init(states[0][0], states[1][0])
     ticks = [(p, v, ReferencePoint(*reference)) for p, v, *reference in zip(*states, strict=True)]
     return float(np.median([_duration(controller.step, state, *tick) for tick in ticks]))

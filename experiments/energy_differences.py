@@ -2,42 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import load
-from adaptctl.experiments.experiment import Experiment, Progress, setting
-from adaptctl.files import write_json, write_text
+from adaptctl.experiments.experiment import Experiment, setting
 from adaptctl.identification.energy_differences import by_energy
 from adaptctl.identification.filtered_dynamics import SmoothMotion
 from adaptctl.identification.fit import FitSettings, LogEvidence
 from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.least_squares import weighted_least_squares
-from adaptctl.recording.drawing import WIDTH, Drawing, write_drawings
-from adaptctl.recording.page import embedded, rendered
-from adaptctl.recording.palette import run_color
+from adaptctl.recording import Progress, Result
+from adaptctl.recording.identified.amplification import Amplification, Curves, TorqueCase
 
 STAGE = "Estimators"
 FRICTION = "viscous,coulomb,square_root"
 HELD_OUT = 0.4
 WEIGHT, CUTOFF = 5.0, 25.0
-
-
-class Measured(NamedTuple):
-    """What both estimators make of one kind of torques: errors on the log's end, over the torques there."""
-
-    torques: str
-    off: float
-    """how far the torques are off, relative"""
-    momentum: float
-    energy: float
 
 
 @dataclass(frozen=True)
@@ -49,6 +34,11 @@ class EnergyDifferences(Experiment):
 
     robot: str = setting("tx40", "an example that comes with a real log")
     window: float = setting(0.1, "length of an energy difference, s", low=0.01, high=2.0)
+
+    def run(self, progress: Progress) -> Result:
+        """Result of the comparison."""
+        found = self.compare(progress)
+        return Result(found.complete, found.headline(), tuple(found.facts()), found.write)
 
     def compare(self, progress: Progress) -> Amplification:
         """Fit the log's first part, predict its last, with the measured torques and with made ones."""
@@ -66,10 +56,12 @@ class EnergyDifferences(Experiment):
         for i, (words, off) in enumerate(cases):
             momentum, energy = self._fitted(_with_torques(evidence, truth + off))
             errors = (_error(evidence, x, model) for x in (momentum, energy))
-            found.append(Measured(words, float(np.linalg.norm(off) / np.linalg.norm(truth)), *errors))
+            found.append(TorqueCase(words, float(np.linalg.norm(off) / np.linalg.norm(truth)), *errors))
             progress(STAGE, (i + 1) / len(cases))
         title = self.title.format(robot=evidence.mechanism.name)
-        return Amplification(self.name, title, self.window, tuple(found), _curves(evidence, momentum, energy))
+        return Amplification(
+            self.name, title, self.window, tuple(found), _curves(evidence, momentum, energy), self.seed
+        )
 
     def _fitted(self, evidence: LogEvidence) -> tuple[Array, Array]:
         """Parameters (P,) by filtered dynamics and by energy differences, of the log's first part."""
@@ -142,113 +134,9 @@ def _error(evidence: LogEvidence, x: Array, truth: Array) -> float:
     return float(np.linalg.norm(rows.regressor[late] @ x - expected) / np.linalg.norm(expected))
 
 
-class Curves(NamedTuple):
-    """Torques (n, r) on the log's last part: measured, and predicted by both estimators from measured torques."""
-
-    joints: tuple[str, ...]
-    time: Array
-    measured: Array
-    momentum: Array
-    energy: Array
-
-
 def _curves(evidence: LogEvidence, momentum: Array, energy: Array) -> Curves:
     rows = evidence.rows[CUTOFF]
     late = rows.time >= evidence.edges[len(_early(evidence))][1]
     Y = rows.regressor[late]
     joints = tuple(joint.name for joint in evidence.mechanism.primary_joints)
     return Curves(joints, rows.time[late], rows.torque[late], Y @ momentum, Y @ energy)
-
-
-@dataclass(frozen=True, eq=False)
-class Amplification:
-    """How far torques that are off throw either estimator off."""
-
-    experiment: str
-    title: str
-    window: float
-    measured: tuple[Measured, ...]
-    curves: Curves
-    complete: bool = True
-
-    def headline(self) -> str:
-        """The finding."""
-        last, exact = self.measured[-1], self.measured[0]
-        return (
-            f"From exact torques, energy differences predict to {exact.energy:.2%}; from measured ones to "
-            f"{last.energy:.0%}, where filtered dynamics is {last.momentum:.1%} off: one scalar equation a window "
-            f"amplifies what torques are off by {last.energy / last.momentum:.0f} times as much."
-        )
-
-    def facts(self) -> Iterator[tuple[str, str]]:
-        """Each kind of torques."""
-        for entry in self.measured:
-            yield entry.torques, f"filtered dynamics {entry.momentum:.2%}, energy differences {entry.energy:.2%}"
-
-    def write(self, folder: Path, progress: Callable[[str, float], object]) -> None:
-        """Summary, figure, report and recording."""
-        progress("summary", 0.0)
-        content = {
-            "schema": "adaptctl/energy-differences/1",
-            "experiment": self.experiment,
-            "window": self.window,
-            "torques": [entry._asdict() for entry in self.measured],
-        }
-        (folder / "figures").mkdir(exist_ok=True)
-        figures = write_drawings(folder / "figures", self._drawings())
-        page = rendered(
-            "findings.html",
-            "adaptctl.recording.identified",
-            title=self.title,
-            lead=self.headline(),
-            facts=list(self.facts()),
-            rows=[(e.torques, f"{e.off:.2%}", f"{e.momentum:.2%}", f"{e.energy:.2%}") for e in self.measured],
-            figures=embedded(self._drawings(), figures),
-        )
-        write_text(folder / "report.html", page)
-        write_json(folder / "summary.json", content)
-        self._record(folder / "recording.rrd")
-        progress("report", 1.0)
-
-    def _record(self, path: Path) -> None:
-        """Torques over time, a joint a view."""
-        import rerun.blueprint as rrb
-
-        from adaptctl.recording.scene import entity
-        from adaptctl.recording.series import Style, log_series
-        from adaptctl.recording.stream import log_markdown, saved_stream
-
-        curves = self.curves
-        views = [rrb.TimeSeriesView(origin=entity(name), name=f"{name}: torque") for name in curves.joints]
-        text = rrb.TextDocumentView(origin="summary", name="summary")
-        layout = rrb.Blueprint(rrb.Vertical(text, *views), collapse_panels=True)
-        with saved_stream(path, self.experiment, f"{self.experiment}-{self.window:g}", layout) as recording:
-            log_markdown(recording, "summary", self.headline())
-            for j, name in enumerate(curves.joints):
-                values = np.stack([curves.measured[:, j], curves.momentum[:, j], curves.energy[:, j]], axis=-1)
-                labels = ("measured", "filtered dynamics", "energy differences")
-                style = Style(labels, [run_color(i) for i in range(3)])
-                log_series(recording, entity(name), curves.time, values, style)
-
-    def _drawings(self) -> Iterator[Drawing]:
-        yield Drawing(
-            "amplification", "Error of predicted torques on the log's last part, of both estimators.", self._draw
-        )
-
-    def _draw(self) -> Figure:
-        figure = Figure(figsize=(WIDTH, 3.0), layout="constrained")
-        ax: Any = figure.subplots()
-        place = np.arange(len(self.measured))
-        for i, (label, values) in enumerate(
-            (
-                ("filtered dynamics", [e.momentum for e in self.measured]),
-                ("energy differences", [e.energy for e in self.measured]),
-            )
-        ):
-            ax.barh(place + 0.38 * i, np.maximum(values, 1e-5), 0.36, color=run_color(i).hex, label=label)
-        ax.set_yticks(place + 0.19, [e.torques for e in self.measured])
-        ax.set_xscale("log")
-        ax.invert_yaxis()
-        ax.set_xlabel("error over the torques")
-        ax.legend(loc="lower right")
-        return figure

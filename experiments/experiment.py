@@ -1,27 +1,22 @@
-"""What every experiment is: checked settings, and a function from them to a result."""
+"""Experiments: checked settings, and a function from them to a result."""
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import Field, dataclass, field, fields
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 from adaptctl.errors import InputError, NonFiniteError
-
-if TYPE_CHECKING:
-    from adaptctl.recording import Result
-
-Progress = Callable[[str, float], object]
-"""Called with what is being done, and the share of it that is done."""
+from adaptctl.recording import Progress, Result, Setting
 
 LONGEST = 300_000
 """control periods a run may have: all of them are kept in memory"""
 
 
 def setting(default: Any, meaning: str, *, symbol: str = "", low: float = -math.inf, high: float = math.inf) -> Any:
-    """A field of an experiment: its default, what it means, and the bounds, inclusive, of every number in it."""
+    """Field of an experiment: its default, what it means, and the inclusive bounds of every number in it."""
     told = f"{symbol}: {meaning}" if symbol else meaning
     metadata = {"meaning": meaning, "low": low, "high": high, "help": told}
     return field(default=default, metadata=metadata)
@@ -41,13 +36,13 @@ class Experiment(ABC):
             _require(entry, getattr(self, entry.name))
 
     @abstractmethod
-    def compare(self, progress: Progress) -> Result:
-        """Do it. An interruption (Ctrl-C) ends it early: what was computed comes back, marked incomplete."""
+    def run(self, progress: Progress) -> Result:
+        """Result of the experiment. Ctrl-C ends it early: what was computed comes back, marked incomplete."""
 
 
 @dataclass(frozen=True)
-class ClosedLoop(Experiment):
-    """An experiment that runs controllers over time."""
+class ClosedLoopExperiment(Experiment):
+    """Settings of an experiment that runs controllers over time."""
 
     duration: float = setting(20.0, "length of every run, s", low=0.01, high=300.0)
     control_period: float = setting(1e-3, "time a torque is held, s", symbol="T_c", low=1e-4, high=0.02)
@@ -61,21 +56,35 @@ class ClosedLoop(Experiment):
             )
 
 
+def require_count(experiment: Experiment, names: Iterable[str], count: int, meaning: str) -> None:
+    """Check that settings have `count` numbers each, such as "one a joint". Raises InputError."""
+    for name in names:
+        if (given := len(getattr(experiment, name))) != count:
+            raise InputError(f"{name}: expected {count} numbers, {meaning}, got {given}")
+
+
 def settings(experiment: Experiment | type[Experiment]) -> Iterator[Field[Any]]:
-    """The fields that can be chosen, the experiment's own before the ones all have."""
-    common = {entry.name for entry in fields(ClosedLoop)}
+    """Fields that can be chosen, the experiment's own before those that all have."""
+    common = {entry.name for entry in fields(ClosedLoopExperiment)}
     yield from sorted(fields(experiment), key=lambda entry: entry.name in common)
 
 
+def stated(experiment: Experiment) -> Iterator[Setting]:
+    """Settings of an experiment for the record, as flags of the command line."""
+    for entry in settings(experiment):
+        name = f"--{entry.name.replace('_', '-')}"
+        yield Setting(name, text(getattr(experiment, entry.name)), entry.metadata["meaning"])
+
+
 def text(value: object) -> str:
-    """A setting's value as it would be typed."""
+    """Text of a setting's value, as it would be typed."""
     if isinstance(value, tuple):
         return " ".join(text(entry) for entry in value)
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _require(entry: Field[Any], value: object) -> None:
-    """A setting is of its default's kind, and every number in it finite and within its bounds."""
+    """Check that a setting is of its default's kind, every number in it finite and within bounds."""
     default: Any = entry.default
     many = isinstance(default, tuple)
     values = value if isinstance(value, tuple) else (value,)

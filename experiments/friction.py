@@ -1,4 +1,4 @@
-"""Joints that rub: friction adapted as parameters, against laws whose model knows none."""
+"""Friction in joints, adapted as parameters, against laws whose model has none."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class FrictionInJoints(OnRealPlant):
 
     @property
     def purpose(self) -> str:
-        """What is asked."""
+        """Question that the experiment answers, in a paragraph."""
         return (
             "Gears rub. Viscous and Coulomb friction are two more columns of the regressor a joint: the controller "
             "that has them starts from zero friction and learns it with the rest. Another has the same gains and no "
@@ -63,7 +63,7 @@ class FrictionInJoints(OnRealPlant):
         )
 
     def effects(self, mechanism: Mechanism) -> Sequence[Effect]:
-        """Stribeck's excess."""
+        """Effects of the plant: Stribeck's excess of static friction. Raises InputError for an arm without friction."""
         from adaptctl.simulation.effects import Friction
 
         coulomb = np.array([joint.drive.coulomb or 0.0 for joint in mechanism.primary_joints])
@@ -75,27 +75,27 @@ class FrictionInJoints(OnRealPlant):
         return (Friction(stribeck=self.stribeck * coulomb, speed=self.stribeck_speed),)
 
     def adaptation(self, model: ReducedModel) -> Array:
-        """Gamma from how far off the rough links may be, and from the friction's range."""
+        """Diagonal (k,) of Gamma from the rough links' deviations and from the friction's range."""
         gain, ranges = super().adaptation(model), self.friction_range * self.torque_limits(model.mechanism)
         for k, joint in _friction_columns(model):
             gain[k] = self.rate * ranges[joint] ** 2
         return gain
 
     def first(self, model: ReducedModel) -> Array:
-        """The rough model, without friction."""
+        """First estimate (k,): the rough model's, without friction."""
         estimate = super().first(model)
         estimate[[k for k, _ in _friction_columns(model)]] = 0.0
         return estimate
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Who drives, in order; the first is the subject."""
+        """Contenders in the order in which they drive; the first is the subject."""
         model, smooth = ReducedModel(mechanism, basis), without_friction(mechanism)
         bare = ReducedModel(smooth, fundamental_basis(essential_space(smooth, seed=self.seed)))
         bandwidth, knows = self.gains(mechanism).bandwidth, f"links within {100 * self.parameter_error:.0f} %"
         return [
-            Contender(ADAPTIVE, f"{len(model.columns)} parameters, with friction", knows, self.slotine_li(model)),
-            Contender(ADAPTATION_OFF, "Adaptation off", knows, self.slotine_li(model, adapting=False)),
-            Contender(NO_COLUMNS, f"{len(bare.columns)} parameters, no friction", knows, self.slotine_li(bare)),
+            Contender(ADAPTIVE, f"{len(model.columns)} parameters, with friction", knows, self.from_rough(model)),
+            Contender(ADAPTATION_OFF, "Adaptation off", knows, self.from_rough(model, adapting=False)),
+            Contender(NO_COLUMNS, f"{len(bare.columns)} parameters, no friction", knows, self.from_rough(bare)),
             Contender(
                 "computed-torque",
                 "Computed torque, true drives",
@@ -108,7 +108,7 @@ class FrictionInJoints(OnRealPlant):
         ]
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """What the columns are worth."""
+        """Sentence with the errors with and without the friction's columns."""
         return (
             f"With friction among its parameters the arm ends at {_final(outcome, ADAPTIVE):.2g} mrad of tracking "
             f"error, without at {_final(outcome, NO_COLUMNS):.2g} mrad, though both adapt. Computed torque that knows "
@@ -116,7 +116,7 @@ class FrictionInJoints(OnRealPlant):
         )
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """What the friction's columns are worth, and what was learned of it."""
+        """Findings: errors with the friction's columns over those without, and the learned friction."""
         runs = {run.name: run for run in outcome.runs}
         if {ADAPTIVE, NO_COLUMNS} <= set(runs):
             with_columns, without = (runs[name].final_rms_error or np.nan for name in (ADAPTIVE, NO_COLUMNS))
@@ -131,7 +131,7 @@ class FrictionInJoints(OnRealPlant):
             yield Finding(f"learned.{model.names[k]}", float(final[k]), unit, meaning)
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
-        """Friction over speed."""
+        """Figure of friction over speed."""
         from adaptctl.recording.drawing import Drawing
 
         yield Drawing(
@@ -142,7 +142,7 @@ class FrictionInJoints(OnRealPlant):
         )
 
     def _curves(self, outcome: Outcome, model: ReducedModel) -> list[Curve]:
-        """Of every joint of the adapting run."""
+        """Friction curve of every joint of the adapting run."""
         run = next(run for run in outcome.runs if run.name == ADAPTIVE).rollout
         learned = dict(zip(model.names, run.estimate[-1].tolist(), strict=True))
         curves = []
@@ -155,17 +155,17 @@ class FrictionInJoints(OnRealPlant):
 
 
 def _final(outcome: Outcome, name: str) -> float:
-    """The RMS error of a run's last two seconds, mrad."""
+    """RMS error of a run's last two seconds, mrad."""
     return 1e3 * next(run.final_rms_error or np.nan for run in outcome.runs if run.name == name)
 
 
 def without_friction(mechanism: Mechanism) -> Mechanism:
-    """The same arm with its rotors alone."""
+    """Mechanism without its friction, its rotors kept."""
     return mechanism.with_drives([Drive(link.joint.drive.rotor_inertia) for link in mechanism.links])
 
 
 def _friction_columns(model: ReducedModel) -> Iterator[tuple[int, int]]:
-    """Places among the kept parameters of the friction's, and their joints'."""
+    """Index of each friction parameter among the model's parameters, and of its joint."""
     joints = [joint.name for joint in model.mechanism.primary_joints]
     for k, name in enumerate(model.names):
         owner, _, kind = name.rpartition(".")

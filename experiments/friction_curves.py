@@ -1,4 +1,4 @@
-"""Friction over speed, joint by joint: what there is, and what was learned of it."""
+"""Figure of friction over speed, joint by joint: the true one, and what was learned of it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ COLUMNS = 3
 
 
 class Curve(NamedTuple):
-    """A joint's friction."""
+    """True and learned friction of a joint, and the speeds at which it moved."""
 
     joint: str
     true: tuple[float, float]
@@ -33,14 +33,12 @@ class Curve(NamedTuple):
 
 
 def friction_curves(curves: Sequence[Curve]) -> Figure:
-    """A panel a joint; the shade tells how often the joint moved how fast."""
-    from matplotlib.figure import Figure
-
-    from adaptctl.recording.drawing import DOTS, WIDTH
+    """Figure with a panel a joint; the shade tells how often the joint moved how fast."""
+    from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import MUTED, run_color
 
     rows = -(-len(curves) // COLUMNS)
-    figure = Figure(figsize=(WIDTH, 2.0 * rows + 0.4), dpi=DOTS, layout="constrained")
+    figure = sheet(2.0 * rows + 0.4)
     panels = figure.subplots(rows, COLUMNS, squeeze=False).ravel()
     for axes, curve in zip(panels, curves, strict=False):
         speeds = np.abs(curve.speeds)

@@ -99,10 +99,7 @@ class IdentifyThenAdapt(OnRealPlant):
         ]
 
     def _from(self, model: ReducedModel, parameters: Array, *, adapting: bool = True) -> SlotineLi:
-        gains = self.gains(model.mechanism)
-        gain = self.adaptation(model) if adapting else None
-        first = model.regrouping @ parameters
-        return SlotineLi(model, gains.bandwidth, gains.damping, gain, first, self.control_period)
+        return self.slotine_li(model, self.adaptation(model) if adapting else None, model.regrouping @ parameters)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
         """What the log is worth in the first seconds."""

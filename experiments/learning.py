@@ -1,4 +1,4 @@
-"""What experiments in adaptive tracking have in common: the contenders, and what is made of their runs."""
+"""Common part of experiments in adaptive tracking: the contenders, and the comparison of their runs."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.control import ComputedTorque, Gains, SlotineLi, mapped_gain
+from adaptctl.control import AdaptationLaw, ComputedTorque, Gains, SlotineLi, mapped_gain
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.experiments.contest import Contender, Outcome, contest
-from adaptctl.experiments.experiment import ClosedLoop, Progress, setting, settings, text
+from adaptctl.experiments.experiment import ClosedLoopExperiment, setting, stated
 from adaptctl.experiments.rough_model import scaled_links
 from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
-from adaptctl.recording import Comparison, Finding, Run, Setting, wording
+from adaptctl.recording import Comparison, ControllerRun, Finding, Progress, Result, Setting, shown, wording
 
 if TYPE_CHECKING:
     import gymnasium
@@ -29,7 +29,7 @@ OFFLINE = "Independent parameters from energies"
 
 
 @dataclass(frozen=True)
-class Learning(ClosedLoop):
+class Learning(ClosedLoopExperiment):
     """Slotine-Li from zero on the independent parameters, against what others make of the same arm.
 
     The same with adaptation off; computed torque with true, wrong and no parameters; and Slotine-Li on the
@@ -56,15 +56,15 @@ class Learning(ClosedLoop):
     @property
     @abstractmethod
     def purpose(self) -> str:
-        """What is asked, in a paragraph."""
+        """Question that the experiment answers, in a paragraph."""
 
     def mechanism(self) -> Mechanism:
-        """What is driven: the robot, unless a subclass makes more of it."""
+        """Mechanism that is driven: the robot, unless a subclass makes more of it."""
         return load(self.robot)
 
     @abstractmethod
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """The environment that everybody drives."""
+        """Environment that all contenders drive."""
 
     @abstractmethod
     def gains(self, mechanism: Mechanism) -> Gains:
@@ -72,18 +72,22 @@ class Learning(ClosedLoop):
 
     @abstractmethod
     def adaptation(self, model: ReducedModel) -> Array:
-        """The diagonal (k,) of Gamma for the parameters of a model."""
+        """Diagonal (k,) of Gamma for the parameters of a model."""
 
     @abstractmethod
     def adaptation_setting(self, mechanism: Mechanism) -> str:
-        """Gamma, as it is told."""
+        """Gamma in words."""
 
     @abstractmethod
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
-        """The reference, stated where the settings alone do not tell."""
+        """Settings that state the reference where the experiment's own do not."""
+
+    def run(self, progress: Progress) -> Result:
+        """Result of the comparison."""
+        return shown(self.compare(progress))
 
     def compare(self, progress: Progress) -> Comparison:
-        """The offline stage, the contest, the findings."""
+        """Runs of all contenders, after the offline stage, and findings on them."""
         progress(OFFLINE, 0.0)
         mechanism = self.mechanism()
         env = self.environment(mechanism)
@@ -112,11 +116,11 @@ class Learning(ClosedLoop):
         )
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """What is measured besides the runs."""
+        """Findings besides the runs."""
         return one_controller(outcome)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """What was found, in a sentence or two; None where it is how much adaptation is worth."""
+        """Outcome in a sentence or two; None where it is how much adaptation is worth."""
         return None
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
@@ -124,7 +128,7 @@ class Learning(ClosedLoop):
         return iter(())
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Who drives, in order; the first is the subject."""
+        """Contenders in the order in which they drive; the first is the subject."""
         model, full, k = ReducedModel(mechanism, basis), ReducedModel.full(mechanism), len(basis.columns)
         gains = self.gains(mechanism)
         everything = len(mechanism.parameter_names)
@@ -132,15 +136,12 @@ class Learning(ClosedLoop):
         true = np.asarray(mechanism.inertial_parameters)
         wrong = f"{100 * self.parameter_error:.0f} % off"
 
-        def slotine_li(on: ReducedModel, adaptation: Array | None) -> SlotineLi:
-            return SlotineLi(on, gains.bandwidth, gains.damping, adaptation, period=self.control_period)
-
         def computed_torque(parameters: Array) -> ComputedTorque:
             return ComputedTorque(mechanism, gains.bandwidth, parameters=parameters)
 
         return [
-            Contender(ADAPTIVE, f"Slotine-Li, {k} parameters", "nothing", slotine_li(model, gain)),
-            Contender(ADAPTATION_OFF, "Slotine-Li, adaptation off", "nothing", slotine_li(model, None)),
+            Contender(ADAPTIVE, f"Slotine-Li, {k} parameters", "nothing", self.slotine_li(model, gain)),
+            Contender(ADAPTATION_OFF, "Slotine-Li, adaptation off", "nothing", self.slotine_li(model)),
             Contender("computed-torque", "Computed torque, true model", "everything", computed_torque(true)),
             Contender(
                 "computed-torque-wrong",
@@ -149,14 +150,21 @@ class Learning(ClosedLoop):
                 computed_torque(scaled_links(mechanism, self.parameter_error, self.seed)),
             ),
             Contender("computed-torque-none", "Computed torque, no model", "nothing", computed_torque(0.0 * true)),
-            Contender(FULL, f"Slotine-Li, all {everything} parameters", "nothing", slotine_li(full, full_gain)),
+            Contender(FULL, f"Slotine-Li, all {everything} parameters", "nothing", self.slotine_li(full, full_gain)),
             Contender(
                 MAPPED,
                 f"Slotine-Li, {k} parameters, Γ mapped",
                 "nothing",
-                slotine_li(model, mapped_gain(model, full_gain)),
+                self.slotine_li(model, mapped_gain(model, full_gain)),
             ),
         ]
+
+    def slotine_li(
+        self, model: ReducedModel, adaptation: AdaptationLaw[Any] | Array | None = None, first: Array | None = None
+    ) -> SlotineLi:
+        """Slotine and Li's law with this experiment's gains, on a model; by default from zero, and not adapting."""
+        gains = self.gains(model.mechanism)
+        return SlotineLi(model, gains.bandwidth, gains.damping, adaptation, first, self.control_period)
 
     def _settings(self, mechanism: Mechanism, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
         gains = self.gains(mechanism)
@@ -165,23 +173,21 @@ class Learning(ClosedLoop):
         yield Setting("Γ", self.adaptation_setting(mechanism), "adaptation gain: rate × (prior range)²")
         yield Setting("first estimate", self.first_estimate, "of every parameter")
         yield from self.reference_settings(env)
-        for entry in settings(self):
-            name = entry.name.replace("_", "-")
-            yield Setting(f"--{name}", text(getattr(self, entry.name)), entry.metadata["meaning"])
+        yield from stated(self)
 
 
 class Found:
-    """Findings by name, as a person reads them."""
+    """Values of findings by name, and their texts for a person."""
 
     def __init__(self, findings: Sequence[Finding]) -> None:
         self.of = {finding.name: finding.value for finding in findings}
 
     def told(self, name: str, scale: float = 1.0) -> str:
-        """A value with two digits."""
+        """Text of a finding's value, scaled, with two digits."""
         return wording.number(scale * self.of[name], 2)
 
-    def each(self, what: str, runs: Sequence[Run], unit: str = "", *, rising: bool = False) -> list[str]:
-        """The findings `what.run` of the runs that have one, such as "0.12 s (Gradient)"."""
+    def each(self, what: str, runs: Sequence[ControllerRun], unit: str = "", *, rising: bool = False) -> list[str]:
+        """Texts of the findings `what.run` of the runs that have one, such as "0.12 s (Gradient)"."""
         owners = [run for run in runs if f"{what}.{run.name}" in self.of]
         if rising:
             owners.sort(key=lambda run: self.of[f"{what}.{run.name}"])
@@ -189,12 +195,12 @@ class Found:
 
 
 def numbers(values: Array) -> str:
-    """Numbers in a row."""
+    """Text of numbers (n,), four digits each, apart by commas."""
     return ", ".join(f"{value:.4g}" for value in values)
 
 
 def one_controller(outcome: Outcome) -> Iterator[Finding]:
-    """Whether reduced and full adaptation are one controller."""
+    """Finding on whether reduced and full adaptation are one controller: the largest difference of torques."""
     runs = {run.name: run for run in outcome.runs}
     if MAPPED not in runs or FULL not in runs:
         return

@@ -1,4 +1,4 @@
-"""Parameter errors over time, and below them when a run was marked: saturated, loaded, stopped."""
+"""Figure of parameter errors over time, with the times at which each run was marked below."""
 
 from __future__ import annotations
 
@@ -9,29 +9,27 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.experiments.parameter_errors import SAMPLES
-from adaptctl.recording import Run
+from adaptctl.recording import ControllerRun
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
 class Marked(NamedTuple):
-    """A run's parameter error (T,) and when it was marked (T,)."""
+    """Run with its parameter error (T,) and its mark (T,), positive where it was marked."""
 
-    run: Run
+    run: ControllerRun
     error: Array
     marked: Array
 
 
 def marked_errors(curves: Sequence[Marked], meaning: str) -> Figure:
-    """Errors on a logarithmic scale, and a bar a run that is filled while the run was marked."""
-    from matplotlib.figure import Figure
-
-    from adaptctl.recording.drawing import DOTS, WIDTH
+    """Figure of errors on a logarithmic scale, and a bar a run, filled while the run was marked."""
+    from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
     from adaptctl.recording.series import thinned
 
-    figure = Figure(figsize=(WIDTH, 3.6 + 0.22 * len(curves)), dpi=DOTS, layout="constrained")
+    figure = sheet(3.6 + 0.22 * len(curves))
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3.0, 0.25 * len(curves) + 0.2))
     for i, (run, error, marked) in enumerate(curves):
         every, color = thinned(len(error), SAMPLES), run_color(i).hex

@@ -1,4 +1,4 @@
-"""Slow computing, encoders and weak motors, for long, at rest: which laws stay where they are."""
+"""Comparison of laws at rest with encoders, delay, lag and weak motors: which estimates drift."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from adaptctl.experiments.experiment import setting
 from adaptctl.experiments.learning import ADAPTATION_OFF, Found
 from adaptctl.experiments.parameter_errors import SAMPLES, ParameterErrors
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
-from adaptctl.recording import Finding, Run
+from adaptctl.recording import ControllerRun, Finding
 
 if TYPE_CHECKING:
     from adaptctl.simulation.effects import Effect
@@ -62,7 +62,7 @@ class NoiseAndDelay(AdaptationLaws):
 
     @property
     def purpose(self) -> str:
-        """What is asked."""
+        """Question that the experiment answers, in a paragraph."""
         return (
             f"For {self.duration:g} s an arm, its links known within {100 * self.parameter_error:.0f} %, is to hold "
             f"still, seen through encoders of {self.resolution:g} rad with {self.noise:g} rad of noise. Its torques "
@@ -75,11 +75,11 @@ class NoiseAndDelay(AdaptationLaws):
     error_bound: ClassVar[float] = np.inf
 
     def motors(self, mechanism: Mechanism) -> Array:
-        """Weak ones."""
+        """Largest torques (r,) of weak motors, N m."""
         return self.strength * super().motors(mechanism)
 
     def effects(self) -> Iterator[Effect]:
-        """All of them."""
+        """Effects of the plant: encoders, delay, lag and a rate limit."""
         from adaptctl.simulation.effects import ActuatorLag, ControlDelay, Encoder, FilteredDifferences
 
         yield Encoder(self.resolution, self.noise, self.velocity_noise)
@@ -89,7 +89,7 @@ class NoiseAndDelay(AdaptationLaws):
             yield ActuatorLag(self.lag)
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """All laws behind guards that know the limits: what saturates is not learned from."""
+        """Contenders behind guards that know the limits: what saturates is not learned from."""
         from adaptctl.control import Guarded
 
         limits = self.motors(mechanism)
@@ -100,7 +100,7 @@ class NoiseAndDelay(AdaptationLaws):
         ]
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """How fast each estimate drifts, how far it went, how often motors were too weak, what the loop tolerates."""
+        """Findings: each estimate's error and drift, shares of saturation, and the delay that the loop tolerates."""
         errors = self._errors(outcome, basis)
         for run in outcome.runs:
             if (over_time := errors.of(run)) is None:
@@ -116,16 +116,14 @@ class NoiseAndDelay(AdaptationLaws):
         yield from self._loop(outcome.mechanism)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Which estimates drift."""
+        """Sentence with the parameter errors and drifts."""
         adapting = [run for run in outcome.runs if run.name != ADAPTATION_OFF]
         drifts = ", ".join(found.each("drift", adapting, rising=True))
         return f"{super().answer(outcome, found)} What they moved a minute in the second half: {drifts}."
 
     def _loop(self, mechanism: Mechanism) -> Iterator[Finding]:
-        """What the tracking loop tolerates of delay, and what there is of it."""
-        from adaptctl.control.gains.error_feedback import ErrorFeedback
-        from adaptctl.control.gains.gains import typical_inertia
-        from adaptctl.control.gains.margins import margins
+        """Findings: the delay that the tracking loop tolerates, and the delay that there is."""
+        from adaptctl.control import ErrorFeedback, margins, typical_inertia
 
         gains, inertia = self.gains(mechanism), typical_inertia(mechanism)
         inner = gains.damping / inertia
@@ -136,14 +134,14 @@ class NoiseAndDelay(AdaptationLaws):
         yield Finding("delay", float(late), "s", "of computing, drives and velocity filter together, to first order")
 
     def _errors(self, outcome: Outcome, basis: FundamentalBasis) -> ParameterErrors:
-        """Weighed along a motion that excites: at rest most parameters make no torque."""
+        """Parameter errors weighed along a motion that excites: at rest most parameters make no torque."""
         mechanism = outcome.mechanism
         amplitude = TELLING if mechanism.description.loops is None else TELLING_LOOPS
         points = replace(self, amplitude=amplitude).reference(mechanism)(np.linspace(0.0, 20.0, SAMPLES))
         return ParameterErrors.along(ReducedModel(mechanism, basis), points.p, points.v, points.a)
 
 
-def _drift(errors: ParameterErrors, run: Run) -> float:
-    """How fast an estimate moves (1/min): between the means of the third and of the fourth quarter of a run."""
+def _drift(errors: ParameterErrors, run: ControllerRun) -> float:
+    """Speed (1/min) of an estimate between the means of the third and of the fourth quarter of a run."""
     third, fourth = (part.mean(axis=0) for part in np.array_split(run.rollout.estimate, 4)[2:])
     return errors.apart(third, fourth) / (0.25 * run.duration / 60.0)

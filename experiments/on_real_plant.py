@@ -1,4 +1,4 @@
-"""What experiments with real effects have in common: a PUMA with its rotors, a stated reference, a rough model."""
+"""Common part of experiments with real effects: a PUMA with rotors, a stated reference, a rough model."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.control import Gains, Sinusoids, SlotineLi
+from adaptctl.control import Sinusoids, SlotineLi
 from adaptctl.dynamics import Mechanism
+from adaptctl.envs.torque_limits import finite_torque_limits
 from adaptctl.errors import InputError
-from adaptctl.experiments.experiment import setting
+from adaptctl.experiments.experiment import require_count, setting
 from adaptctl.experiments.learning import Learning
-from adaptctl.experiments.rough_model import deviations, scaled_links
+from adaptctl.experiments.rough_start import RoughStart
 from adaptctl.identifiability import ReducedModel
 from adaptctl.recording import Setting
 
@@ -28,7 +29,7 @@ JOINTS = 6
 
 
 @dataclass(frozen=True)
-class OnRealPlant(Learning):
+class OnRealPlant(RoughStart, Learning):
     """Learning on a plant with effects, from a rough model, as `Learning` compares it."""
 
     robot: str = setting("puma560_geared", "puma560_geared, puma560_friction, or another arm of six joints")
@@ -58,16 +59,14 @@ class OnRealPlant(Learning):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("center", "amplitude", "frequency"):
-            if (count := len(getattr(self, name))) != JOINTS:
-                raise InputError(f"{name}: expected {JOINTS} numbers, one a joint, got {count}")
+        require_count(self, ("center", "amplitude", "frequency"), JOINTS, "one a joint")
 
     @abstractmethod
     def effects(self, mechanism: Mechanism) -> Sequence[Effect]:
-        """What the plant has besides rigid links."""
+        """Effects of the plant besides rigid links."""
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """The tracking environment with the effects; no error ends a run, so that all can be compared."""
+        """Tracking environment with the effects; no error ends a run, so that all can be compared."""
         import gymnasium
 
         if mechanism.dof != JOINTS:
@@ -88,34 +87,13 @@ class OnRealPlant(Learning):
         )
 
     def torque_limits(self, mechanism: Mechanism) -> Array:
-        """The limits (r,) of the joints' torques, N m."""
-        from adaptctl.envs.torque_limits import finite_torque_limits
-
+        """Limits (r,) of the joints' torques, N m."""
         return finite_torque_limits(mechanism)
 
-    def gains(self, mechanism: Mechanism) -> Gains:
-        """Lambda as set, K from typical inertia."""
-        return Gains.from_bandwidth(mechanism, self.bandwidth, self.ratio)
-
-    def adaptation(self, model: ReducedModel) -> Array:
-        """Gamma from how far off the rough model may be."""
-        rough = scaled_links(model.mechanism, self.parameter_error, self.seed)
-        return self.rate * deviations(model, rough, self.parameter_error) ** 2
-
-    def adaptation_setting(self, mechanism: Mechanism) -> str:
-        """Gamma in words."""
-        return f"{self.rate:g} × (deviation)², {100 * self.parameter_error:.0f} % of each link's and drive's size"
-
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
-        """The settings say it all."""
+        """Setting that states the reference's formula."""
         yield Setting("reference", "p(t) = centre + fade(t) · amplitude · sin(2π · frequency · t)", "faded in over 2 s")
 
-    def slotine_li(self, model: ReducedModel, *, adapting: bool = True) -> SlotineLi:
+    def from_rough(self, model: ReducedModel, *, adapting: bool = True) -> SlotineLi:
         """Slotine and Li's law from the rough model, on the parameters of a model."""
-        gains, first = self.gains(model.mechanism), self.first(model)
-        gain = self.adaptation(model) if adapting else None
-        return SlotineLi(model, gains.bandwidth, gains.damping, gain, first, self.control_period)
-
-    def first(self, model: ReducedModel) -> Array:
-        """The rough model's parameters (k,)."""
-        return np.asarray(model.regrouping @ scaled_links(model.mechanism, self.parameter_error, self.seed))
+        return self.slotine_li(model, self.adaptation(model) if adapting else None, self.first(model))

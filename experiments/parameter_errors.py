@@ -1,4 +1,4 @@
-"""How far estimates are from the truth, in the torque that the errors make."""
+"""Parameter errors of runs, weighed by the torque that they make."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.identifiability import ReducedModel
-from adaptctl.recording import Run
+from adaptctl.recording import ControllerRun
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,18 +32,18 @@ class ParameterErrors:
 
     @classmethod
     def along(cls, model: ReducedModel, p: Array, v: Array, a: Array) -> ParameterErrors:
-        """Weighed along a motion (T, r)."""
+        """Parameter errors weighed along a motion (T, r) of a model."""
         rows = model.torque_regressor(p, v, a)
         return cls(model, np.sqrt(np.mean(rows**2, axis=(0, 1))))
 
-    def of(self, run: Run) -> Array | None:
-        """The error (T,) over a run, in shares of the torque of all parameters; None for a law that knows none."""
+    def of(self, run: ControllerRun) -> Array | None:
+        """Error (T,) over a run, in shares of the torque of all parameters; None for a law that estimates none."""
         if run.rollout.estimate.shape[1] == 0:
             return None
         return self._apart(self._reduced(run.rollout.estimate), self.model.fundamental_parameters)
 
     def apart(self, one: Array, other: Array) -> float:
-        """How far two estimates (k,) are from each other, likewise."""
+        """Distance between two estimates (k,), in the same shares."""
         return float(self._apart(self._reduced(one), self._reduced(other)))
 
     def _reduced(self, estimate: Array) -> Array:
@@ -56,15 +56,13 @@ class ParameterErrors:
         return np.asarray(weighed / np.linalg.norm(self.model.fundamental_parameters * self.weights))
 
 
-def parameter_errors(curves: Sequence[tuple[int, Run, Array]]) -> Figure:
-    """Parameter errors over time, on a logarithmic scale, each named where it ends."""
-    from matplotlib.figure import Figure
-
-    from adaptctl.recording.drawing import DOTS, WIDTH
+def parameter_errors(curves: Sequence[tuple[int, ControllerRun, Array]]) -> Figure:
+    """Figure of parameter errors over time, on a logarithmic scale, each named where it ends."""
+    from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
     from adaptctl.recording.series import thinned
 
-    figure = Figure(figsize=(WIDTH, 4.2), dpi=DOTS, layout="constrained")
+    figure = sheet(4.2)
     axes = figure.subplots()
     for i, run, values in curves:
         every = thinned(len(values), SAMPLES)
@@ -77,7 +75,7 @@ def parameter_errors(curves: Sequence[tuple[int, Run, Array]]) -> Figure:
     return figure
 
 
-def _name_ends(axes: Axes, curves: Sequence[tuple[int, Run, Array]]) -> None:
+def _name_ends(axes: Axes, curves: Sequence[tuple[int, ControllerRun, Array]]) -> None:
     """Names to the right of where curves end, moved apart where they would overlap."""
     from adaptctl.recording.palette import run_color
 

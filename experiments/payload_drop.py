@@ -1,4 +1,4 @@
-"""A payload picked up and dropped in mid-motion: how long each law takes to have its error back."""
+"""Comparison of laws on a payload picked up and dropped in mid-motion: how long their errors take to return."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from adaptctl.experiments.learning import ADAPTATION_OFF, Found
 from adaptctl.experiments.recovery import WINDOW, Recovery, recovery, recovery_times
 from adaptctl.experiments.rough_model import deviations
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
-from adaptctl.recording import Finding, Run
+from adaptctl.recording import ControllerRun, Finding
 
 if TYPE_CHECKING:
     from adaptctl.recording.drawing import Drawing
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PayloadDrop(AdaptationLaws):
-    """All laws from one rough model, an arm that picks up a payload and drops it again."""
+    """Runs of all laws from one rough model on an arm that picks up a payload and drops it again."""
 
     name: ClassVar[str] = "payload-drop"
     title: ClassVar[str] = "{robot}: a payload picked up and dropped"
@@ -58,7 +58,7 @@ class PayloadDrop(AdaptationLaws):
 
     @property
     def purpose(self) -> str:
-        """What is asked."""
+        """Question that the experiment answers, in a paragraph."""
         return (
             f"An arm picks up {self.payload:g} kg at {self.start:g} s and drops it at {self.stop:g} s, and nobody "
             "tells its controller. "
@@ -72,14 +72,14 @@ class PayloadDrop(AdaptationLaws):
     error_bound: ClassVar[float] = np.inf
 
     def effects(self) -> Iterator[Effect]:
-        """The payload, and the noise asked for."""
+        """Effects of the plant: the payload, and the noise asked for."""
         from adaptctl.simulation.effects import PayloadHeld
 
         yield PayloadHeld(self._body(), self.start, self.stop)
         yield from super().effects()
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """How long each law takes to return, after each event; where it does not, how far it stays off."""
+        """Findings: each law's time to return after each event; where it does not, its error over the earlier."""
         for one in self._recoveries(outcome):
             name, event = one.run.name, one.event
             if one.time is not None:
@@ -95,11 +95,11 @@ class PayloadDrop(AdaptationLaws):
         yield from super().findings(outcome, basis)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """The shortest and the longest time to return of the laws that adapt, and who does not return."""
+        """Sentences with the shortest and the longest time to return of the laws that adapt, and those that do not."""
         adapting = [run for run in outcome.runs if run.rollout.estimate.shape[1] and run.name != ADAPTATION_OFF]
         return " ".join(self._told(event, adapting, found) for event in ("pickup", "drop")) if adapting else None
 
-    def _told(self, event: str, runs: Sequence[Run], found: Found) -> str:
+    def _told(self, event: str, runs: Sequence[ControllerRun], found: Found) -> str:
         back = found.each(f"return_after_{event}", runs, "s", rising=True)
         lost = found.each(f"not_back_after_{event}", runs, "times the earlier")
         said = [f"below twice the earlier in {' to '.join(dict.fromkeys((back[0], back[-1])))}"] if back else []
@@ -107,7 +107,7 @@ class PayloadDrop(AdaptationLaws):
         return f"Errors after the {event}: {'; '.join(said) or 'no law came so far'}."
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
-        """The times to return, before the parameter errors."""
+        """Figure of the times to return, then those of every comparison of laws."""
         from adaptctl.recording.drawing import Drawing
 
         found = list(self._recoveries(outcome))
@@ -121,20 +121,20 @@ class PayloadDrop(AdaptationLaws):
         yield from super().drawings(outcome, basis)
 
     def _recoveries(self, outcome: Outcome) -> Iterator[Recovery]:
-        """Of every run, after either event that it reached."""
+        """Recovery of every run after each event that it reached."""
         for run in outcome.runs:
             earlier = self._earlier(run)
             for event, begin, end in (("pickup", self.start, self.stop), ("drop", self.stop, self.duration)):
                 if earlier is not None and run.duration > begin:
                     yield recovery(run, event, earlier, begin, end)
 
-    def _earlier(self, run: Run) -> float | None:
+    def _earlier(self, run: ControllerRun) -> float | None:
         return run.rms_error(self.start - WINDOW, self.start)
 
     def _natural(self, mechanism: Mechanism) -> tuple[Natural, Array]:
-        """From half a payload on the last link, whose rate gives it the gain there that the other laws have."""
+        """Natural adaptation from half a payload on the last link, its rate there giving the others' gain."""
         last = len(mechanism.description.bodies) - 1
-        rough, law = self._rough(mechanism), super()._natural(mechanism)[0]
+        rough, law = self.rough(mechanism), super()._natural(mechanism)[0]
         first = self._body(0.5).added_to(rough, last)
         rates = np.full(len(first) - 9 * (last + 1), float(law.rate))
         off = np.hypot(self.parameter_error * rough[10 * last], self.payload)
@@ -142,14 +142,14 @@ class PayloadDrop(AdaptationLaws):
         return Natural(rates), first
 
     def _body(self, share: float = 1.0) -> Payload:
-        """The payload, or a share of it."""
+        """Payload as a rigid body, or a share of it."""
         from adaptctl.simulation.effects import Payload
 
         mass = share * self.payload
         return Payload(mass, np.array([0.0, 0.0, self.lever]), mass * self.size**2 / 6.0 * np.eye(3))
 
-    def _deviations(self, model: ReducedModel) -> Array:
-        """How far off the rough model may be, a payload like this on the last link included."""
+    def deviations(self, model: ReducedModel) -> Array:
+        """Deviations (k,) from the rough model, a payload like this on the last link included."""
         nothing = np.zeros(len(model.mechanism.parameter_names))
         loaded = self._body().added_to(nothing, len(model.mechanism.description.bodies) - 1)
-        return np.hypot(super()._deviations(model), deviations(model, loaded, 1.0))
+        return np.hypot(super().deviations(model), deviations(model, loaded, 1.0))

@@ -34,7 +34,7 @@ class Puma560Adaptive(StatedTask):
 
     @property
     def purpose(self) -> str:
-        """What is asked."""
+        """Question that the experiment answers, in a paragraph."""
         return (
             "The PUMA 560 follows sinusoids in all six joints, and nobody tells the controller a single mass, centre "
             "of mass or inertia. First the parameters that its motion depends on are found, from energies alone. "

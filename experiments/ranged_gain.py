@@ -1,4 +1,4 @@
-"""The adaptation gain from prior ranges of masses, first moments and inertias that are settings."""
+"""Adaptation gain from prior ranges of masses, first moments and inertias that are settings."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from adaptctl.identifiability import ReducedModel
 
 
 class RangedGain:
-    """Gamma is the rate times the square of each parameter's prior range; an experiment names the ranges, SI units."""
+    """Base of an experiment whose Gamma is the rate times the square of prior ranges, which it names in SI units."""
 
     mass_range: float
     first_moment_range: float
@@ -18,14 +18,14 @@ class RangedGain:
 
     @property
     def ranges(self) -> PriorRanges:
-        """As set."""
+        """Prior ranges as set."""
         return PriorRanges(self.mass_range, self.first_moment_range, self.inertia_range)
 
     def adaptation(self, model: ReducedModel) -> Array:
-        """Gamma (k,)."""
+        """Diagonal (k,) of Gamma for a model's parameters."""
         return adaptation_gain(model, self.ranges, self.rate)
 
     def adaptation_setting(self, mechanism: Mechanism) -> str:
-        """Gamma by kinds of parameters."""
+        """Gamma in words, by kinds of parameters."""
         of = ((self.mass_range, "kg"), (self.first_moment_range, "kg·m"), (self.inertia_range, "kg·m²"))
         return "; ".join(f"{self.rate:g}·({value:g} {unit})²" for value, unit in of)

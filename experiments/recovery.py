@@ -1,4 +1,4 @@
-"""How long a law takes to have its error back after an event, and a figure of that."""
+"""Times that errors take to return after an event, and a figure of them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from adaptctl.recording import Run
+from adaptctl.recording import ControllerRun
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,9 +21,9 @@ TWICE = 2.0
 
 @dataclass(frozen=True)
 class Recovery:
-    """What an event did to a run's error."""
+    """Return of a run's error after an event."""
 
-    run: Run
+    run: ControllerRun
     event: str
     earlier: float
     """RMS error over WINDOW before the first event"""
@@ -33,15 +33,15 @@ class Recovery:
     """RMS error over the last WINDOW before the next event, over the earlier"""
 
 
-def recovery(run: Run, event: str, earlier: float, begin: float, end: float) -> Recovery:
-    """That from an event at `begin` (s) to the next at `end`."""
+def recovery(run: ControllerRun, event: str, earlier: float, begin: float, end: float) -> Recovery:
+    """Recovery of a run from an event at `begin` (s) to the next at `end`."""
     end = min(end, run.duration)
     left = run.rms_error(max(begin, end - WINDOW), end) or np.nan
     return Recovery(run, event, earlier, time_to_return(run, begin, end, TWICE * earlier), left / earlier)
 
 
-def time_to_return(run: Run, begin: float, end: float, below: float) -> float | None:
-    """s from `begin` to the first WINDOW, ended before `end`, over which the RMS error is below a bound."""
+def time_to_return(run: ControllerRun, begin: float, end: float, below: float) -> float | None:
+    """Time (s) from `begin` to the first WINDOW before `end` with an RMS error below a bound; None for never."""
     length = round(WINDOW / run.rollout.control_period)
     coming = run.moving_rms_error(WINDOW)[length - 1 :]
     time = run.rollout.time[: len(coming)]
@@ -50,14 +50,12 @@ def time_to_return(run: Run, begin: float, end: float, below: float) -> float | 
 
 
 def recovery_times(found: Sequence[Recovery]) -> Figure:
-    """A bar a law and event, the events side by side; a law that is not back has its error written instead."""
-    from matplotlib.figure import Figure
-
-    from adaptctl.recording.drawing import DOTS, WIDTH
+    """Figure with a bar a law and event, the events side by side; a law that is not back has its error written."""
+    from adaptctl.recording.drawing import sheet
 
     events = list(dict.fromkeys(one.event for one in found))
     runs = list(dict.fromkeys(one.run.label for one in found))
-    figure = Figure(figsize=(WIDTH, 1.0 + 0.3 * len(runs)), dpi=DOTS, layout="constrained")
+    figure = sheet(1.0 + 0.3 * len(runs))
     panels = figure.subplots(1, len(events), sharey=True, squeeze=False)[0]
     for axes, event in zip(panels, events, strict=True):
         _bars(axes, [one for one in found if one.event == event], runs)

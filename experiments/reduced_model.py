@@ -1,4 +1,4 @@
-"""How well a controller tracks that carries only some of the arm's essential components."""
+"""Tracking with controllers that carry only some of the arm's essential components."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.control import SlotineLi, Subspace
+from adaptctl.control import Subspace
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.experiments.contest import Contender, Outcome
@@ -25,7 +25,7 @@ from adaptctl.identifiability import (
     reduce,
     states_within_limits,
 )
-from adaptctl.recording import Finding, Run
+from adaptctl.recording import ControllerRun, Finding
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -56,7 +56,7 @@ class ReducedModelTracking(Puma560Adaptive):
 
     @property
     def purpose(self) -> str:
-        """What is asked."""
+        """Question that the experiment answers, in a paragraph."""
         return (
             "Sheu and Walker sort the components of the essential parameters by the energy that each carries, and "
             "tell how little energy is lost when only the first s are kept. Here the controller carries only these: "
@@ -66,13 +66,9 @@ class ReducedModelTracking(Puma560Adaptive):
         )
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Adapting controllers by falling s, then fixed ones, then one that knows nothing."""
+        """Contenders: adapting ones by falling s, then fixed ones, then one that knows nothing."""
         model, reduction, space_basis = ReducedModel(mechanism, basis), *self._reduction(mechanism)
-        gains = self.gains(mechanism)
         self._require_counts(mechanism, model, len(reduction.weights))
-
-        def slotine_li(law: Subspace | None, first: Array) -> SlotineLi:
-            return SlotineLi(model, gains.bandwidth, gains.damping, law, first, self.control_period)
 
         nothing = np.zeros(len(model.columns))
         directions = model.regrouping @ space_basis[:, reduction.order]
@@ -80,14 +76,14 @@ class ReducedModelTracking(Puma560Adaptive):
         found = []
         for s in self.components:
             law = Subspace(gain[:s], directions[:, :s])
-            found.append(Contender(f"{ADAPTIVE}-{s}", f"Adapting {s}", "nothing", slotine_li(law, nothing)))
+            found.append(Contender(f"{ADAPTIVE}-{s}", f"Adapting {s}", "nothing", self.slotine_li(model, law, nothing)))
         for s in self.components:
             first = model.regrouping @ reduction.parameters(s)
-            found.append(Contender(f"{FIXED}-{s}", f"True {s}", f"{s} components", slotine_li(None, first)))
-        return [*found, Contender(ADAPTATION_OFF, "Adaptation off", "nothing", slotine_li(None, nothing))]
+            found.append(Contender(f"{FIXED}-{s}", f"True {s}", f"{s} components", self.slotine_li(model, None, first)))
+        return [*found, Contender(ADAPTATION_OFF, "Adaptation off", "nothing", self.slotine_li(model, None, nothing))]
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """The energy errors, as in Table 3, and the tracking errors of each s."""
+        """Findings: the energy errors, as in Table 3, and the tracking errors of each s."""
         errors = self._reduction(outcome.mechanism)[0].percent_errors
         for s in self.components:
             yield Finding(f"energy_error.{s}", float(errors[s]), "%", f"energy error of {s} components (equation 23)")
@@ -96,7 +92,7 @@ class ReducedModelTracking(Puma560Adaptive):
                 yield Finding(f"final_rms_error.{run.name}", 1e3 * error, "mrad", f"{run.label}: RMS error, last 2 s")
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """The tracking errors by count."""
+        """Sentence with the tracking errors by number of components."""
         counts = ", ".join(map(str, self.components))
         adapted, held = (
             ", ".join(found.told(f"final_rms_error.{kind}-{s}") for s in self.components) for kind in (ADAPTIVE, FIXED)
@@ -108,7 +104,7 @@ class ReducedModelTracking(Puma560Adaptive):
         )
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
-        """Tracking and energy errors over s."""
+        """Figure of tracking and energy errors over s."""
         from adaptctl.recording.drawing import Drawing
 
         errors = self._reduction(outcome.mechanism)[0].percent_errors
@@ -120,14 +116,14 @@ class ReducedModelTracking(Puma560Adaptive):
         )
 
     def _reduction(self, mechanism: Mechanism) -> tuple[Reduction, Array]:
-        """The model reduction, and V1 (P, k), over states within the limits."""
+        """Model reduction over states within the limits, and V1 (P, k)."""
         space = essential_space(
             mechanism, seed=self.seed, states=states_within_limits(mechanism, self.samples, self.seed)
         )
         return reduce(space, mechanism, components=space.rank), space.basis
 
     def _gain(self, mechanism: Mechanism, basis: Array) -> Array:
-        """The rate times the variance of each v_j'D, the parameters' prior ranges being independent."""
+        """Gains (k,): the rate times the variance of each v_j'D, the parameters' prior ranges being independent."""
         return np.asarray(self.rate * (basis.T**2 @ self.ranges.of(mechanism.parameter_names) ** 2))
 
     def _require_counts(self, mechanism: Mechanism, model: ReducedModel, rank: int) -> None:
@@ -140,14 +136,12 @@ class ReducedModelTracking(Puma560Adaptive):
             raise InputError("components: expected each at most once")
 
 
-def error_by_count(counts: tuple[int, ...], runs: tuple[Run, ...], percent_errors: Array) -> Figure:
-    """Final tracking errors and energy errors over the number of components, on logarithmic scales."""
-    from matplotlib.figure import Figure
-
-    from adaptctl.recording.drawing import DOTS, WIDTH
+def error_by_count(counts: tuple[int, ...], runs: tuple[ControllerRun, ...], percent_errors: Array) -> Figure:
+    """Figure of final tracking errors and energy errors over the number of components, on logarithmic scales."""
+    from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import MUTED, run_color
 
-    figure = Figure(figsize=(WIDTH, 3.6), dpi=DOTS, layout="constrained")
+    figure = sheet(3.6)
     axes = figure.subplots()
     found = {run.name: run.final_rms_error for run in runs}
     for i, (kind, label) in enumerate(((ADAPTIVE, "adapted from zero"), (FIXED, "true values held"))):

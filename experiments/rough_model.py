@@ -1,4 +1,4 @@
-"""A rough model of an arm, and how far off it may be: what a law may start from."""
+"""Rough models of arms, from which laws may start, and their deviations from the truth."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from adaptctl.identifiability import ReducedModel
 
 
 def scaled_links(mechanism: Mechanism, share: float, seed: int) -> Array:
-    """The parameters (P,) with every link's ten up or down by a share, by seed: a rigid body stays one, and
+    """Parameters (P,) with every link's ten up or down by a share, by seed: a rigid body stays one, and
     drives stay as they are."""
     bodies = len(mechanism.description.bodies)
     signs = np.random.default_rng(seed).choice([-1.0, 1.0], bodies)
@@ -22,7 +22,7 @@ def scaled_links(mechanism: Mechanism, share: float, seed: int) -> Array:
 
 
 def deviations(model: ReducedModel, parameters: ArrayLike, share: float) -> Array:
-    """How far off each parameter (k,) of a model may be, when links and drives (P,) may be by a share.
+    """Deviations (k,) of a model's parameters when those of links and drives (P,) are off by a share.
 
     A link of mass m and second moments I = tr Sigma about its frame has first moments of at most sqrt(m I) and
     inertias of at most I. What is regrouped adds as independent deviations do.

@@ -1,4 +1,4 @@
-"""A motor that is too weak for what is asked of it, and what the estimates make of that."""
+"""Saturated motors: adaptation frozen while a torque is held back, and not."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from adaptctl.experiments.marked_errors import Marked, marked_errors
 from adaptctl.experiments.on_real_plant import OnRealPlant
 from adaptctl.experiments.parameter_errors import SAMPLES, ParameterErrors
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
-from adaptctl.recording import Finding, Run
+from adaptctl.recording import ControllerRun, Finding
 
 if TYPE_CHECKING:
     from adaptctl.recording.drawing import Drawing
@@ -57,7 +57,7 @@ class Saturation(OnRealPlant):
 
     @property
     def purpose(self) -> str:
-        """What is asked."""
+        """Question that the experiment answers, in a paragraph."""
         return (
             f"An arm whose motors have {100 * self.strength:.0f} % of their strength holds {self.payload:g} kg from "
             f"{self.start:g} to {self.stop:g} s, more than it can carry. While a motor saturates, the error says "
@@ -66,19 +66,19 @@ class Saturation(OnRealPlant):
         )
 
     def effects(self, mechanism: Mechanism) -> Sequence[Effect]:
-        """The payload."""
+        """Effects of the plant: the payload, and the torques' rate limit."""
         from adaptctl.simulation.effects import PayloadHeld, TorqueRateLimit
 
         return (PayloadHeld(self.payload, self.start, self.stop), TorqueRateLimit(self.rate_limit))
 
     def torque_limits(self, mechanism: Mechanism) -> Array:
-        """Weak motors."""
+        """Limits (r,) of the weak motors' torques, N m."""
         return self.strength * super().torque_limits(mechanism)
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Who drives, in order; the first is the subject."""
+        """Contenders in the order in which they drive; the first is the subject."""
         model = ReducedModel(mechanism, basis)
-        law, off = self.slotine_li(model), self.slotine_li(model, adapting=False)
+        law, off = self.from_rough(model), self.from_rough(model, adapting=False)
         limits, knows = self.torque_limits(mechanism), f"links within {100 * self.parameter_error:.0f} %"
         return [
             Contender(ADAPTIVE, "Frozen while saturated", knows, Guarded(law, limits, self.rate_limit)),
@@ -87,7 +87,7 @@ class Saturation(OnRealPlant):
         ]
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """The errors after the payload is gone, and how far the estimates went."""
+        """Findings: errors after the payload is gone, shares of saturation, and the largest estimates."""
         runs = {run.name: run for run in outcome.runs}
         for run in outcome.runs:
             meaning = f"{run.label}: RMS error of all joints from the drop on"
@@ -103,7 +103,7 @@ class Saturation(OnRealPlant):
             )
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """What the freeze is worth."""
+        """Sentences with the errors of frozen and never frozen adaptation."""
         runs = {run.name: run for run in outcome.runs}
         frozen, never = (1e3 * (runs[name].rms_error() or np.nan) for name in (ADAPTIVE, WITHOUT_FREEZE))
         return (
@@ -114,7 +114,7 @@ class Saturation(OnRealPlant):
         )
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
-        """The estimates' errors, and when a torque was held back."""
+        """Figure of the estimates' errors, and of when a torque was held back."""
         from adaptctl.recording.drawing import Drawing
 
         points = outcome.runs[0].rollout
@@ -131,7 +131,7 @@ class Saturation(OnRealPlant):
         )
 
 
-def held_back(run: Run) -> Array:
-    """1 in the periods (T,) in which the torque was not what the law wanted."""
+def held_back(run: ControllerRun) -> Array:
+    """Marks (T,): 1 in the periods in which the torque was not what the law wanted."""
     marks = [run.rollout.marks[name] for name in ("torque_limited", "rate_limited") if name in run.rollout.marks]
     return np.asarray(np.max([run.rollout.clipped, *marks], axis=0))

@@ -31,7 +31,7 @@ class SemiDirectDriveAdaptive(StatedTask):
 
     @property
     def purpose(self) -> str:
-        """What is asked."""
+        """Question that the experiment answers, in a paragraph."""
         return (
             "Two motors on a turning pillar move a five-bar linkage, whose forearm follows through a closed loop. "
             "Nobody tells the controller a single mass, centre of mass or inertia. The parameters that the motion "

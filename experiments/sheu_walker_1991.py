@@ -1,4 +1,4 @@
-"""Sheu and Walker (1991), replicated: every table and figure beside what is computed, with a verdict."""
+"""Replication of Sheu and Walker (1991): every table and figure beside what is computed, with a verdict."""
 
 from __future__ import annotations
 
@@ -6,19 +6,20 @@ import time
 from dataclasses import dataclass
 from typing import ClassVar
 
-from adaptctl.experiments.experiment import Experiment, Progress, setting, settings, text
+from adaptctl.experiments.experiment import Experiment, setting, stated
+from adaptctl.experiments.replication.artifacts import shown
 from adaptctl.experiments.replication.items import ALL, ITEMS, chosen
 from adaptctl.experiments.replication.result import Replication
 from adaptctl.experiments.replication.study import Study
 from adaptctl.experiments.replication.verdict import Item
-from adaptctl.recording import Setting
+from adaptctl.recording import Progress, Result
 
 STAGE = "Tables and figures"
 
 
 @dataclass(frozen=True)
 class SheuWalker1991(Experiment):
-    """The paper's PUMA 560 and semi-direct-drive arm, from random energies to verdicts."""
+    """Replication of the paper on its PUMA 560 and semi-direct-drive arm, from random energies to verdicts."""
 
     name: ClassVar[str] = "sheu-walker-1991"
     title: ClassVar[str] = "Sheu and Walker (1991), replicated"
@@ -45,8 +46,12 @@ class SheuWalker1991(Experiment):
         super().__post_init__()
         chosen(self.only)
 
+    def run(self, progress: Progress) -> Result:
+        """Result of the replication."""
+        return shown(self.compare(progress))
+
     def compare(self, progress: Progress) -> Replication:
-        """Compute what was asked for, in the paper's order."""
+        """Replication of what was asked for, in the paper's order; of what was computed when it is interrupted."""
         started, names = time.perf_counter(), chosen(self.only)
         study, items = self._study(), list[Item]()
         try:
@@ -62,10 +67,7 @@ class SheuWalker1991(Experiment):
             title=self.title,
             study=study,
             items=tuple(items),
-            settings=tuple(
-                Setting(f"--{entry.name.replace('_', '-')}", text(getattr(self, entry.name)), entry.metadata["meaning"])
-                for entry in settings(self)
-            ),
+            settings=tuple(stated(self)),
             seconds=time.perf_counter() - started,
             complete=len(items) == len(names),
         )

@@ -1,4 +1,4 @@
-"""Learning on a stated task: one arm, its own gains, sinusoids written down."""
+"""Common part of experiments on a stated task: one arm, its own gains, sinusoids written down."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from adaptctl.arrays import Array
 from adaptctl.control import Gains, Sinusoids
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
-from adaptctl.experiments.experiment import setting
+from adaptctl.experiments.experiment import require_count, setting
 from adaptctl.experiments.learning import Learning
 from adaptctl.experiments.ranged_gain import RangedGain
 from adaptctl.recording import Setting
@@ -42,12 +42,10 @@ class StatedTask(RangedGain, Learning):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("damping", "center", "amplitude", "frequency"):
-            if (count := len(getattr(self, name))) != self.joints:
-                raise InputError(f"{name}: expected {self.joints} numbers, one a joint, got {count}")
+        require_count(self, ("damping", "center", "amplitude", "frequency"), self.joints, "one a joint")
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """The arm's tracking environment on this experiment's reference."""
+        """Tracking environment of the arm. Raises InputError for another number of joints."""
         import gymnasium
 
         if mechanism.dof != self.joints:
@@ -68,15 +66,15 @@ class StatedTask(RangedGain, Learning):
         )
 
     def torque_limits(self, mechanism: Mechanism) -> Array | None:
-        """The limits (r,) of the joints' torques, in N m; None for the mechanism's own."""
+        """Limits (r,) of the joints' torques, in N m; None for the mechanism's own."""
         return None
 
     def gains(self, mechanism: Mechanism) -> Gains:
-        """Lambda and K as set."""
+        """Gains of the tracking loop: Lambda and K as set."""
         return Gains(np.full(self.joints, self.bandwidth), np.array(self.damping))
 
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
-        """The settings say it all."""
+        """Setting that states the reference's formula."""
         yield Setting(
             "reference",
             "p(t) = centre + fade(t) · amplitude · sin(2π · frequency · t)",

@@ -1,4 +1,4 @@
-"""A tool that follows a path in the world: control of the tool against control of the joints."""
+"""Comparison of control of the tool against control of the joints, on a tool's path in the world."""
 
 from __future__ import annotations
 
@@ -13,10 +13,6 @@ from adaptctl.arrays import Array
 from adaptctl.control import (
     Composite,
     ComputedTorque,
-    Gains,
-    Sinusoids,
-    SlotineLi,
-    Spline,
     TaskSpaceSlotineLi,
 )
 from adaptctl.dynamics import Mechanism
@@ -24,12 +20,11 @@ from adaptctl.dynamics.inverse_kinematics import Tip
 from adaptctl.envs.torque_limits import finite_torque_limits
 from adaptctl.errors import InputError
 from adaptctl.experiments.contest import Contender, Outcome
-from adaptctl.experiments.experiment import setting
+from adaptctl.experiments.experiment import require_count, setting
 from adaptctl.experiments.learning import ADAPTATION_OFF, Found, Learning
-from adaptctl.experiments.ranged_gain import RangedGain
-from adaptctl.experiments.serial_versus_graph.experiment import AHEAD, ARMS, KNOT, Arm
+from adaptctl.experiments.tip_path import ARMS, ArmWithTip, TipPath
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
-from adaptctl.recording import Finding, Run, Setting
+from adaptctl.recording import ControllerRun, Finding, Setting
 
 if TYPE_CHECKING:
     import gymnasium
@@ -43,8 +38,8 @@ SAMPLES = 600
 
 
 @dataclass(frozen=True)
-class TaskSpaceTracking(RangedGain, Learning):
-    """The tool of an arm of three freedoms on a path in the world, from estimates of zero.
+class TaskSpaceTracking(TipPath, Learning):
+    """Tracking of a path in the world with the tool of an arm of three freedoms, from estimates of zero.
 
     Task-space Slotine-Li, with the gradient, with composite adaptation, and with a damped Jacobian; against
     Slotine-Li in joints on the same path turned into joints, adaptation off, and computed torque with the truth.
@@ -71,13 +66,11 @@ class TaskSpaceTracking(RangedGain, Learning):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("center", "amplitude", "frequency", "phase"):
-            if (count := len(getattr(self, name))) != 3:
-                raise InputError(f"{name}: expected 3 numbers, x, y and z, got {count}")
+        require_count(self, ("center", "amplitude", "frequency", "phase"), 3, "x, y and z")
 
     @property
     def purpose(self) -> str:
-        """What is asked."""
+        """Question that the experiment answers, in a paragraph."""
         return (
             "A tool follows a path in the world, and nobody tells the controller the arm's inertial parameters. The "
             "task-space law takes the tool's error and chooses joint velocities through the Jacobian; the law in "
@@ -86,55 +79,37 @@ class TaskSpaceTracking(RangedGain, Learning):
         )
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """The tracking environment on the path, turned into joints."""
+        """Tracking environment on the path, turned into joints."""
         import gymnasium
 
         return gymnasium.make(
             "adaptctl.envs:adaptctl/Tracking-v0",
             robot=mechanism,
-            reference=self.reference(mechanism),
+            reference=self.in_joints(self.tip(mechanism), self.arm),
             duration=self.duration,
             control_period=self.control_period,
             initial_error=self.initial_error,
         )
 
     @property
-    def path(self) -> Sinusoids:
-        """Where the tool should be, in the world, m."""
-        center, amplitude, frequency = np.array(self.center), np.array(self.amplitude), np.array(self.frequency)
-        return Sinusoids(center, amplitude, frequency, np.array(self.phase))
-
-    def reference(self, mechanism: Mechanism) -> Spline:
-        """The path in joints."""
-        times = np.arange(0.0, self.duration + AHEAD + KNOT, KNOT)
-        return Spline(self.tip(mechanism).joints(self.path(times).p, np.array(self.arm.start)), times)
-
-    @property
-    def arm(self) -> Arm:
-        """What is known of the robot's tool."""
+    def arm(self) -> ArmWithTip:
+        """Arm whose tool is known. Raises InputError for another robot."""
         known = {arm.robot: arm for arm in ARMS}
         if self.robot not in known:
             raise InputError(f"robot: expected one whose tool is known, {' or '.join(known)}, got {self.robot!r}")
         return known[self.robot]
 
     def tip(self, mechanism: Mechanism) -> Tip:
-        """The tool."""
-        return Tip(mechanism, self.arm.link, np.array(self.arm.tip))
-
-    def gains(self, mechanism: Mechanism) -> Gains:
-        """Lambda as set, K from typical inertia."""
-        return Gains.from_bandwidth(mechanism, self.bandwidth, self.stiffness)
+        """Tool of a mechanism."""
+        return self.arm.on(mechanism)
 
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
-        """The path, and how it becomes joints."""
-        yield Setting(
-            "path", "x(t) = centre + fade(t) · amplitude · sin(2π · frequency · t + phase)", "of the tool, in the world"
-        )
-        yield Setting("reference", f"spline of degree 5, knots every {KNOT:g} s", "in joints, by inverse kinematics")
+        """Settings that state the path, how it becomes joints, and the tool."""
+        yield from self.path_settings("tool")
         yield Setting("tool", " ".join(f"{x:g}" for x in self.arm.tip), f"m, in the frame of {self.arm.link}")
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Who drives, in order; the first is the subject."""
+        """Contenders in the order in which they drive; the first is the subject."""
         model, gains = ReducedModel(mechanism, basis), self.gains(mechanism)
         gain, tool = self.adaptation(model), np.array(self.arm.tip)
         composite = Composite(gain, self.prediction / finite_torque_limits(mechanism) ** 2)
@@ -152,14 +127,13 @@ class TaskSpaceTracking(RangedGain, Learning):
                 reference_in_joints=True,
             )
 
-        joints = SlotineLi(model, gains.bandwidth, gains.damping, gain, period=self.control_period)
         true = ComputedTorque(mechanism, gains.bandwidth)
         return [
             Contender("task-space", "Task space, gradient", "nothing", task_space(gain)),
             Contender(ADAPTATION_OFF, "Task space, adaptation off", "nothing", task_space(None)),
             Contender("task-space-composite", "Task space, composite", "nothing", task_space(composite)),
             Contender("task-space-damped", "Task space, damped", "nothing", task_space(gain, self.singularity)),
-            Contender("joint-space", "Joints, gradient", "nothing", joints),
+            Contender("joint-space", "Joints, gradient", "nothing", self.slotine_li(model, gain)),
             Contender("computed-torque", "Computed torque, true model", "everything", true),
         ]
 
@@ -178,7 +152,7 @@ class TaskSpaceTracking(RangedGain, Learning):
         return f"The tool's RMS error in the last {END:g} s, mm: {errors}."
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
-        """The tool's errors over time."""
+        """Figure of the tool's errors over time."""
         from adaptctl.recording.drawing import Drawing
 
         curves = [(i, run, self._tool_errors(outcome.mechanism, run)) for i, run in enumerate(outcome.runs)]
@@ -188,21 +162,19 @@ class TaskSpaceTracking(RangedGain, Learning):
             partial(tool_errors, curves),
         )
 
-    def _tool_errors(self, mechanism: Mechanism, run: Run) -> Array:
+    def _tool_errors(self, mechanism: Mechanism, run: ControllerRun) -> Array:
         """Distances (T,) of the tool from its path, m."""
         away = self.tip(mechanism).at(run.rollout.p) - self.path(run.rollout.time).p
         return np.asarray(np.linalg.norm(away, axis=1))
 
 
-def tool_errors(curves: list[tuple[int, Run, Array]]) -> Figure:
-    """The tool's errors over time, on a logarithmic scale."""
-    from matplotlib.figure import Figure
-
-    from adaptctl.recording.drawing import DOTS, WIDTH
+def tool_errors(curves: list[tuple[int, ControllerRun, Array]]) -> Figure:
+    """Figure of the tool's errors over time, on a logarithmic scale."""
+    from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
     from adaptctl.recording.series import thinned
 
-    figure = Figure(figsize=(WIDTH, 3.8), dpi=DOTS, layout="constrained")
+    figure = sheet(3.8)
     axes = figure.subplots()
     for i, run, values in curves:
         every = thinned(len(values), SAMPLES)

@@ -1,4 +1,4 @@
-"""Two arms that hold one rod, end to end: several robots as one mechanism with a loop."""
+"""Learning on two arms that hold one rod: several robots as one mechanism with a loop."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class TwoArms(StatedTask):
 
     @property
     def purpose(self) -> str:
-        """What is asked."""
+        """Question that the experiment answers, in a paragraph."""
         return (
             "Two PUMAs stand face to face and hold one rod. Together they are one mechanism of twelve links with a "
             "closed loop, which moves with six degrees of freedom. Nobody tells the controller a single mass, centre "
@@ -72,25 +72,25 @@ class TwoArms(StatedTask):
         )
 
     def mechanism(self) -> Mechanism:
-        """The two arms and their rod."""
+        """Mechanism of the two arms and their rod."""
         return two_arms(self.robot)
 
     def torque_limits(self, mechanism: Mechanism) -> Array:
-        """What the motors of both arms can give in the left one's joints, at the reference configuration."""
+        """Limits (r,) of both arms' motors together in the left one's joints, at the reference configuration."""
         limits = np.array([link.joint.limits.effort for link in mechanism.links])
         if not np.isfinite(limits).all():
             raise InputError(f"robot: {self.robot} has joints without a torque limit: give each an effort")
         return np.abs(_slopes(mechanism)) @ limits
 
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
-        """The rod too."""
+        """Settings that state the reference, the rod and the torque limits."""
         yield from super().reference_settings(env)
         yield Setting("rod", f"{ROD:g} m", f"from hand to hand, between bases {APART:g} m apart; part of both hands")
         yield Setting("torque limits", "of both arms' motors together", "in the left arm's joints, at the centre")
 
 
 def two_arms(robot: str) -> Mechanism:
-    """Two of an arm of six joints, face to face, with a rod welded to both hands.
+    """Mechanism of two equal arms of six joints, face to face, with a rod welded to both hands.
 
     The rod has no parameters of its own: its ten are among those of both hands, which they are regrouped into.
     """

@@ -1,14 +1,20 @@
-"""Comparisons made by hand, to be shown: motion along sinusoids, torques by inverse dynamics, errors that fade."""
+"""Comparisons to be shown: experiments', and some made by hand, whose motion is along sinusoids, torques are by inverse
+dynamics, and errors fade."""
 
 from __future__ import annotations
+
+import json
+from typing import Any
 
 import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.control import Sinusoids
 from adaptctl.dynamics import Mechanism
+from adaptctl.experiments.experiment import Experiment
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
-from adaptctl.recording import Comparison, Finding, Run, Setting, TickCost
+from adaptctl.recording import Comparison, ControllerRun, Finding, Setting, TickCost
+from adaptctl.recording.summary import summary
 from adaptctl.simulation import Rollout
 
 PERIOD = 2e-3
@@ -54,9 +60,13 @@ def comparison(mechanism: Mechanism, samples: int = 1500, complete: bool = True)
     share = -np.expm1(-3.0 * PERIOD * np.arange(samples))
     learnt = rollout(mechanism, samples, 4.0, share[:, None] * truth, complete)
     lyapunov = 3.0 + 2.0 * np.exp(-PERIOD * np.arange(samples))
-    runs = [Run("adaptive", "Slotine-Li, <learning>", "nothing", learnt, lyapunov, TickCost(5e-6, 2e-7, 1470))]
+    runs = [
+        ControllerRun("adaptive", "Slotine-Li, <learning>", "nothing", learnt, lyapunov, TickCost(5e-6, 2e-7, 1470))
+    ]
     if complete:
-        runs.append(Run("adaptation-off", "Slotine-Li, adaptation off", "nothing", rollout(mechanism, samples, 0.2)))
+        runs.append(
+            ControllerRun("adaptation-off", "Slotine-Li, adaptation off", "nothing", rollout(mechanism, samples, 0.2))
+        )
     return Comparison(
         experiment="by-hand",
         title="Made by hand",
@@ -72,3 +82,18 @@ def comparison(mechanism: Mechanism, samples: int = 1500, complete: bool = True)
         findings=(Finding("difference", 2e-11, "N m", "a difference"),),
         complete=complete,
     )
+
+
+def told(what: str, share: float) -> None:
+    assert 0.0 <= share <= 1.0
+
+
+def shown(experiment: Experiment) -> dict[str, Any]:
+    """An experiment's summary, which must be fit for JSON; its own figures must draw."""
+    compared = experiment.compare(told)
+    assert isinstance(compared, Comparison)
+    for drawing in compared.more_drawings:
+        assert drawing.draw().axes
+    content: dict[str, Any] = json.loads(json.dumps(summary(compared), allow_nan=False))
+    assert content["complete"]
+    return content

@@ -5,10 +5,11 @@ The closures' residual is written again here, by poses alone, so that it can jud
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from random_trees import random_inertia, random_link, random_tree
+from random_trees import random_inertia, random_link
 from scipy.linalg import qr
 
 from adaptctl.arrays import Array
@@ -27,6 +28,7 @@ from adaptctl.description import (
 )
 from adaptctl.description.pose import rotation_about
 from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.loop_equations import LoopEquations
 
 
 def world_poses(description: Description, q: Array) -> dict[str | None, Pose]:
@@ -75,6 +77,9 @@ class Recipe:
     planar: bool = False
 
 
+PLANAR_ROWS = {ClosureKind.POINT: 2, ClosureKind.AXIS: 2, ClosureKind.WELD: 3}
+"""Of a closure's rows, those that a planar mechanism can break."""
+
 POINT, AXIS, WELD = ClosureKind.POINT, ClosureKind.AXIS, ClosureKind.WELD
 RECIPES = {
     "four-bar": Recipe(3, (POINT,), planar=True),
@@ -91,32 +96,69 @@ RECIPES = {
 
 
 def random_loop(seed: int, recipe: Recipe) -> tuple[Mechanism, Array]:
-    """A mechanism and a closed configuration of it, well away from singularity."""
+    """A mechanism of which every loop moves, and a closed configuration of it, well away from singularity."""
     rng = np.random.default_rng(seed)
-    for _ in range(1000):
-        found = _attempt(rng, recipe)
+    for _ in range(10_000):
+        shape = _shape(rng, recipe)
+        found = None if shape is None else _attempt(rng, recipe, shape)
         if found is not None:
             return found
     raise AssertionError("no mechanism of this kind was found")
 
 
-def _attempt(rng: np.random.Generator, recipe: Recipe) -> tuple[Mechanism, Array] | None:
-    size = int(rng.integers(2**32))
-    tree = planar_tree(rng, recipe.links) if recipe.planar else random_tree(size, recipe.links).description
+@dataclass(frozen=True)
+class Shape:
+    """Which link hangs on which, each on the ground or on any link before; which two each closure holds together."""
+
+    parents: list[int]
+    ends: list[tuple[int, int]]
+
+    @property
+    def loops(self) -> list[list[str]]:
+        """The joints of each loop."""
+        ways = [[set(self._way(end)) for end in ends] for ends in self.ends]
+        return [[f"joint{i}" for i in first ^ second] for first, second in ways]
+
+    def _way(self, link: int) -> Iterator[int]:
+        while link != GROUND:
+            yield link
+            link = self.parents[link]
+
+
+def _shape(rng: np.random.Generator, recipe: Recipe) -> Shape | None:
+    """None where a loop has too few joints to move, or two closures hold the same links together."""
+    parents = [int(rng.integers(GROUND, i)) for i in range(recipe.links)]
+    places = range(GROUND, recipe.links)
+    shape = Shape(parents, [tuple(rng.choice(places, 2, replace=False).tolist()) for _ in recipe.closures])
+    rows = [PLANAR_ROWS[kind] if recipe.planar else kind.rows for kind in recipe.closures]
+    short = any(len(loop) <= needed for loop, needed in zip(shape.loops, rows, strict=True))
+    return None if short or len({frozenset(ends) for ends in shape.ends}) < len(shape.ends) else shape
+
+
+def _attempt(rng: np.random.Generator, recipe: Recipe, shape: Shape) -> tuple[Mechanism, Array] | None:
+    tree = (planar_tree if recipe.planar else _spatial_tree)(rng, shape.parents)
     q = rng.uniform(-1.0, 1.0, recipe.links)
-    closures = tuple(_closure(rng, tree, q, i, kind) for i, kind in enumerate(recipe.closures))
-    if len({frozenset((c.first, c.second)) for c in closures}) < len(closures):
-        return None
+    pairs = zip(shape.ends, recipe.closures, strict=True)
+    closures = tuple(_closure(rng, tree, q, f"loop{i}", ends, kind) for i, (ends, kind) in enumerate(pairs))
     couplings = _couplings(rng, tree, q, recipe.gears)
     primary = tree.joint_names[:1]
     if any(c.follower in primary for c in couplings):
         return None
     looped = replace(tree, loops=Loops(primary, closures, couplings))
     chosen = _primary(looped, q)
-    if chosen is None or any(c.follower in chosen for c in couplings):
+    if chosen is None or any(c.follower in chosen for c in couplings) or not every_loop_moves(looped, shape, q):
         return None
     reference = dict(zip(tree.joint_names, q.tolist(), strict=True))
     return Mechanism(replace(tree, loops=Loops(chosen, closures, couplings, reference))), q
+
+
+def every_loop_moves(description: Description, shape: Shape, q: Array) -> bool:
+    """Whether the motions that the closures leave free turn joints of every loop, and not just barely: where joints
+    only slide, the Jacobian stays the same."""
+    _, values, directions = np.linalg.svd(gap_rates(description, q))
+    free = directions[int((values > 1e-6).sum()) :]
+    turning = [(i, link.joint.name) for i, link in enumerate(description.links) if link.joint.kind.turns]
+    return all(np.linalg.norm(free[:, [i for i, name in turning if name in loop]]) > 0.3 for loop in shape.loops)
 
 
 def two_arms(seed: int, kind: ClosureKind) -> Mechanism:
@@ -134,32 +176,43 @@ def two_arms(seed: int, kind: ClosureKind) -> Mechanism:
     raise AssertionError("no arms were found")
 
 
-def planar_tree(rng: np.random.Generator, links: int) -> Description:
+def _spatial_tree(rng: np.random.Generator, parents: list[int]) -> Description:
+    links = [random_link(rng, i, parent) for i, parent in enumerate(parents)]
+    return Description("spatial", depth_first(links), rng.normal(size=3))
+
+
+def equations(mechanism: Mechanism) -> LoopEquations:
+    """Those of a mechanism with loops."""
+    assert isinstance(mechanism.equations, LoopEquations)
+    return mechanism.equations
+
+
+def planar_tree(rng: np.random.Generator, parents: list[int]) -> Description:
     """Revolute joints about z and prismatic ones across it: whatever closes stays in the plane."""
     chain = []
-    for i in range(links):
+    for i, parent in enumerate(parents):
         kind = JointKind.PRISMATIC if rng.random() < 0.25 else JointKind.REVOLUTE
         angle = rng.uniform(-3.0, 3.0)
         axis = (np.cos(angle), np.sin(angle), 0.0) if kind is JointKind.PRISMATIC else (0.0, 0.0, 1.0)
         near = Pose(rotation_about((0, 0, 1), rng.uniform(-3, 3)), np.append(rng.uniform(-0.5, 0.5, 2), 0.0))
-        parent = int(rng.integers(GROUND, i)) if i else GROUND
         chain.append(
             Link(f"link{i}", parent, Joint(f"joint{i}", kind, np.array(axis)), near, near, random_inertia(rng))
         )
     return Description("planar", depth_first(chain), rng.normal(size=3))
 
 
-def _closure(rng: np.random.Generator, tree: Description, q: Array, number: int, kind: ClosureKind) -> Closure:
+def _closure(
+    rng: np.random.Generator, tree: Description, q: Array, name: str, ends: tuple[int, int], kind: ClosureKind
+) -> Closure:
     """Two links, or one and the ground, closed as they stand; in a plane, at a place in the plane."""
-    names = [None, *(link.name for link in tree.links)]
-    first, second = (names[i] for i in rng.choice(len(names), 2, replace=False))
+    first, second = (None if i == GROUND else f"link{i}" for i in ends)
     planar = tree.name == "planar"
     turn = rotation_about((0, 0, 1), rng.uniform(-3, 3))
     if not planar:
         turn = turn @ rotation_about((1, 0, 0), rng.uniform(-3, 3))
     at = rng.uniform(-0.5, 0.5, 3) * (1.0, 1.0, 0.0 if planar else 1.0)
     frame, poses = Pose(turn, at), world_poses(tree, q)
-    return Closure(f"loop{number}", first, second, frame, poses[second].inverse @ poses[first] @ frame, kind)
+    return Closure(name, first, second, frame, poses[second].inverse @ poses[first] @ frame, kind)
 
 
 def _couplings(rng: np.random.Generator, tree: Description, q: Array, count: int) -> tuple[Coupling, ...]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.control import (
-    Adaptive,
+    AdaptiveController,
     Controller,
     Gains,
     PriorRanges,
@@ -150,7 +150,7 @@ def kinetic(mechanism: Mechanism, run: Loop) -> Array:
     return 0.5 * np.einsum("ti,tij,tj->t", run.s, mechanism.mass_matrix(run.p), run.s)
 
 
-def distance(controller: Adaptive, run: Loop, parameters: Array) -> Array:
+def distance(controller: AdaptiveController, run: Loop, parameters: Array) -> Array:
     """The parameters' term of V (T,)."""
     law, model = controller.adaptation_law, controller.model
     found = None if law is None else law.distance(model, run.estimate, model.regrouping @ parameters)

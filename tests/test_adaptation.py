@@ -21,6 +21,7 @@ from adaptctl.control import (
     EModification,
     Gradient,
     Natural,
+    Period,
     Projection,
     ReferencePoint,
     SigmaModification,
@@ -31,11 +32,14 @@ from adaptctl.control import (
     limits,
     lyapunov,
 )
+from adaptctl.control.adaptation.law import NoMemory
 from adaptctl.control.adaptation.natural import moved_body
+from adaptctl.control.adaptation.prediction import Filtered, TorqueFilter
 from adaptctl.control.controller import leaves
 from adaptctl.description.inertia import from_pseudo_inertia, pseudo_inertia
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.identifiability import ReducedModel
+from adaptctl.scalars import Column, column
 
 NAMES = ["puma560_arm3", "semi_direct_drive"]
 
@@ -64,6 +68,10 @@ LAWS: dict[str, Callable[[str], AdaptationLaw]] = {
 }
 
 
+K = len(reduced("puma560_arm3").columns)
+ONES, ZERO = np.ones(K), np.zeros(3)
+
+
 def on(name: str, law: AdaptationLaw | None, **options: object) -> SlotineLi:
     return SlotineLi(reduced(name), 8.0, gains(name).damping, law, **options)  # type: ignore[arg-type]
 
@@ -81,7 +89,7 @@ def second_tick(controller: SlotineLi, name: str, elapsed: float) -> tuple[list[
     _, state = controller.step(controller.init(p, v), p, v, point)
     state = state._replace(elapsed=np.array([elapsed]))
     torque, after = controller.step(state, p + 1e-3 * v, 0.99 * v, point)
-    plain = controller._on_floats(p + 1e-3 * v, 0.99 * v, *point, *leaves(state))
+    plain = controller.on_floats(p + 1e-3 * v, 0.99 * v, *point, *leaves(state))
     return [torque, *leaves(after)], plain
 
 
@@ -139,6 +147,51 @@ def test_least_squares_go_on_forgetting_where_others_stop() -> None:
         lowest[type(law)] = found[1] / found[0]
     assert lowest[BoundedGainForgetting] < 0.7
     assert lowest[CushionedFloor] > 0.9
+
+
+@pytest.mark.parametrize("s", [[0.3, -0.4, 1.2], [0.03, -0.04, 0.12], [0.0, 5.0, 0.0], [0.0, 0.0, 0.0]])
+def test_e_modification_leaks_by_the_length_of_s(s: list[float]) -> None:
+    """Where nothing excites, a period leaves (estimate + T_c nu |s| prior)/(1 + T_c nu |s|)."""
+    name, period, rate = "puma560_arm3", 2e-3, 0.7
+    prior, estimate = np.linspace(1.0, 2.0, K), np.linspace(-1.0, 1.0, K)
+    law = EModification(ONES, rate, prior)
+    now = silent(period, before=1.5 * np.array(s), after=0.5 * np.array(s))
+    after, _ = law.law(reduced(name), column(estimate), now, NoMemory())
+    share = period * rate * float(np.linalg.norm(s))
+    np.testing.assert_allclose(after.of, (estimate + share * prior) / (1.0 + share), rtol=1e-13)
+
+
+@pytest.mark.parametrize("period", [1e-3, 8e-3])
+@pytest.mark.parametrize("weight", [0.2, np.array([0.1, 3.0, 20.0])])
+def test_composite_solves_its_prediction_error_implicitly(period: float, weight: float | Array) -> None:
+    """(Gamma^-1 + T_c W'R W) after = Gamma^-1 before + T_c W'R F[tau], whatever the period."""
+    name, rng = "puma560_arm3", np.random.default_rng(3)
+    model, law = reduced(name), Composite(gain(name), weight, 15.0)  # type: ignore[arg-type]
+    q, estimate = posture(arm(name)), rng.normal(size=K)
+    memory = law.start(model, estimate, q + 0.3, rng.normal(size=3), period)
+    memory = Filtered(*(column(part) for part in memory))
+    now = silent(period, q=q, v=rng.normal(size=3), torque=rng.normal(size=3))
+    after, _ = law.law(model, column(estimate), now, memory)
+    rows, torque, _ = TorqueFilter(15.0, period).predicted(model, now, memory)
+    W, R = np.array([row.of for row in rows]), np.diag(np.broadcast_to(weight, 3))
+    information = np.diag(1.0 / gain(name)) + period * W.T @ R @ W
+    wanted = np.linalg.solve(information, estimate / gain(name) + period * W.T @ R @ np.array(torque.of))
+    assert np.abs(wanted - estimate).max() > 1e-3
+    np.testing.assert_allclose(after.of, wanted, rtol=1e-9, atol=1e-12)
+
+
+def silent(
+    period: float,
+    *,
+    before: Array = ZERO,
+    after: Array = ZERO,
+    torque: Array = ZERO,
+    q: Array = ZERO,
+    v: Array = ZERO,
+) -> Period:
+    """A control period of three joints whose gradient is zero whatever s."""
+    parts = (column(part) for part in (before, after, torque, q, v))
+    return Period(lambda sliding: Column.zeros(K), *parts, period, period)
 
 
 def test_a_dead_zone_for_a_disturbance_holds_it() -> None:
@@ -232,10 +285,6 @@ def test_the_truth_is_at_no_distance_and_everything_else_at_some() -> None:
     assert found[0] == pytest.approx(0.0, abs=1e-9)
     assert 0.0 < found[1] < found[2]
     assert np.isinf(law.distance(model, true, -true))
-
-
-K = len(reduced("puma560_arm3").columns)
-ONES = np.ones(K)
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ from sampled_loops import (
 from adaptctl.arrays import Array, stacked_rows
 from adaptctl.control import (
     AdaptationLaw,
-    Adaptive,
+    AdaptiveController,
     BoundedGainForgetting,
     Composite,
     CushionedFloor,
@@ -66,7 +66,7 @@ def slotine_li(name: str, adaptation: AdaptationLaw, **options: object) -> Sloti
     return SlotineLi(reduced(name), 8.0, gains(name).damping, adaptation, **options)  # type: ignore[arg-type]
 
 
-def prediction_errors(run: Loop, controller: Adaptive, true: Array) -> Array:
+def prediction_errors(run: Loop, controller: AdaptiveController, true: Array) -> Array:
     """W error (T, r), from the filters' memory: F[lambda H + N] is what it is after the next sample, undone."""
     law, model = controller.adaptation_law, controller.model
     assert isinstance(law, Composite | BoundedGainForgetting | CushionedFloor)
@@ -209,7 +209,7 @@ def test_natural(name: str, rate: float, mass: float, wrong: float, seed: int) -
     assert imbalance(V, dissipated(run, law.damping)) < 5e-2  # V(0) is mostly kinetic where the first estimate is right
 
 
-def laws_on(name: str) -> dict[str, tuple[Adaptive, float]]:
+def laws_on(name: str) -> dict[str, tuple[AdaptiveController, float]]:
     """Laws whose V falls by exactly -s'Ks, at two periods each."""
     found = {}
     for period in (1e-3, 2.5e-4):

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from benchmarks.__main__ import SUBJECTS
-from benchmarks.findings import Agreement, Comparison, DisagreementError, Measurement, plain
-from benchmarks.interleaved import Contender, Effort, Spread, race
+from benchmarks.findings import Agreement, DisagreementError, Measurement, Speedup, plain
+from benchmarks.interleaved import Effort, Spread, Statement, race
 from benchmarks.published import agreements, comparisons, inserted, line, measurements
 
 ROOT = Path(__file__).parent.parent
@@ -35,7 +35,7 @@ def test_a_ratio_is_that_of_the_work_though_the_machine_slows_down() -> None:
     clock = Clock()
     names = {"clock": clock}
     raced = race(
-        {"fast": Contender("clock.work(1e-3)", names), "slow": Contender(lambda: clock.work(8e-3), work=2)},
+        {"fast": Statement("clock.work(1e-3)", names), "slow": Statement(lambda: clock.work(8e-3), work=2)},
         Effort(rounds=12, seconds=5e-3),
         clock,
     )
@@ -53,13 +53,11 @@ def test_every_turn_takes_the_time_that_is_asked() -> None:
         calls.append(clock.now)
         clock.work(1e-5)
 
-    race({"only": Contender(work)}, Effort(rounds=1, seconds=0.01), clock)
+    race({"only": Statement(work)}, Effort(rounds=1, seconds=0.01), clock)
     assert len(calls) > 1000
 
 
-FASTER = Comparison(
-    "loop", "peer", Spread(2e-7, 1e-7, 3e-7), Spread(4e-6, 4e-6, 4e-6), Spread(20.0, 19.0, 1234.5), 25.0
-)
+FASTER = Speedup("loop", "peer", Spread(2e-7, 1e-7, 3e-7), Spread(4e-6, 4e-6, 4e-6), Spread(20.0, 19.0, 1234.5), 25.0)
 
 
 def test_what_is_found_reads_as_it_is() -> None:

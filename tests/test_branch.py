@@ -10,17 +10,34 @@ from random_loops import RECIPES, random_loop
 
 from adaptctl.description import Condition, Limits
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, RankError
 from adaptctl.identifiability import essential_space, random_states, states_within_limits
 from adaptctl.identifiability.branch import REGULAR
+from adaptctl.scalars import Column
+
+WIDE = dict.fromkeys(RECIPES, 1) | {
+    "gears in a loop": 2,
+    "spatial hinge": 0,
+    "spatial point": 2,
+    "spatial weld": 9,
+    "two spatial loops": 5,
+}
+"""Seeds of loops that move far enough for each parameter to tell in energies."""
 
 
 @pytest.mark.parametrize("name", sorted(RECIPES))
 def test_ranks_of_random_loops_are_certified_and_do_not_depend_on_the_samples(name: str) -> None:
-    mechanism, _ = random_loop(1, RECIPES[name])
+    mechanism, _ = random_loop(WIDE[name], RECIPES[name])
     one, other = (essential_space(mechanism, seed=seed) for seed in (0, 7))
     assert one.rank == other.rank
     assert min(one.certificate.gap, other.certificate.gap) > 1e9
+
+
+def test_a_loop_that_hardly_moves_has_no_certified_rank() -> None:
+    """Its parameters tell less and less, down to round-off, with no gap between those that do and those that do not."""
+    mechanism, _ = random_loop(1, RECIPES["spatial hinge"])
+    with pytest.raises(RankError, match="spatial: the rank cannot be certified: the gap at"):
+        essential_space(mechanism)
 
 
 @pytest.mark.parametrize("name", sorted(RECIPES))
@@ -86,12 +103,30 @@ def test_each_sample_is_followed_as_if_it_were_alone() -> None:
     assert arm.configuration(p[:0]).shape == (0, 5)
 
 
-@pytest.mark.parametrize("name", ["four-bar", "planar weld", "two spatial loops"])
-def test_each_way_is_gone_as_far_as_if_it_were_alone(name: str) -> None:
-    mechanism, _ = random_loop(2, RECIPES[name])
+@pytest.mark.parametrize(("name", "seed"), [("four-bar", 2), ("planar weld", 2), ("two spatial loops", 5)])
+def test_each_way_is_gone_as_far_as_if_it_were_alone(name: str, seed: int) -> None:
+    mechanism, _ = random_loop(seed, RECIPES[name])
     assert mechanism.continuation is not None
     start = mechanism.continuation.reference[mechanism.continuation.primary]
     p = start + np.random.default_rng(0).uniform(-4.0, 4.0, (12, mechanism.dof))
     progress = mechanism.continuation.progress(p)
     np.testing.assert_array_equal(progress, [mechanism.continuation.progress(x[None])[0] for x in p])
     assert 0.0 < progress.min() < 1.0 == progress.max()
+
+
+@pytest.mark.parametrize("name", ["four-bar", "planar weld", "spatial point"])
+def test_a_loop_that_is_open_is_off_the_branch(name: str) -> None:
+    """Open by more than 1e-9 m or rad is lost, however regular; round-off is not."""
+    mechanism, _ = random_loop(1, RECIPES[name])
+    continuation = mechanism.continuation
+    assert continuation is not None
+    dependent = list(continuation.equations.closing.dependent)
+    block = np.array([c.of for c in continuation.equations.dependent_block(Column(continuation.reference.tolist()))])
+    way = np.linalg.solve(block.T, np.eye(len(dependent))[0])
+    for gap, open_loop in ((1e-12, False), (2e-9, True), (1e-7, True), (1e-5, True), (1e-3, True)):
+        q = continuation.reference.copy()
+        q[dependent] += gap * way
+        residual = continuation.equations.residual(Column(q.tolist()))
+        assert max(map(abs, residual)) == pytest.approx(gap, rel=0.5, abs=1e-13)
+        assert bool(continuation.regularity(q) == 0.0) is open_loop
+        assert bool(continuation.surely_regular(Column(q.tolist()))) is not open_loop

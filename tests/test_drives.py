@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -33,17 +35,13 @@ def states(links: int, seed: int = 0) -> list[np.ndarray]:
 
 def test_names_and_values_follow_the_links() -> None:
     mechanism = driven(random_tree(1, 4))
-    assert (
-        mechanism.parameter_names[40:]
-        == (
-            "joint0.rotor_inertia",
-            "joint3.rotor_inertia",
-            "joint0.viscous",
-            "joint1.viscous",
-            "joint0.coulomb",
-            "joint3.coulomb",
-        )
-        or len(mechanism.parameter_names) == 46
+    assert mechanism.parameter_names[40:] == (
+        "joint0.rotor_inertia",
+        "joint3.rotor_inertia",
+        "joint0.viscous",
+        "joint1.viscous",
+        "joint0.coulomb",
+        "joint3.coulomb",
     )
     np.testing.assert_array_equal(mechanism.inertial_parameters[40:], [0.5, 0.2, 2.0, 1.0, 3.0, 4.0])
     assert mechanism.description.energetic == 42
@@ -184,3 +182,15 @@ def test_shafts_speak_of_other_joints_once() -> None:
         coupled(tree).to_pinocchio()
     with pytest.warns(SimplificationWarning, match="friction other than viscous and Coulomb"):
         tree.with_drives(BENT).to_pinocchio()
+
+
+def test_coulomb_friction_fades_below_the_speed_that_the_docs_name() -> None:
+    """At that speed v / sqrt(v^2 + w^2) is 1/sqrt(2): with w twice as large it would be 0.45."""
+    text = (Path(__file__).parent.parent / "docs" / "concepts.md").read_text(encoding="utf-8")
+    (figure,) = re.findall(r"Coulomb friction fades below ([0-9.]+) rad/s", text)
+    plain = random_tree(4, 1)
+    rubbing = plain.with_drives(Drive(coulomb=1.0))
+    for factor, share in ((1.0, 1.0 / np.sqrt(2.0)), (-1.0, -1.0 / np.sqrt(2.0)), (1e-3, 1e-3), (100.0, 1.0)):
+        p, v, a = np.zeros(1), np.array([factor * float(figure)]), np.zeros(1)
+        torque = rubbing.inverse_dynamics(p, v, a) - plain.inverse_dynamics(p, v, a)
+        np.testing.assert_allclose(torque, share, rtol=1e-4)

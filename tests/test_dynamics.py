@@ -184,6 +184,29 @@ def test_wrong_shapes_say_what_was_expected_and_what_came() -> None:
         mechanism.torque_regressor(six, six, six, columns=[0, 60])
 
 
+@pytest.mark.parametrize("given", [0.3, np.float64(0.3), np.array(0.3)])
+def test_a_number_is_no_vector_of_one(given: float | Array) -> None:
+    """Of a mechanism with one joint too: shapes (..., 1) have a last axis."""
+    pendulum, one = random_tree(0, 1), np.array([0.3])
+    asked = [
+        (pendulum.configuration, 1),
+        (pendulum.mass_matrix, 1),
+        (pendulum.energy_regressor, 2),
+        (pendulum.energy, 2),
+        (pendulum.torque_regressor, 3),
+        (pendulum.inverse_dynamics, 3),
+        (pendulum.forward_dynamics, 3),
+        (pendulum.known_torque, 3),
+        (pendulum.slotine_li_regressor, 4),
+    ]
+    for method, count in asked:
+        method(*[one] * count)
+        for place in range(count):
+            arguments = [given if i == place else one for i in range(count)]
+            with pytest.raises(InputError, match=r"expected shape \(\.\.\., 1\), got \(\)"):
+                method(*arguments)
+
+
 def test_nan_is_refused_by_name_and_place() -> None:
     bad = np.zeros((2, 6))
     bad[1, 4] = np.nan

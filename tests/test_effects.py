@@ -37,7 +37,6 @@ from adaptctl.simulation.effects import (
     TorqueLimit,
     TorqueRateLimit,
 )
-from adaptctl.simulation.real_plant import RealPlant
 from adaptctl.simulation.stiffness import friction_rate, substeps_for_friction
 
 PERIOD = 1e-3
@@ -184,7 +183,7 @@ def test_viscous_friction_brakes_a_rotor_exponentially() -> None:
     inertia = float(spinner.mass_matrix(np.zeros((1, 1)))[0, 0, 0])
     expected = 3.0 * math.exp(-0.7 * 0.5 / inertia)
     for plant in (
-        Plant(spinner, 0.5, 50, friction=(Friction(0.7),)),
+        Plant(spinner, 0.5, 50, effects=(Friction(0.7),)),
         Plant(spinner.with_drives(Drive(viscous=0.7)), 0.5, 50),
     ):
         assert plant.step(plant.init([0.0], [3.0]), [0.0]).v[0] == pytest.approx(expected, rel=1e-9)
@@ -193,7 +192,7 @@ def test_viscous_friction_brakes_a_rotor_exponentially() -> None:
 def test_a_drive_and_the_effect_are_the_same_friction() -> None:
     tree = random_tree(3, 3).with_drives(Drive(rotor_inertia=1.0))
     rubbing = tree.with_drives(Drive(1.0, 0.4, 0.3))
-    ours = Plant(tree, PERIOD, 2, friction=(Friction(0.4, 0.3),))
+    ours = Plant(tree, PERIOD, 2, effects=(Friction(0.4, 0.3),))
     theirs = Plant(rubbing, PERIOD, 2)
     p, v, torque = np.random.default_rng(0).normal(size=(3, 3))
     np.testing.assert_allclose(
@@ -212,7 +211,7 @@ def test_the_steps_are_short_enough_for_friction() -> None:
     steps = substeps_for_friction(light, [friction], PERIOD)
     assert steps == math.ceil(rate * PERIOD / 2.5)
     for count, settled in ((steps, True), (steps // 4, False)):
-        plant = Plant(light, PERIOD, count, friction=(friction,))
+        plant = Plant(light, PERIOD, count, effects=(friction,))
         state = plant.init([0.0], [0.005])
         for _ in range(100):
             state = plant.step(state, [0.0])
@@ -253,55 +252,83 @@ def test_a_payload_is_picked_up_and_dropped(puma: Mechanism) -> None:
 
 
 def test_native_code_is_the_equations_on_floats_and_arrays(puma: Mechanism) -> None:
-    plant = RealPlant(Plant(puma, PERIOD), PlantEffects.of(ALL))
-    state = plant.init(np.zeros(6), np.ones(6), np.zeros(12), puma.inertial_parameters)
-    rng = np.random.default_rng(0)
-    torque, noise = rng.normal(scale=80.0, size=(4, 6)), rng.normal(size=(4, 12))
-    p, v = rng.normal(size=(2, 4, 6))
-    drives, sensors = (np.tile(part, (4, 1)) for part in (state.drives, state.sensors))
-
-    def on_arrays(*arrays: Array) -> list[Column]:
-        return [Column(array.T) for array in arrays]
-
-    for native, equation, arguments in (
-        (plant._drive, plant.drive_equation, (torque, drives)),
-        (plant._sense, plant.sense_equation, (p, v, noise, sensors)),
-    ):
-        batch = equation(*on_arrays(*arguments))
-        for k in range(4):
-            rows = [argument[k] for argument in arguments]
-            floats = equation(*(Column(row.tolist()) for row in rows))
-            for got, one, many in zip(native(*rows), floats, batch, strict=True):
-                np.testing.assert_allclose(got, one.of, rtol=1e-12, atol=1e-13)
-                np.testing.assert_allclose(got, [np.broadcast_to(x, 4)[k] for x in many.of], rtol=1e-12, atol=1e-13)
+    plant = Plant(puma, PERIOD, effects=ALL)
+    rng, true = np.random.default_rng(0), puma.inertial_parameters
+    p, v, torque = rng.normal(size=(3, 4, 6)) * np.array([1.0, 1.0, 80.0])[:, None, None]
+    noise = rng.normal(size=(4, 12))
+    states = [plant.init(p[k], v[k], true) for k in range(4)]
+    given = {name: np.array([getattr(state, name) for state in states]) for name in plant.sizes}
+    given |= {"torque": torque, "noise": noise, "parameters": np.tile(true, (4, 1))}
+    batch = plant.equation({name: Column(rows.T) for name, rows in given.items()})
+    for k, state in enumerate(states):
+        after = plant.step(state, torque[k], true, noise[k])
+        floats = plant.equation({name: Column(rows[k].tolist()) for name, rows in given.items()})
+        for name, one, many in zip(batch._fields, floats, batch, strict=True):
+            got = np.ravel(getattr(after, name))
+            np.testing.assert_allclose(got, one.of, rtol=1e-11, atol=1e-12)
+            np.testing.assert_allclose(got, [np.broadcast_to(x, 4)[k] for x in many.of], rtol=1e-11, atol=1e-12)
 
 
 @pytest.mark.parametrize("effects", [(), ALL], ids=["none", "all"])
 def test_many_arms_step_as_one_does(puma: Mechanism, effects: Sequence[Effect]) -> None:
-    plant, members = RealPlant(Plant(puma, PERIOD), PlantEffects.of(effects)), 3
+    plant, members = Plant(puma, PERIOD, effects=effects), 3
     rng = np.random.default_rng(0)
     noise, true = rng.normal(size=(members, 12)), puma.inertial_parameters
     torques = rng.normal(scale=90.0, size=(20, members, 6))
     p, v = rng.normal(size=(2, members, 6))
-    together, states = plant.init(p, v, noise, true), [plant.init(p[k], v[k], noise[k], true) for k in range(members)]
+    noise = noise[:, : plant.noise_size]
+    together, states = plant.init(p, v, true, noise), [plant.init(p[k], v[k], true, noise[k]) for k in range(members)]
     stepper = compile_step(
-        plant.equation, state=plant.sizes, held={"parameters": len(true)}, driven={"torque": 6, "noise": 12}, lanes=2
+        lambda **columns: tuple(plant.equation(columns)),
+        state=plant.sizes,
+        held={"parameters": len(true)},
+        driven={"torque": 6, "noise": plant.noise_size},
+        lanes=2,
     )
     arms = stepper.ensemble(members)
     arms.held["parameters"] = true
-    for name, values in zip(plant.sizes, (*together.arm[3:1:-1], together.drives, together.sensors), strict=True):
+    for name, values in zip(plant.sizes, (getattr(together, name) for name in plant.sizes), strict=True):
         arms.state[name] = values
     for k, state in enumerate(states):
         for one, many in zip(state[1:], together[1:], strict=True):
             np.testing.assert_allclose(many[k] if np.ndim(many) else many, one, rtol=1e-11, atol=1e-11)
     for torque in torques:
         outputs = arms.run(1, {"torque": torque[None], "noise": noise[None]})
-        states = [plant.step(states[k], torque[k], noise[k], true) for k in range(members)]
+        states = [plant.step(states[k], torque[k], true, noise[k]) for k in range(members)]
         for k, state in enumerate(states):
-            expected = (state.p, state.v, state.applied, [state.clipped], state.marks)
+            expected = (state.measured_p, state.measured_v, state.applied, [state.clipped], state.marks)
             for got, wanted in zip(outputs, expected, strict=True):
                 np.testing.assert_allclose(got[k], wanted, rtol=1e-11, atol=1e-11)
-            np.testing.assert_allclose(arms.state["q"][k], state.arm.q, rtol=1e-11)
+            np.testing.assert_allclose(arms.state["q"][k], state.q, rtol=1e-11)
+
+
+def test_what_reached_the_joints_is_within_the_limits(puma: Mechanism) -> None:
+    """Also before the first torque arrives, when the joints get what gravity asks for, as far as the limits allow."""
+    plant = Plant(puma, PERIOD, torque_limits=10.0, effects=[ControlDelay(2)])
+    state = plant.init([0.0, 0.3, 0.2, 0.0, 0.0, 0.0], np.zeros(6))
+    assert np.abs(state.drives).max() > 20.0
+    alone = Plant(puma, PERIOD, torque_limits=10.0)
+    for _ in range(2):
+        after = plant.step(state, np.zeros(6))
+        assert np.abs(after.applied).max() == 10.0
+        same = alone.step(alone.init(state.p, state.v), after.applied)
+        np.testing.assert_array_equal(after.v, same.v)
+        state = after
+    np.testing.assert_array_equal(plant.step(state, np.zeros(6)).applied, 0.0)
+
+
+def test_a_plant_loads_what_its_effects_hold_at_its_own_time(puma: Mechanism) -> None:
+    """Parameters that are given are taken as they are."""
+    plant, bare = Plant(puma, PERIOD, effects=[PayloadHeld(2.0, 0.002, 0.005)]), Plant(puma, PERIOD)
+    own, loaded = puma.inertial_parameters, plant.parameters(puma.inertial_parameters, 0.003)
+    ours = theirs = given = plant.init(np.full(6, 0.3), np.zeros(6))
+    for k in range(8):
+        true = loaded if 2 <= k < 5 else own
+        assert plant.energy(ours) == pytest.approx(bare.energy(theirs, true), rel=1e-14)
+        ours, theirs = plant.step(ours, np.zeros(6)), bare.step(theirs, np.zeros(6), true)
+        given = plant.step(given, np.zeros(6), own)
+        np.testing.assert_array_equal(ours.q, theirs.q)
+    assert not np.array_equal(ours.q, given.q)
 
 
 def test_everything_at_once_is_repeatable_whatever_the_order(puma: Mechanism) -> None:

@@ -27,10 +27,11 @@ from adaptctl.identifiability import (
     random_states,
     states_within_limits,
 )
-from adaptctl.identifiability.numerical_rank import NumericalRank, singular_values
+from adaptctl.identifiability.energy_matrix import energy_differences
+from adaptctl.identifiability.factorisation import singular_values
 from adaptctl.identifiability.right_angles import near_right_angles
-from adaptctl.identifiability.sampled_regressors import energy_differences
 from adaptctl.identifiability.sampling import characteristic_length
+from adaptctl.identifiability.scaled_rank import NumericalRank
 
 seeds = st.integers(0, 2**32 - 1)
 

@@ -7,12 +7,22 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from random_trees import random_chain
 
 from adaptctl.arrays import Array
-from adaptctl.control import ComputedTorque, Sinusoids
-from adaptctl.control.excitation.exciting_reference import ExcitingReference, Limits, exciting_reference
-from adaptctl.control.excitation.measure import BLOCKS, persistent_excitation, regressor_of, scaled_regressor
+from adaptctl.control import (
+    ComputedTorque,
+    ExcitingReference,
+    MotionLimits,
+    Sinusoids,
+    exciting_reference,
+    persistent_excitation,
+)
+from adaptctl.control.excitation.exciting_reference import SAMPLES, FourierSearch
+from adaptctl.control.excitation.measure import BLOCKS, regressor_of, scaled_regressor
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import load
 from adaptctl.envs import TrackingEnv
@@ -121,9 +131,21 @@ def test_windows_that_do_not_fit_are_refused(window: float) -> None:
         persistent_excitation(of, exactly(swings(of), 1.0), window)
 
 
-def peaks(of: ReducedModel, reference: Sinusoids, period: float) -> tuple[Array, ...]:
+def assert_within(of: ReducedModel, reference: Sinusoids, allowed: MotionLimits) -> None:
+    """Limits hold at the samples of the search, to round-off; between them a curve passes its samples by no more than
+    an eighth of the square of their distance times its greatest second derivative."""
+    omega, swing = 2.0 * np.pi * reference.frequency, np.abs(reference.amplitude)
+    period = 1.0 / float(reference.frequency[0, 0])
+    step = period / (SAMPLES * len(swing))
+    p, v, a = reference(step * np.arange(SAMPLES * len(swing)))
+    torque = of.inverse_dynamics(p, v, a)
+    assert np.all((p >= allowed.lower - 1e-9) & (p <= allowed.upper + 1e-9))
+    assert np.all(np.abs(v) <= (1.0 + 1e-9) * allowed.velocity)
+    assert np.all(np.abs(torque) <= (1.0 + 1e-9) * allowed.torque)
     p, v, a = reference(np.linspace(0.0, period, 5001))
-    return p.min(0), p.max(0), np.abs(v).max(0), np.abs(of.inverse_dynamics(p, v, a)).max(0)
+    beyond = step**2 / 8.0 * (omega**2 * swing).sum(axis=0)
+    assert np.all((p >= allowed.lower - beyond) & (p <= allowed.upper + beyond))
+    assert np.all(np.abs(v) <= allowed.velocity + step**2 / 8.0 * (omega**3 * swing).sum(axis=0) + 1e-9)
 
 
 @pytest.fixture(scope="module")
@@ -132,8 +154,9 @@ def found() -> ExcitingReference:
 
 
 def test_an_exciting_reference_is_better_conditioned_than_random_ones(found: ExcitingReference) -> None:
-    """Ten random ones of the same band within the same limits: at least twice better than the best of them."""
-    assert found.condition < 0.5 * found.random_conditions.min()
+    """Ten random ones of the same band within the same limits: 0.44 of the best of them, and within 0.05 of that
+    when every cost is changed by 1e-10 of itself, as if by another processor."""
+    assert found.condition < 0.7 * found.random_conditions.min()
     assert found.random_conditions.shape == (10,)
     assert found.gain > 2.0
 
@@ -147,21 +170,15 @@ def test_its_condition_is_that_of_the_stacked_regressor(found: ExcitingReference
 
 def test_it_stays_within_the_limits(found: ExcitingReference) -> None:
     of = model("puma560_geared")
-    allowed, (low, high, speed, torque) = Limits.of(of, 0.8), peaks(of, found.reference, 10.0)
-    assert np.all(low >= allowed.lower - 2e-3)
-    assert np.all(high <= allowed.upper + 2e-3)
-    assert np.all(speed <= 1.001 * allowed.velocity)
-    assert np.all(torque <= 1.01 * allowed.torque)
+    assert_within(of, found.reference, MotionLimits.of(of, 0.8))
 
 
 def test_torques_and_speeds_that_are_tight_are_kept() -> None:
     of = model("puma560_geared")
-    own = Limits.of(of, 0.8)
-    tight = Limits(own.lower, own.upper, np.full(6, 1.0), np.array([8.0, 70.0, 25.0, 1.0, 1.0, 0.6]))
+    own = MotionLimits.of(of, 0.8)
+    tight = MotionLimits(own.lower, own.upper, np.full(6, 1.0), np.array([8.0, 70.0, 25.0, 1.0, 1.0, 0.6]))
     found = exciting_reference(of, limits=tight, iterations=3, seed=0)
-    _, _, speed, torque = peaks(of, found.reference, 10.0)
-    assert np.all(speed <= 1.01)
-    assert np.all(torque <= 1.01 * tight.torque)
+    assert_within(of, found.reference, tight)
     assert found.torque_share <= 1.0
 
 
@@ -170,7 +187,7 @@ def test_equal_seeds_find_equal_references_and_progress_is_told() -> None:
     first, again, other = (exciting_reference(of, iterations=2, seed=seed, progress=told.append) for seed in (3, 3, 4))
     np.testing.assert_array_equal(first.reference.amplitude, again.reference.amplitude)
     assert first.condition == again.condition != other.condition
-    assert told[:2] == [0.5, 1.0]
+    assert told == [0.5 * k for run in (first, again, other) for k in range(1, run.iterations + 1)]
     assert first.complete
 
 
@@ -187,7 +204,7 @@ def test_an_interruption_keeps_the_best_so_far() -> None:
 
 def test_joints_without_limits_move_half_a_turn() -> None:
     chain = random_chain(2, 3)
-    allowed = Limits.of(ReducedModel.full(chain), 1.0)
+    allowed = MotionLimits.of(ReducedModel.full(chain), 1.0)
     turning = [joint.kind.turns for joint in chain.primary_joints]
     np.testing.assert_allclose(allowed.upper - allowed.lower, np.where(turning, 2.0 * np.pi, 2.0), rtol=1e-12)
 
@@ -208,16 +225,31 @@ def test_bad_settings_are_refused(settings: dict[str, object], message: str) -> 
 
 def test_an_arm_that_cannot_hold_itself_is_refused() -> None:
     of = model("puma560_geared")
-    own = Limits.of(of, 0.8)
+    own = MotionLimits.of(of, 0.8)
     with pytest.raises(InputError, match="even at rest torques pass their limits"):
-        exciting_reference(of, limits=Limits(own.lower, own.upper, own.velocity, np.full(6, 1e-3)))
+        exciting_reference(of, limits=MotionLimits(own.lower, own.upper, own.velocity, np.full(6, 1e-3)))
 
 
 def test_mechanisms_with_loops_can_be_excited() -> None:
     of = model("semi_direct_drive")
     middle = of.mechanism.home
-    near = Limits(middle - 0.3, middle + 0.3, np.full(3, 3.0), np.full(3, 1e3))
+    near = MotionLimits(middle - 0.3, middle + 0.3, np.full(3, 3.0), np.full(3, 1e3))
     found = exciting_reference(of, limits=near, harmonics=2, iterations=3)
-    assert found.condition < found.random_conditions.min()
-    low, high, _, _ = peaks(of, found.reference, 10.0)
-    assert np.all(np.abs([low - middle, high - middle]) <= 0.3 + 1e-3)
+    assert found.condition <= found.random_conditions.min()  # the best of them is where the search begins
+    assert_within(of, found.reference, near)
+
+
+@given(shares=arrays(np.float64, (12,), elements=st.floats(-1e300, 1e300)), seed=st.integers(0, 9))
+@settings(max_examples=100, deadline=None)
+def test_a_search_may_walk_however_far(shares: Array, seed: int) -> None:
+    """Its line searches step where an exponential would overflow: the motion is finite and within limits there too."""
+    of = model("puma560_geared")
+    allowed = MotionLimits.of(of, 0.8)
+    search = FourierSearch(of, allowed, 0.1, 2, np.ones(len(of.columns)))
+    x = search.random(np.random.default_rng(seed))
+    x[-12:] = shares
+    p, v, _ = search.motion(x)
+    room = 1e-9 * (allowed.upper - allowed.lower)
+    assert np.all((p >= allowed.lower - room) & (p <= allowed.upper + room))
+    assert np.all(np.abs(v) <= (1.0 + 1e-9) * allowed.velocity)
+    assert np.isfinite(search.cost(x))

@@ -17,7 +17,7 @@ from adaptctl.identification.forecast import forecast
 from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.identify import identified
 from adaptctl.identification.joint_log import JointLog
-from adaptctl.identification.robot_motion import MotionLimits, RobotMotion, at_pace, exciting_motion
+from adaptctl.identification.robot_motion import RobotLimits, RobotMotion, at_pace, exciting_motion
 from adaptctl.identification.workspace import workspace
 
 
@@ -28,7 +28,7 @@ def puma() -> Mechanism:
 
 @pytest.fixture(scope="module")
 def motion(puma: Mechanism) -> RobotMotion:
-    limits = MotionLimits.of(puma, 0.8, 10.0, 100.0)
+    limits = RobotLimits.of(puma, 0.8, 10.0, 100.0)
     return exciting_motion(puma, limits, start=START, end=END, iterations=3)
 
 
@@ -69,7 +69,7 @@ def test_its_derivatives_are_its_derivatives(motion: RobotMotion) -> None:
 def test_what_is_forecast_is_found() -> None:
     """Deviations to be expected are those of the identification of its log, to a factor of some."""
     arm = random_chain(3, 2).with_drives(load("puma560_friction").links[0].joint.drive)
-    motion = exciting_motion(arm, MotionLimits.of(arm, 0.8, 8.0, 200.0), iterations=3, duration=12.0)
+    motion = exciting_motion(arm, RobotLimits.of(arm, 0.8, 8.0, 200.0), iterations=3, duration=12.0)
     told = forecast(arm, motion, 0.5)
     time, p, v, a, _ = motion.sampled(250.0)
     rng = np.random.default_rng(0)
@@ -112,7 +112,7 @@ def test_collisions_and_the_workspace_are_kept_clear_of(tmp_path: Path) -> None:
     assert area.collides is not None
     assert area.allows(np.array([[0.0, 0.0], [0.3, 0.0]]))
     assert not area.allows(np.array([[0.0, 0.0], [1.5, 0.0]]))
-    limits = MotionLimits.of(arm, 0.8)
+    limits = RobotLimits.of(arm, 0.8)
     free = exciting_motion(arm, limits, iterations=2)
     assert not area.allows(free.sampled(50.0)[1])
     clear = exciting_motion(arm, limits, iterations=2, allowed=area.allows)

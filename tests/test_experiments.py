@@ -4,13 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 import signal
-import sys
-import threading
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -18,7 +12,9 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from comparisons import shown, told
 from robot_files import urdf
+from signals import signalled
 
 from adaptctl.cli.interruption import interruptible
 from adaptctl.cli.main import main
@@ -26,9 +22,10 @@ from adaptctl.control import SlotineLi
 from adaptctl.dynamics import load
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.experiments import EXPERIMENTS, find
-from adaptctl.experiments.adaptive import Adaptive
+from adaptctl.experiments.adaptive import AdaptiveTracking
 from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
+from adaptctl.recording.trace import write_trace
 
 PUMA = ("experiment", "run", "puma560-adaptive")
 NAMES = (
@@ -107,8 +104,9 @@ def test_table_starts_off_the_reference_and_knowing_nothing(out: Path, said: dic
     assert said["lyapunov_initial"] == table["lyapunov"][0].as_py()
 
 
+@pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
 def test_equal_seeds_give_equal_runs(out: Path, said: dict[str, Any], tmp_path: Path) -> None:
-    assert main([*PUMA, "--out", str(tmp_path), "--duration", "0.5", "--seed", "3"]) == 0
+    write_trace(tmp_path / "trace.parquet", Puma560Adaptive(duration=0.5, seed=3).compare(told))
     again, before = pq.read_table(tmp_path / "trace.parquet"), pq.read_table(out / "trace.parquet")
     assert again.equals(before.slice(0, 500), check_metadata=False)
 
@@ -134,33 +132,6 @@ def test_outcome_and_places_are_printed_and_notes_are_a_line(
     assert "Warning" not in shown.err
     assert main([*PUMA, "--out", str(folder), "--duration", "0.05", "--overwrite", "--seed", "5"]) == 0
     assert json.loads((folder / "summary.json").read_text())["seed"] == 5
-
-
-@contextmanager
-def signalled(function: str, number: signal.Signals, after: float) -> Iterator[None]:
-    """Send this process a signal some time (s) after its main thread is inside a function of that name."""
-    main_thread, over = threading.main_thread().ident, threading.Event()
-
-    def inside() -> bool:
-        frame = sys._current_frames()[main_thread] if main_thread else None
-        while frame is not None and frame.f_code.co_name != function:
-            frame = frame.f_back
-        return frame is not None
-
-    def watch() -> None:
-        while not over.is_set() and not inside():
-            time.sleep(0.001)
-        time.sleep(after)
-        if not over.is_set():
-            os.kill(os.getpid(), number)
-
-    watcher = threading.Thread(target=watch)
-    watcher.start()
-    try:
-        yield
-    finally:
-        over.set()
-        watcher.join()
 
 
 # Where the signal lands in a callback of Python's own, Python reports the exception and drops it; the run must end
@@ -207,11 +178,9 @@ def test_interruption_that_python_lost_is_found_again_in_the_midst_of_the_next_s
 
 
 @pytest.mark.parametrize("robot", ["puma560_measured", "ur5_robot.urdf"])
-def test_any_arm_learns_with_gains_from_its_own_inertia_and_limits(robot: str, tmp_path: Path) -> None:
+def test_any_arm_learns_with_gains_from_its_own_inertia_and_limits(robot: str) -> None:
     source = str(urdf(robot)) if robot.endswith("urdf") else robot
-    command = ["experiment", "run", "adaptive", "--robot", source, "--duration", "6", "--out", str(tmp_path)]
-    assert main(command) == 0
-    said = json.loads((tmp_path / "summary.json").read_text())
+    said = shown(AdaptiveTracking(robot=source, duration=6.0))
     assert said["lyapunov_max_increase"] == 0.0
     assert said["clipped_steps"] == 0
     assert said["final_rms_error"] < 0.5 * said["final_rms_error_adaptation_off"]
@@ -220,7 +189,7 @@ def test_any_arm_learns_with_gains_from_its_own_inertia_and_limits(robot: str, t
 
 def test_gains_of_any_arm_hold_what_the_control_period_asks() -> None:
     mechanism = load("puma560_measured")
-    experiment = Adaptive(control_period=2e-3)
+    experiment = AdaptiveTracking(control_period=2e-3)
     model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))
     gains = experiment.gains(mechanism)
     controller = SlotineLi(

@@ -12,13 +12,14 @@ import pinocchio
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from random_trees import random_chain, random_tree
+from random_trees import random_chain, random_inertia, random_tree
 from robot_files import urdf
 
 from adaptctl.arrays import Array
+from adaptctl.description import with_floating_base
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.errors import FileError, InputError, RankError
+from adaptctl.errors import FileError, InputError, NonFiniteError, RankError
 from adaptctl.identifiability import EssentialSpace, FundamentalBasis, Priority, essential_space, fundamental_basis
 from adaptctl.identifiability.regrouping_equations import regrouping_equations
 from adaptctl.identifiability.selection import removable
@@ -78,12 +79,20 @@ def test_real_robots(file: str) -> None:
 
 
 @settings(max_examples=30, deadline=None)
-@given(st.integers(0, 2**32 - 1), st.integers(1, 5))
-def test_the_condition_is_that_of_the_removed_rows(seed: int, links: int) -> None:
-    """It is found from the regrouping, by what the null vectors have to be; here from the null vectors themselves."""
-    space = essential_space(random_tree(seed, links))
+@given(st.integers(0, 2**32 - 1), st.integers(1, 5), st.booleans())
+def test_the_condition_is_that_of_the_removed_rows(seed: int, links: int, floating: bool) -> None:
+    """It is found from the regrouping, by what the null vectors have to be; here from the null vectors themselves.
+
+    On a floating base every parameter changes energies, so that no coefficient's column is zero, as on the ground.
+    """
+    mechanism = random_tree(seed, links)
+    if floating:
+        inertia = random_inertia(np.random.default_rng(seed))
+        mechanism = Mechanism(with_floating_base(mechanism.description, "base", inertia))
+    space = essential_space(mechanism)
     basis = fundamental_basis(space, tolerance=0.03)
     removed = [j for j in range(len(space.parameter_names)) if j not in basis.columns]
+    assert not floating or np.abs(np.delete(basis.regrouping, basis.columns, axis=1)).max(axis=0).min() > 1e-3
     for found, vectors in (
         (basis.condition, space.null_basis),
         (basis.scaled_condition, space.scaled_null_basis),
@@ -273,5 +282,9 @@ def test_columns_must_rise(basis: FundamentalBasis) -> None:
 def test_wrong_shapes(basis: FundamentalBasis) -> None:
     with pytest.raises(InputError, match=r"expected shape \(\.\.\., 60\), got \(36,\)"):
         basis.fundamental_parameters(np.zeros(36))
+    with pytest.raises(InputError, match=r"expected shape \(\.\.\., 60\), got \(\)"):
+        basis.fundamental_parameters(1.0)
+    with pytest.raises(NonFiniteError, match=r"parameters: expected finite numbers, got nan at index \(3,\)"):
+        basis.fundamental_parameters(np.where(np.arange(60) == 3, np.nan, 1.0))
     many: Array = basis.fundamental_parameters(np.ones((2, 3, 60)))
     assert many.shape == (2, 3, 36)

@@ -10,8 +10,7 @@ import pytest
 from random_trees import random_chain
 
 from adaptctl.cli.main import main
-from adaptctl.control import ComputedTorque, sampled_gain
-from adaptctl.control.gains.gain_design import GainDesign, by_bandwidth, by_lqr, by_poles
+from adaptctl.control import ComputedTorque, GainDesign, sampled_gain
 from adaptctl.control.gains.gains import sampled_configurations
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs import TrackingEnv
@@ -27,7 +26,7 @@ def puma() -> Mechanism:
 
 @pytest.fixture(scope="module")
 def design(puma: Mechanism) -> GainDesign:
-    return by_bandwidth(puma, 8.0, 1.2)
+    return GainDesign.from_bandwidth(puma, 8.0, 1.2)
 
 
 def test_gains_are_slotine_and_lis(design: GainDesign) -> None:
@@ -40,7 +39,7 @@ def test_gains_are_slotine_and_lis(design: GainDesign) -> None:
 
 def test_one_bandwidth_a_joint(puma: Mechanism) -> None:
     rates = np.linspace(4.0, 14.0, 6)
-    np.testing.assert_allclose(by_bandwidth(puma, rates).bandwidth, rates, rtol=0.01)
+    np.testing.assert_allclose(GainDesign.from_bandwidth(puma, rates).bandwidth, rates, rtol=0.01)
 
 
 def test_the_least_inertia_is_that_of_a_joint_whose_others_are_free(design: GainDesign) -> None:
@@ -55,18 +54,18 @@ def test_the_least_inertia_is_that_of_a_joint_whose_others_are_free(design: Gain
 
 @pytest.mark.parametrize("delay", [0, 1])
 def test_the_fastest_is_what_the_period_just_carries(puma: Mechanism, delay: int) -> None:
-    asked = by_bandwidth(puma, 50.0, period=2e-3, delay=delay)
-    limit = by_bandwidth(puma, 50.0 * asked.fastest, period=2e-3, delay=delay)
+    asked = GainDesign.from_bandwidth(puma, 50.0, period=2e-3, delay=delay)
+    limit = GainDesign.from_bandwidth(puma, 50.0 * asked.fastest, period=2e-3, delay=delay)
     assert limit.sampled_gain == pytest.approx(limit.largest_sampled_gain, rel=1e-4)
-    assert by_bandwidth(puma, 50.0 * 0.99 * asked.fastest, period=2e-3, delay=delay).require_carried()
+    assert GainDesign.from_bandwidth(puma, 50.0 * 0.99 * asked.fastest, period=2e-3, delay=delay).require_carried()
     with pytest.raises(GainError, match=r"The largest gains that it carries have all poles at 0\.99"):
-        by_bandwidth(puma, 50.0 * 1.01 * asked.fastest, period=2e-3, delay=delay).require_carried()
+        GainDesign.from_bandwidth(puma, 50.0 * 1.01 * asked.fastest, period=2e-3, delay=delay).require_carried()
 
 
 def test_a_delay_beyond_the_margin_is_unstable_in_the_plant(puma: Mechanism) -> None:
     """Computed torque with true parameters decouples the joints, so the margin of one loop is the arm's."""
     law = ComputedTorque(puma, 60.0)
-    ticks = by_bandwidth(puma, 60.0).margins[0].delay / 1e-3
+    ticks = GainDesign.from_bandwidth(puma, 60.0).margins[0].delay / 1e-3
     assert 8.0 < ticks < 14.0
     for delay, stable in ((round(0.6 * ticks), True), (round(1.4 * ticks), False)):
         env = TrackingEnv(puma, 1, duration=1.5, initial_error=0.01, effects=[ControlDelay(delay)], torque_limits=1e4)
@@ -76,12 +75,12 @@ def test_a_delay_beyond_the_margin_is_unstable_in_the_plant(puma: Mechanism) -> 
 
 def test_a_massless_arm_has_no_gains() -> None:
     with pytest.raises(InputError, match="positive inertia"):
-        by_bandwidth(Mechanism(random_chain(1, 1).description.with_parameters(np.zeros(10))), 8.0)
+        GainDesign.from_bandwidth(Mechanism(random_chain(1, 1).description.with_parameters(np.zeros(10))), 8.0)
 
 
 def test_a_delay_is_a_whole_number(puma: Mechanism) -> None:
     with pytest.raises(InputError, match="delay: expected a whole number of control periods of at least 0, got -1"):
-        by_bandwidth(puma, 8.0, delay=-1)
+        GainDesign.from_bandwidth(puma, 8.0, delay=-1)
 
 
 def said(capsys: pytest.CaptureFixture[str], *command: str) -> dict[str, Any]:
@@ -92,7 +91,7 @@ def said(capsys: pytest.CaptureFixture[str], *command: str) -> dict[str, Any]:
 
 def test_the_command_prints_the_design(capsys: pytest.CaptureFixture[str], puma: Mechanism) -> None:
     content = said(capsys, "puma560_geared", "--bandwidth", "12", "--period", "0.002", "--delay", "1")
-    design = by_bandwidth(puma, 12.0, period=2e-3, delay=1)
+    design = GainDesign.from_bandwidth(puma, 12.0, period=2e-3, delay=1)
     assert content["schema"] == "adaptctl/gains/1"
     assert content["robot"]["sha256"] == puma.description.sha256
     for i, joint in enumerate(content["joints"]):
@@ -105,9 +104,11 @@ def test_the_command_prints_the_design(capsys: pytest.CaptureFixture[str], puma:
 def test_the_command_knows_three_methods(capsys: pytest.CaptureFixture[str], puma: Mechanism) -> None:
     poles = said(capsys, "puma560_geared", "--method", "poles", "--poles", "-6+3j", "-6-3j")
     assert poles["joints"][0]["slotine_li_bandwidth"] is None
-    assert poles["joints"][0]["rate"] == pytest.approx(by_poles(puma, [-6 + 3j, -6 - 3j]).feedback[0].rate)
+    assert poles["joints"][0]["rate"] == pytest.approx(GainDesign.from_poles(puma, [-6 + 3j, -6 - 3j]).feedback[0].rate)
     lqr = said(capsys, "puma560_geared", "--method", "lqr", "--weights", "900", "1", "0.5")
-    assert lqr["joints"][0]["stiffness"] == pytest.approx(by_lqr(puma, 900.0, 1.0, 0.5).feedback[0].stiffness)
+    assert lqr["joints"][0]["stiffness"] == pytest.approx(
+        GainDesign.from_lqr(puma, 900.0, 1.0, 0.5).feedback[0].stiffness
+    )
     assert main(["gains", "puma560_geared"]) == 0
     words = " ".join(capsys.readouterr().out.split())
     assert words.startswith("puma560_geared: gains from a bandwidth and a damping ratio, discretised for a control")

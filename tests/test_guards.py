@@ -190,9 +190,9 @@ def test_the_law_runs_on_arrays_of_samples(held: Guarded) -> None:
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"torque_limits": 0.0}, "torque_limits: expected positive numbers, one or 6, got 0.0"),
-        ({"torque_limits": [1.0, 2.0]}, "torque_limits: expected positive numbers, one or 6"),
-        ({"rate_limits": np.nan}, "rate_limits: expected positive numbers"),
+        ({"torque_limits": 0.0}, "torque_limits: expected positive numbers, one or 6, got .0.0, 0.0"),
+        ({"torque_limits": [1.0, 2.0]}, r"torque_limits: expected a number or 6 of them, got shape \(2,\)"),
+        ({"rate_limits": np.nan}, "rate_limits: expected numbers, got"),
         ({"stop_damping": -1.0}, "stop_damping: expected finite numbers of at least 0"),
         ({"estimate_bounds": (1.0, 2.0)}, r"first estimate of parameter 0 is 0, outside \[1, 2\]: start within"),
         ({"estimate_bounds": (1.0, -1.0)}, "estimate_bounds: expected lower < upper"),

@@ -49,7 +49,7 @@ def test_actions_are_shares_of_the_limits() -> None:
     ours.reset([None] * 3, NOTHING)
     ours.step(np.full((3, 6), 0.25))
     torque = ours.env.single_action_space.high * 0.25  # type: ignore[attr-defined]
-    np.testing.assert_array_equal(ours.env._arms._lanes.held["action"], np.tile(torque, (3, 1)))
+    np.testing.assert_array_equal(ours.env._arms._lanes.held["torque"], np.tile(torque, (3, 1)))
 
 
 def test_options_are_each_arms() -> None:

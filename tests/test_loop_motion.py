@@ -27,7 +27,7 @@ from adaptctl.envs.semi_direct_drive import REFERENCE
 from adaptctl.errors import SingularityError
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.scalars import Column
-from adaptctl.simulation import Plant, PlantState, Rollout, RungeKutta4, SemiImplicitEuler, rollout
+from adaptctl.simulation import Plant, PlantState, Rollout, RungeKutta4, SemiImplicitEuler, simulate
 
 START = np.array([0.0, -0.5 * np.pi, -np.pi])
 DAMPING = np.full(3, 60.0)
@@ -102,7 +102,7 @@ def runs(arm: Mechanism, reduced: ReducedModel) -> dict[str, tuple[SlotineLi, Ro
         "off": SlotineLi(reduced, 8.0, DAMPING),
     }
     env = gymnasium.make("adaptctl.envs:adaptctl/SemiDirectDriveTracking-v0", duration=12.0)
-    return {name: (law, rollout(env, law, seed=0)) for name, law in laws.items()}
+    return {name: (law, simulate(env, law, seed=0)) for name, law in laws.items()}
 
 
 def rms(run: Rollout, part: slice) -> float:

@@ -13,6 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
+from levels import usable
 
 from adaptctl.compilation import compile_function, compile_step
 from adaptctl.compilation.object_cache import SUFFIX, ObjectCache, cache_folder
@@ -82,6 +83,14 @@ def test_every_processor_has_its_own(folder: Path) -> None:
         ensemble.run(3)
         assert ensemble.state["x"].tolist() == [[8.0, 16.0, 24.0]]
     assert len(kept(folder)) == 2
+
+
+def test_every_level_of_a_processor_has_its_own(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for count, level in enumerate(["native", *usable()], 1):
+        monkeypatch.setenv("ADAPTCTL_PROCESSOR", level)
+        assert plus(1.0) == 2.0
+        assert plus(1.0) == 2.0
+        assert len(kept(folder)) == count
 
 
 # What is wrong with it is no matter

@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from adaptctl.identifiability.one_thread import _libraries, one_thread
+from adaptctl.identifiability.factorisation import _libraries, one_thread
 
 
 def threads() -> list[int]:

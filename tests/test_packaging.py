@@ -131,6 +131,11 @@ def test_commands_that_are_shown_are_understood(page: Path) -> None:
             app.parse_args(arguments)
 
 
+def test_pages_have_commands_and_links_to_look_at() -> None:
+    assert sum(line.startswith("adaptctl ") for page in PAGES for line in commands(page)) > 10
+    assert sum(len(LINK.findall(page.read_text(encoding="utf-8"))) for page in PAGES) > 20
+
+
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
 def test_links_lead_somewhere(page: Path) -> None:
     for target in LINK.findall(page.read_text(encoding="utf-8")):

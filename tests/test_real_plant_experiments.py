@@ -11,31 +11,15 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from comparisons import shown, told
 
 from adaptctl.errors import InputError
-from adaptctl.experiments.experiment import Experiment
 from adaptctl.experiments.friction import FrictionInJoints
+from adaptctl.experiments.learning import Learning
 from adaptctl.experiments.marked_errors import spans
 from adaptctl.experiments.noise_and_delay import NoiseAndDelay
 from adaptctl.experiments.payload_drop import PayloadDrop
 from adaptctl.experiments.saturation import Saturation
-from adaptctl.recording import Comparison
-from adaptctl.recording.summary import summary
-
-
-def told(what: str, share: float) -> None:
-    assert 0.0 <= share <= 1.0
-
-
-def shown(experiment: Experiment) -> dict[str, Any]:
-    """Its summary, which must be fit for JSON, and its figures, which must draw."""
-    comparison = experiment.compare(told)
-    assert isinstance(comparison, Comparison)
-    for drawing in comparison.more_drawings:
-        assert drawing.draw().axes
-    content: dict[str, Any] = json.loads(json.dumps(summary(comparison), allow_nan=False))
-    assert content["complete"]
-    return content
 
 
 def found(content: dict[str, Any], name: str) -> float:
@@ -104,7 +88,7 @@ def test_settings_that_cannot_be_are_refused(make: Any, message: str) -> None:
         (Saturation(robot="semi_direct_drive"), "semi_direct_drive has 3 joints, this experiment is for 6"),
     ],
 )
-def test_arms_that_do_not_fit_are_refused(experiment: Experiment, message: str) -> None:
+def test_arms_that_do_not_fit_are_refused(experiment: Learning, message: str) -> None:
     with pytest.raises(InputError, match=message):
         experiment.compare(told)
 

@@ -24,10 +24,12 @@ from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.recursion.kinematics import joint_axes, link_poses
 from adaptctl.errors import FileError, InputError
 from adaptctl.recording import Comparison, prepare_folder, write_artifacts
+from adaptctl.recording import shown as result_of
 from adaptctl.recording.skeleton import Solid, skeleton
-from adaptctl.recording.wording import number, outcome, verdict
+from adaptctl.recording.wording import INCOMPLETE, facts, number, outcome, verdict
 
 FILES = {"recording.rrd", "summary.json", "trace.parquet", "report.html"}
+TWO_LINK = "docs/examples/two_link.toml"
 FIGURES = {"tracking-error", "joint-errors", "lyapunov", "torque", "parameters", "spectrum"}
 
 
@@ -55,6 +57,18 @@ def series(path: Path, entity: str) -> tuple[Array, Array]:
 
 def entities(path: Path) -> set[str]:
     return {str(chunk.entity_path) for chunk in RrdReader(path).store().stream()}
+
+
+def test_a_result_says_how_a_comparison_ended_and_writes_it(shown: Comparison, tmp_path: Path) -> None:
+    whole, half = result_of(shown), result_of(replace(shown, complete=False))
+    assert (whole.complete, half.complete) == (True, False)
+    assert (whole.headline, half.headline) == (verdict(shown), f"{INCOMPLETE}\n{verdict(shown)}")
+    assert whole.facts == tuple(facts(shown))
+    told: list[float] = []
+    whole.write(tmp_path, lambda what, share: told.append(share))
+    assert {path.name for path in tmp_path.iterdir()} >= FILES
+    assert told == sorted(told)
+    assert (told[0], told[-1]) == (0.0, 1.0)
 
 
 def test_every_file_is_there_and_nothing_else(folder: Path) -> None:
@@ -234,7 +248,9 @@ def test_report_says_it_all_and_takes_no_name_for_markup(folder: Path, shown: Co
 
 
 def test_figures_are_pictures_of_a_readable_size(folder: Path) -> None:
-    for path in (folder / "figures").iterdir():
+    figures = list((folder / "figures").iterdir())
+    assert len(figures) > 3
+    for path in figures:
         data = path.read_bytes()
         assert data.startswith(b"\x89PNG\r\n")
         width = int.from_bytes(data[16:20])
@@ -257,7 +273,7 @@ def test_estimates_of_friction_are_shown_with_the_others(tmp_path: Path) -> None
 
 
 def test_interrupted_comparison_says_so_everywhere(tmp_path: Path) -> None:
-    what = comparison(load("puma560_measured"), samples=40, complete=False)
+    what = comparison(load(TWO_LINK), samples=40, complete=False)
     write_artifacts(prepare_folder(tmp_path), what)
     said = json.loads((tmp_path / "summary.json").read_text())
     assert said["complete"] is False
@@ -270,7 +286,7 @@ def test_interrupted_comparison_says_so_everywhere(tmp_path: Path) -> None:
 
 
 def test_one_sample_is_enough_to_be_shown(tmp_path: Path) -> None:
-    write_artifacts(prepare_folder(tmp_path), comparison(load("puma560_measured"), samples=1))
+    write_artifacts(prepare_folder(tmp_path), comparison(load(TWO_LINK), samples=1))
     assert {path.name for path in tmp_path.iterdir()} == FILES | {"figures"}
 
 

@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
 from typing import Any
 
 import pytest
+from comparisons import shown
 
-from adaptctl.cli.main import main
 from adaptctl.errors import InputError
 from adaptctl.experiments.reduced_model import ReducedModelTracking
 
 COUNTS = (36, 30, 10)
 
+pytestmark = pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
+
 
 @pytest.fixture(scope="module")
-def said(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    out: Path = tmp_path_factory.mktemp("runs") / "reduced"
-    counts = [argument for s in COUNTS for argument in ("--components", str(s))]
-    assert main(["experiment", "run", "reduced-model", "--out", str(out), "--duration", "6", *counts]) == 0
-    assert (out / "figures" / "components.png").stat().st_size > 10_000
-    return json.loads((out / "summary.json").read_text())
+def said() -> dict[str, Any]:
+    return shown(ReducedModelTracking(duration=6.0, components=COUNTS))
 
 
 def test_every_count_runs_adapted_and_held(said: dict[str, Any]) -> None:
@@ -60,7 +56,6 @@ def test_only_what_is_whole_leaves_the_proof_as_it_is(said: dict[str, Any]) -> N
         ({"robot": "puma560_friction"}, "has friction, which carries no energy"),
     ],
 )
-@pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
 def test_what_cannot_be_is_refused(options: dict[str, Any], says: str) -> None:
     with pytest.raises(InputError, match=says):
         ReducedModelTracking(duration=0.1, **options).compare(lambda what, share: None)

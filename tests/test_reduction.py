@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError
 from adaptctl.identifiability import EssentialSpace, States, essential_space, reduce, states_within_limits
-from adaptctl.identifiability.sampled_regressors import energy_differences
+from adaptctl.identifiability.energy_matrix import energy_differences
 
 
 @pytest.fixture(scope="module")

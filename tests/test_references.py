@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from adaptctl.compilation import compile_function
-from adaptctl.control import MinimumJerk, Reference, ReferencePoint, Sinusoids
+from adaptctl.control import MinimumJerk, Reference, ReferencePoint, Sinusoids, Spline
 from adaptctl.control.references import SinusoidNumbers, sinusoids_at
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column
@@ -78,6 +78,20 @@ def test_minimum_jerk_rests_at_its_waypoints() -> None:
         np.testing.assert_allclose(now.p, p, atol=1e-14)
         np.testing.assert_allclose([now.v, now.a], 0.0, atol=1e-12)
     np.testing.assert_allclose(reference(9.0).p, waypoints[-1], atol=1e-14)
+
+
+def test_a_spline_rests_before_its_first_time_and_after_its_last() -> None:
+    """Its samples move there, so that its own derivatives do not rest."""
+    times = np.linspace(1.0, 3.0, 9)
+    positions = np.stack([times**2, np.sin(2.0 * times)], axis=-1)
+    spline = Spline(positions, times)
+    for t, end in ((-1.0, 0), (0.999, 0), (3.001, -1), (50.0, -1)):
+        outside = spline(t)
+        np.testing.assert_allclose(outside.p, positions[end], atol=1e-12)
+        np.testing.assert_array_equal([outside.v, outside.a], 0.0)
+    inside = spline(np.array([1.0, 2.0, 3.0]))
+    np.testing.assert_allclose(inside.v[:, 0], [2.0, 4.0, 6.0], atol=1e-9)
+    np.testing.assert_allclose(inside.a[:, 0], 2.0, atol=1e-8)
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.recursion.kinematics import link_poses
 from adaptctl.envs import Puma560TrackingEnv
-from adaptctl.envs.rendering.raycast import Camera, Solid, intersect
+from adaptctl.envs.rendering.raycast import Camera, ConvexPart, intersect
 from adaptctl.envs.rendering.render import Renderer
 from adaptctl.recording.palette import GOAL
 from adaptctl.recording.skeleton import skeleton, tip_path
@@ -31,7 +31,7 @@ def renderer(puma: Mechanism) -> Renderer:
     return Renderer(puma)
 
 
-def depth_in(solid: Solid, points: Array) -> Array:
+def depth_in(solid: ConvexPart, points: Array) -> Array:
     """How far points (..., 3) are inside a solid, negative outside (the signed distance up to a factor)."""
     axis = solid.end - solid.start
     length = np.linalg.norm(axis)
@@ -48,7 +48,7 @@ def depth_in(solid: Solid, points: Array) -> Array:
 def test_rays_meet_solids_first_at_their_surface(seed: int, flat: bool) -> None:
     rng = np.random.default_rng(seed)
     start, end = rng.uniform(-1, 1, (2, 3))
-    solid = Solid(start, end, float(rng.uniform(0.1, 0.5)), np.ones(3), flat)
+    solid = ConvexPart(start, end, float(rng.uniform(0.1, 0.5)), np.ones(3), flat)
     eye = np.array([4.0, 0.0, 0.0]) + rng.uniform(-1, 1, 3)
     aimed = rng.uniform(-1.2, 1.2, (50, 3)) - eye
     rays = aimed / np.linalg.norm(aimed, axis=1, keepdims=True)
@@ -69,7 +69,7 @@ def test_rays_meet_solids_first_at_their_surface(seed: int, flat: bool) -> None:
 
 
 def test_a_ball_is_a_capsule_of_no_length() -> None:
-    ball = Solid(np.zeros(3), np.zeros(3), 0.5, np.ones(3))
+    ball = ConvexPart(np.zeros(3), np.zeros(3), 0.5, np.ones(3))
     hits = intersect(ball, np.array([2.0, 0.0, 0.0]), np.array([[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))
     np.testing.assert_allclose(hits.distance, [1.5, np.inf])
     np.testing.assert_allclose(hits.normal[0], [1.0, 0.0, 0.0])
@@ -81,7 +81,7 @@ def test_a_window_covers_all_pixels_that_see_the_solid(seed: int) -> None:
     rng = np.random.default_rng(seed)
     camera = Camera(np.array([3.0, -2.0, 1.5]), np.zeros(3), 0.9, 40, 30)
     start, end = rng.uniform(-1.5, 1.5, (2, 3))
-    solid = Solid(start, end, float(rng.uniform(0.01, 0.4)), np.ones(3), flat=bool(rng.integers(2)))
+    solid = ConvexPart(start, end, float(rng.uniform(0.01, 0.4)), np.ones(3), flat=bool(rng.integers(2)))
     seen = np.isfinite(intersect(solid, camera.eye, camera.rays()).distance)
     covered = np.zeros_like(seen)
     covered[camera.window(np.stack([start, end]), 1.5 * solid.radius)] = True

@@ -16,7 +16,8 @@ from adaptctl.dynamics import load
 from adaptctl.dynamics.inverse_kinematics import Tip
 from adaptctl.dynamics.recursion.kinematics import link_poses
 from adaptctl.errors import InputError
-from adaptctl.experiments.serial_versus_graph.experiment import ARMS, SerialVersusGraph
+from adaptctl.experiments.serial_versus_graph.experiment import SerialVersusGraph
+from adaptctl.experiments.tip_path import ARMS
 
 FIVE_BAR = ARMS[1]
 
@@ -64,7 +65,7 @@ def test_what_is_out_of_reach_is_told(tip: Tip) -> None:
 @pytest.mark.parametrize("duration", [4.0])
 def test_the_reference_keeps_the_tip_on_its_path(tip: Tip, duration: float) -> None:
     experiment = SerialVersusGraph(duration=duration)
-    reference = experiment.reference(tip, FIVE_BAR)
+    reference = experiment.in_joints(tip, FIVE_BAR)
     times = np.linspace(0.0, duration, 173)
     np.testing.assert_allclose(tip.at(reference(times).p), experiment.path(times).p, atol=1e-6)
 

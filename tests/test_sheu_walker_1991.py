@@ -19,11 +19,12 @@ from adaptctl.errors import InputError, NotFoundError
 from adaptctl.experiments import find
 from adaptctl.experiments.replication.arms import near_parallelogram, puma560, semi_direct_drive
 from adaptctl.experiments.replication.decoupling import Decoupling
-from adaptctl.experiments.replication.ensemble import Ensemble
+from adaptctl.experiments.replication.draws import Draws
 from adaptctl.experiments.replication.items import ITEMS, chosen
 from adaptctl.experiments.replication.printed import Number, Table, printed
 from adaptctl.experiments.replication.result import Replication
 from adaptctl.experiments.replication.verdict import Item, Verdict
+from adaptctl.experiments.replication.wording import headline
 from adaptctl.experiments.sheu_walker_1991 import SheuWalker1991
 from adaptctl.identifiability import fundamental_basis
 
@@ -204,7 +205,7 @@ def test_energies_over_the_grid_are_those_of_the_mechanism() -> None:
 
 def test_torque_errors_are_means_of_squares() -> None:
     arm = puma560()
-    draws, motion = Ensemble.of(arm, (5, 6), 101, 1.0), arm.sinusoid(0.5, 50)
+    draws, motion = Draws.of(arm, (5, 6), 101, 1.0), arm.sinusoid(0.5, 50)
     errors = draws.torque_errors(motion)
     for seed, s in ((0, 10), (1, 30)):
         off = draws.torque(motion, seed, s) - motion.Y @ arm.parameters
@@ -293,7 +294,7 @@ def test_an_interruption_keeps_what_was_computed() -> None:
     kept = experiment.compare(stop_at(2))
     assert [item.name for item in kept.items] == ["table1", "table4"]
     assert not kept.complete
-    assert kept.headline().startswith("This run was interrupted.")
+    assert headline(kept).startswith("This run was interrupted.")
     with pytest.raises(KeyboardInterrupt):
         experiment.compare(stop_at(0))
 

@@ -26,10 +26,10 @@ from adaptctl.identifiability import (
     reduce,
     states_within_limits,
 )
-from adaptctl.identifiability.numerical_rank import NumericalRank, singular_values
-from adaptctl.identifiability.sampled_regressors import energies, energy_differences
+from adaptctl.identifiability.energy_matrix import energies, energy_differences
+from adaptctl.identifiability.factorisation import singular_values
 from adaptctl.identifiability.sampling import characteristic_length
-from adaptctl.identifiability.scaling import column_scales
+from adaptctl.identifiability.scaled_rank import NumericalRank, column_scales
 from adaptctl.identifiability.selection import removable
 
 pytestmark = pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
@@ -259,7 +259,7 @@ def test_table_8_is_equivalent_to_table_7(puma: Mechanism, space: EssentialSpace
 
 def scaled_rank(mechanism: Mechanism, states: States, differenced: bool) -> int:
     E = energies(mechanism, states)
-    scales = column_scales(E, mechanism.parameter_names, characteristic_length(mechanism))
+    scales = column_scales(np.linalg.norm(E, axis=0), mechanism.parameter_names, characteristic_length(mechanism))
     return NumericalRank.of(singular_values((np.diff(E, axis=0) if differenced else E) * scales)).rank
 
 

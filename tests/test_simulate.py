@@ -167,7 +167,7 @@ def test_loops_stay_closed(integrator: Integrator, open_by: float) -> None:
     mechanism = arm(LOOP)
     env = TrackingEnv(mechanism, swinging(mechanism), duration=3.0, integrator=integrator)
     run = simulate(env, CONTROLLERS["gradient"](LOOP))
-    q = env.hand_over().state.arm.q
+    q = env.hand_over().state.q
     assert len(run.time) == 3000
     assert np.abs(run.v).max() > 1.0
     residual = mechanism.equations.residual(Column(q.tolist()))

@@ -19,7 +19,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column
-from adaptctl.simulation import Plant, RealPlant, rollout, simulate_many
+from adaptctl.simulation import Plant, rollout, simulate_many
 from adaptctl.simulation.closed_loop import ClosedLoop
 from adaptctl.simulation.effects import (
     ControlDelay,
@@ -27,7 +27,6 @@ from adaptctl.simulation.effects import (
     Encoder,
     FilteredDifferences,
     PayloadHeld,
-    PlantEffects,
     TorqueLimit,
 )
 
@@ -43,8 +42,8 @@ def learning(name: str) -> SlotineLi:
     return SlotineLi(reduced(name), 8.0, gains(name).damping, np.full(len(first), 0.05), first)
 
 
-def real(mechanism: Mechanism, effects: list[Effect]) -> RealPlant:
-    return RealPlant(Plant(mechanism, PERIOD, torque_limits=np.full(mechanism.dof, LIMIT)), PlantEffects.of(effects))
+def real(mechanism: Mechanism, effects: list[Effect]) -> Plant:
+    return Plant(mechanism, PERIOD, torque_limits=LIMIT, effects=effects)
 
 
 def one_by_one(
@@ -110,7 +109,7 @@ def test_a_period_in_lanes_is_one_on_floats(name: str, effects: list[Effect]) ->
     loop, true = ClosedLoop(real(mechanism, effects), learning(name)), mechanism.inertial_parameters
     columns = {part: rng.normal(size=(members, size)) for part, size in (loop.reference | loop.noise).items()}
     p = posture(mechanism) + 0.1 * rng.normal(size=(members, mechanism.dof))
-    start = loop.plant.init(p, rng.normal(size=p.shape), columns["noise"], true)
+    start = loop.plant.init(p, rng.normal(size=p.shape), true, columns["noise"])
     told = {"parameters": true} | columns
     found = []
     for lanes in (1, 2, 4, 8):

@@ -170,7 +170,7 @@ def test_native_code_and_floats_take_the_same_step(reduced: ReducedModel, gains:
     p, v = START, np.linspace(-1.0, 1.0, 6)
     _, state = law.step(law.init(p, v), p, v, REFERENCE(0.3))
     torque, after = law.step(state, p + 0.01, 0.9 * v, REFERENCE(0.301))
-    on_floats, *memory = law._on_floats(p + 0.01, 0.9 * v, *REFERENCE(0.301), *leaves(state))
+    on_floats, *memory = law.on_floats(p + 0.01, 0.9 * v, *REFERENCE(0.301), *leaves(state))
     np.testing.assert_allclose(torque, on_floats, rtol=0, atol=1e-12 * np.abs(torque).max())
     for native, plain in zip(leaves(after), memory, strict=True):
         np.testing.assert_allclose(native, plain, rtol=0, atol=1e-12 * max(np.abs(plain).max(), 1.0))

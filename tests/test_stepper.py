@@ -17,6 +17,7 @@ from expression_trees import Tree, evaluated, size, trees
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from signals import signalled
 
 from adaptctl.compilation import Ensemble, Stepper, compile_function, compile_step, outlined, trace
 from adaptctl.compilation.lanes import Lanes
@@ -115,11 +116,9 @@ def test_an_interrupt_waits_for_all_threads() -> None:
     arms, steps = compile_step(count, state={"n": 1}).ensemble(1024), 200_000
     before, running = signal.signal(signal.SIGALRM, signal.default_int_handler), threading.active_count()
     try:
-        signal.setitimer(signal.ITIMER_REAL, 0.01)
-        with pytest.raises(KeyboardInterrupt):
+        with signalled("_take", signal.SIGALRM, after=0.001), pytest.raises(KeyboardInterrupt):
             arms.run(steps, threads=2)
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
     assert threading.active_count() == running
     np.testing.assert_array_equal(arms.state["n"], steps)

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from random_trees import random_chain
 
-from adaptctl.control import ComputedTorque, Controller, SlotineLi, adaptation_gain
-from adaptctl.control.gains.gains import typical_inertia
+from adaptctl.control import ComputedTorque, Controller, SlotineLi, adaptation_gain, typical_inertia
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.simulation import Plant, rollout
+from adaptctl.simulation.effects import ControlDelay, Friction
 from adaptctl.simulation.systems import (
     closed_loop_system,
     controller_start,
@@ -106,3 +106,10 @@ def test_a_loop_of_two_arms_is_refused(puma: Mechanism) -> None:
     other = random_chain(0, 2)
     with pytest.raises(InputError, match="the plant has 2 joints, the controller is for 6"):
         closed_loop_system(Plant(other, PERIOD), ComputedTorque(puma, 8.0))
+
+
+def test_a_plant_that_remembers_is_refused(puma: Mechanism) -> None:
+    """Its state would be more than p and v; friction in the joints is not."""
+    with pytest.raises(InputError, match="expected a plant whose effects are in the joints"):
+        plant_system(Plant(puma, PERIOD, effects=[ControlDelay(1)]))
+    assert plant_system(Plant(puma, PERIOD, effects=[Friction(viscous=1.0)])).nstates == 12

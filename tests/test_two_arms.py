@@ -10,7 +10,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.experiments.two_arms import LEFT, TwoArms
 from adaptctl.identifiability import ReducedModel
-from adaptctl.simulation import rollout
+from adaptctl.simulation import simulate
 
 EXPERIMENT = TwoArms(duration=4.0)
 
@@ -43,7 +43,7 @@ def test_the_pair_learns_and_the_lyapunov_function_never_rises(mechanism: Mechan
     model, gains = ReducedModel.full(mechanism), EXPERIMENT.gains(mechanism)
     env = EXPERIMENT.environment(mechanism)
     controller = SlotineLi(model, gains.bandwidth, gains.damping, EXPERIMENT.adaptation(model))
-    run = rollout(env, controller, seed=0)
+    run = simulate(env, controller, seed=0)
     error = np.sqrt(np.mean(run.error**2, axis=1))
     assert not run.terminated
     assert run.clipped.sum() == 0

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
+
+from adaptctl.cli.output import print_json, print_parts, terminal_width
 
 if TYPE_CHECKING:
     from adaptctl.dynamics import Mechanism
@@ -46,13 +47,18 @@ def basis(
     reduction = None if energy_error is None else _reduction(mechanism, energy_error)
     if out is not None:
         found.save(out)
-    (_print_json if json else _print)(mechanism, space, found, reduction)
+    if json:
+        print_json(as_builtins(mechanism, space, found, reduction))
+    else:
+        from adaptctl.cli.basis_report import report
+
+        print_parts(report(mechanism, space, found, reduction, terminal_width()))
 
 
 def as_builtins(
     mechanism: Mechanism, space: EssentialSpace, basis: FundamentalBasis, reduction: Reduction | None = None
 ) -> dict[str, Any]:
-    """The result in JSON's types; `columns` count from 0, `regrouping` is K, `gap` that of the certificate.
+    """Basis in JSON's types; `columns` count from 0, `regrouping` is K, `gap` that of the certificate.
 
     Friction, which enters no energy, is in none of them.
     """
@@ -83,27 +89,8 @@ def as_builtins(
 
 
 def _reduction(mechanism: Mechanism, energy_error: float) -> Reduction:
-    """How far the model reduces within the joints' limits, which is where the robot works."""
+    """Model reduction within the joints' limits, which is where the robot works."""
     from adaptctl.identifiability import essential_space, reduce, states_within_limits
 
     states = states_within_limits(mechanism, 2 * len(mechanism.parameter_names) + 1)
     return reduce(essential_space(mechanism, states=states), mechanism, energy_error=energy_error)
-
-
-def _print_json(
-    mechanism: Mechanism, space: EssentialSpace, basis: FundamentalBasis, reduction: Reduction | None
-) -> None:
-    import json
-
-    json.dump(as_builtins(mechanism, space, basis, reduction), sys.stdout, indent=2, allow_nan=False)
-    sys.stdout.write("\n")
-
-
-def _print(mechanism: Mechanism, space: EssentialSpace, basis: FundamentalBasis, reduction: Reduction | None) -> None:
-    from rich.console import Console
-
-    from adaptctl.cli.basis_report import report
-
-    console = Console()
-    for part in report(mechanism, space, basis, reduction, console.width):
-        console.print(part)

@@ -1,4 +1,4 @@
-"""What `adaptctl basis` prints for a person to read."""
+"""Report of `adaptctl basis` for a person to read."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from rich import box
 from rich.console import Group, RenderableType
-from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from adaptctl.cli.output import titled
 from adaptctl.description import Link
 from adaptctl.dynamics import Mechanism
 from adaptctl.identifiability import EssentialSpace, FundamentalBasis, Reduction
@@ -34,17 +34,17 @@ def report(
     reduction: Reduction | None,
     width: int = 80,
 ) -> Iterator[RenderableType]:
-    """The parts from top to bottom."""
+    """Parts of the report from top to bottom, for a terminal of `width` characters."""
     yield header(mechanism, space, basis)
-    yield _titled("Singular values of the energy differences (log scale)", spectrum(space))
-    yield _titled("Parameters that are enough", *grid(mechanism, basis, width))
-    yield _titled("How the others add to them (* is the regrouped parameter; SI units)", equations(basis))
+    yield titled("Singular values of the energy differences (log scale)", spectrum(space))
+    yield titled("Parameters that are enough", *grid(mechanism, basis, width))
+    yield titled("How the others add to them (* is the regrouped parameter; SI units)", equations(basis))
     if reduction is not None:
-        yield _titled("Model reduction", energy_error(reduction))
+        yield titled("Model reduction", energy_error(reduction))
 
 
 def header(mechanism: Mechanism, space: EssentialSpace, basis: FundamentalBasis) -> Group:
-    """The robot, the count, and why it can be trusted."""
+    """Heading: the robot, its number of independent parameters, and the certificate of that number."""
     parameters, friction = len(space.parameter_names), len(mechanism.parameter_names) - len(space.parameter_names)
     first = Text.assemble(
         (mechanism.name, "bold"),
@@ -61,7 +61,7 @@ def header(mechanism: Mechanism, space: EssentialSpace, basis: FundamentalBasis)
 
 
 def spectrum(space: EssentialSpace) -> Table:
-    """Bars of the first values, and of those about the gap."""
+    """Bars of the first singular values, and of those about the gap, on a logarithmic scale."""
     values, k = space.singular_values, space.rank
     table = Table(box=None, show_header=False, pad_edge=False)
     shown = sorted({*range(min(2, k)), *range(max(0, k - ABOUT), min(len(values), k + ABOUT)), len(values) - 1})
@@ -78,7 +78,7 @@ def spectrum(space: EssentialSpace) -> Table:
 
 
 def grid(mechanism: Mechanism, basis: FundamentalBasis, width: int) -> list[Table]:
-    """Kinds as rows, links as columns, x where a parameter is kept; several grids where links are many."""
+    """Tables of kinds (rows) and links (columns), x where a parameter is kept; several where links are many."""
     links, tables = list(mechanism.links), []
     while links:
         count = 1
@@ -90,7 +90,7 @@ def grid(mechanism: Mechanism, basis: FundamentalBasis, width: int) -> list[Tabl
 
 
 def equations(basis: FundamentalBasis) -> Group:
-    """One regrouping equation a row; parameters that nothing is added to are only counted."""
+    """Regrouping equations, one a row; parameters that nothing is added to are only counted."""
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(no_wrap=True)
     table.add_column(overflow="fold")
@@ -102,16 +102,12 @@ def equations(basis: FundamentalBasis) -> Group:
 
 
 def energy_error(reduction: Reduction) -> Text:
-    """How many components suffice, for which motions."""
+    """Sentence on the number of components that suffice, and for which motions."""
     return Text(
         f"{reduction.kept} of {len(reduction.weights)} components keep the energy within "
         f"{reduction.percent_error:.3g} % (equation 23 of Sheu and Walker), over {reduction.states}, "
         "with this robot's parameters."
     )
-
-
-def _titled(title: str, *parts: RenderableType) -> Group:
-    return Group(Text(), Text(title, style="bold"), *(Padding(part, (0, 0, 0, 2), expand=False) for part in parts))
 
 
 def _bar(share: float) -> int:
@@ -132,5 +128,5 @@ def _grid(links: Sequence[Link], kept: set[str]) -> Table:
 
 
 def _grid_width(links: Sequence[Link]) -> int:
-    """The indent, the column of kinds, and a column with its margins for each link."""
+    """Width of a grid in characters: indent, column of kinds, and a column with margins for each link."""
     return 2 + len(ROTOR) + 2 + sum(len(link.name) + 3 for link in links)

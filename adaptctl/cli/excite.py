@@ -39,11 +39,11 @@ def excite(
     from adaptctl.dynamics import load
     from adaptctl.files import write_json
     from adaptctl.identification.forecast import forecast
-    from adaptctl.identification.robot_motion import MotionLimits, exciting_motion
+    from adaptctl.identification.robot_motion import RobotLimits, exciting_motion
     from adaptctl.identification.workspace import workspace
 
     mechanism = load(robot)
-    limits = MotionLimits.of(mechanism, share, _each(acceleration), _each(jerk))
+    limits = RobotLimits.of(mechanism, share, _each(acceleration), _each(jerk))
     area, first = workspace(mechanism, robot, *_box(box)), start or None
     with output_folder(out, overwrite) as folder:
         motions = {

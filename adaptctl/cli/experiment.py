@@ -28,14 +28,14 @@ for entry in EXPERIMENTS:
 
 @app.command(name="list")
 def list_experiments() -> None:
-    """Name the experiments."""
+    """Print the names of the experiments, with a line about each."""
     width = max(len(entry.name) for entry in EXPERIMENTS)
     for entry in EXPERIMENTS:
         print(f"{entry.name:<{width}}  {entry.summary}")
 
 
 def __getattr__(name: str) -> Callable[..., int]:
-    """The command that runs the experiment of that name, which is imported only now."""
+    """Command that runs the experiment of that name, which is imported only now."""
     if name not in (entry.name for entry in EXPERIMENTS):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from adaptctl.experiments.experiment import text
@@ -56,7 +56,7 @@ def __getattr__(name: str) -> Callable[..., int]:
 
 
 def run_experiment(experiment: Experiment, out: Path, overwrite: bool) -> int:
-    """Run it and write its folder."""
+    """Run an experiment and write its folder; returns the exit code."""
     from adaptctl.recording import prepare_folder
 
     folder = prepare_folder(out, overwrite)
@@ -67,9 +67,9 @@ def run_experiment(experiment: Experiment, out: Path, overwrite: bool) -> int:
 
 
 def _computed(experiment: Experiment, folder: Path, interruption: Interruption) -> Result:
-    """Compute and write, showing how far it is on stderr."""
+    """Result of an experiment, computed and written, with progress on stderr."""
     with _progress() as told:
-        result = experiment.compare(interruption.heeded(told))
+        result = experiment.run(interruption.heeded(told))
         if not result.complete:
             print("adaptctl: interrupted; writing what was computed", file=sys.stderr)
         result.write(folder, lambda what, share: told("Recording, figures and report", share))
@@ -78,7 +78,7 @@ def _computed(experiment: Experiment, folder: Path, interruption: Interruption) 
 
 @contextmanager
 def _progress() -> Iterator[Callable[[str, float], None]]:
-    """A bar a stage on stderr, where that is a terminal."""
+    """Progress as a bar a stage on stderr, where that is a terminal."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 
@@ -100,9 +100,9 @@ def _progress() -> Iterator[Callable[[str, float], None]]:
 
 
 def _tell(result: Result, folder: Path) -> None:
-    """The outcome, and where to look, on stdout."""
-    print(result.headline())
-    answers = list(result.facts())
+    """Print the outcome, and where to look."""
+    print(result.headline)
+    answers = result.facts
     width = max(len(question) for question, _ in answers)
     print("\n".join(f"  {question:<{width}}  {answer}" for question, answer in answers))
     print(f"\nLook at it:  rerun {folder / 'recording.rrd'}\nRead it:     {folder / 'report.html'}")

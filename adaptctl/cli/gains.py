@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from adaptctl.cli.output import print_json, print_parts
+
 if TYPE_CHECKING:
-    from adaptctl.control.gains.gain_design import GainDesign
+    from adaptctl.control import GainDesign
 
 SCHEMA = "adaptctl/gains/1"
 
@@ -35,22 +36,28 @@ def gains(
     json: Annotated[bool, Parameter(help="Print JSON instead of tables.")] = False,
 ) -> None:
     """Design the gains of a robot's tracking loop, and tell their margins."""
-    from adaptctl.control.gains.gain_design import by_bandwidth, by_lqr, by_poles
+    from adaptctl.control import GainDesign
     from adaptctl.dynamics import load
 
     mechanism = load(robot)
     match method:
         case "bandwidth":
-            design = by_bandwidth(mechanism, bandwidth, damping_ratio, period=period, delay=delay)
+            design = GainDesign.from_bandwidth(mechanism, bandwidth, damping_ratio, period=period, delay=delay)
         case "poles":
-            design = by_poles(mechanism, poles, period=period, delay=delay)
+            design = GainDesign.from_poles(mechanism, poles, period=period, delay=delay)
         case "lqr":
-            design = by_lqr(mechanism, *weights, period=period, delay=delay)
-    (_print_json if json else _print)(design.require_carried())
+            design = GainDesign.from_lqr(mechanism, *weights, period=period, delay=delay)
+    design.require_carried()
+    if json:
+        print_json(as_builtins(design))
+    else:
+        from adaptctl.cli.gains_report import report
+
+        print_parts(report(design))
 
 
 def as_builtins(design: GainDesign) -> dict[str, Any]:
-    """The design in JSON's types, a joint each; null for what is infinite, and where no cascade exists."""
+    """Gain design in JSON's types, a joint each; null for what is infinite, and where no cascade exists."""
     mechanism, cascade = design.mechanism, design.damped_enough
     joints = [
         {
@@ -87,20 +94,3 @@ def _finite(value: float) -> float | None:
     from math import isfinite
 
     return value if isfinite(value) else None
-
-
-def _print_json(design: GainDesign) -> None:
-    import json
-
-    json.dump(as_builtins(design), sys.stdout, indent=2, allow_nan=False)
-    sys.stdout.write("\n")
-
-
-def _print(design: GainDesign) -> None:
-    from rich.console import Console
-
-    from adaptctl.cli.gains_report import report
-
-    console = Console()
-    for part in report(design):
-        console.print(part)

@@ -1,4 +1,4 @@
-"""What `adaptctl gains` prints for a person to read."""
+"""Report of `adaptctl gains` for a person to read."""
 
 from __future__ import annotations
 
@@ -7,25 +7,25 @@ from collections.abc import Iterator
 
 from rich import box
 from rich.console import Group, RenderableType
-from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from adaptctl.control.gains.gain_design import GainDesign
+from adaptctl.cli.output import titled
+from adaptctl.control import GainDesign
 
 METHODS = {"bandwidth": "from a bandwidth and a damping ratio", "poles": "by pole placement", "lqr": "by LQR"}
 
 
 def report(design: GainDesign) -> Iterator[RenderableType]:
-    """The parts from top to bottom."""
+    """Parts of the report from top to bottom."""
     late = f" and a delay of {design.delay}" if design.delay else ""
     yield Text.assemble(
         (design.mechanism.name, "bold"),
         f": gains {METHODS[design.method]}, discretised for a control period of {design.period:g} s{late}",
     )
-    yield _titled("Gains (SI units; computed torque has ω and ζ, Slotine and Li's law Λ and K)", _gains(design))
-    yield _titled("Margins of each loop alone (inertia is the least there is, over the typical)", _margins(design))
-    yield _titled("All joints together", _together(design))
+    yield titled("Gains (SI units; computed torque has ω and ζ, Slotine and Li's law Λ and K)", _gains(design))
+    yield titled("Margins of each loop alone (inertia is the least there is, over the typical)", _margins(design))
+    yield titled("All joints together", _together(design))
 
 
 def _gains(design: GainDesign) -> Table:
@@ -57,7 +57,7 @@ def _margins(design: GainDesign) -> Table:
 
 
 def _together(design: GainDesign) -> Group:
-    """What the sampled loop of the whole arm carries."""
+    """Sampled gain of the whole arm, and the fastest poles that the period carries."""
     gain = Text.assemble(
         "T_c λ_max(M⁻¹K) = ",
         (f"{design.sampled_gain:.3g}", "bold green"),
@@ -73,10 +73,6 @@ def _room(design: GainDesign) -> str:
         f"The period carries poles {design.fastest:.3g} times as fast: the fastest at "
         f"{design.fastest * design.highest:.4g} 1/s instead of {design.highest:.4g}."
     )
-
-
-def _titled(title: str, part: RenderableType) -> Group:
-    return Group(Text(), Text(title, style="bold"), Padding(part, (0, 0, 0, 2), expand=False))
 
 
 def _table(first: str, *others: str) -> Table:

@@ -1,4 +1,4 @@
-"""An interruption that is not lost: a polite end keeps what was computed, whenever it comes."""
+"""Interruptions (Ctrl-C, SIGTERM) that are never lost, so that what was computed is kept."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 class Interruption:
-    """Whether the user asked to end."""
+    """Flag that the user asked to end."""
 
     def __init__(self) -> None:
         self.asked = False
 
     def heeded(self, progress: Callable[[str, float], object]) -> Callable[[str, float], None]:
-        """The same progress, which raises KeyboardInterrupt in the midst of a stage when one was asked for.
+        """Progress that raises KeyboardInterrupt in the midst of a stage when an end was asked for.
 
         Python loses an exception that a signal raises inside a destructor or a callback of its own; this is
         where it is found again. The end of a stage passes, for the stage may just have ended because of it.
@@ -37,7 +37,7 @@ class Interruption:
 
 @contextmanager
 def interruptible() -> Iterator[Interruption]:
-    """Raise KeyboardInterrupt on any of SIGNALS, and remember that it came."""
+    """Context in which any of SIGNALS raises KeyboardInterrupt, and is remembered."""
     interruption = Interruption()
 
     def interrupt(number: int, frame: FrameType | None) -> NoReturn:

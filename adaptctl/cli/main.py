@@ -1,4 +1,4 @@
-"""The command line: reads it, does what it says, and turns what goes wrong into a line and an exit code."""
+"""Entry point of the command line: errors become a line on stderr and an exit code."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ DONE, FAILED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 
 def version() -> str:
-    """What --version says; asked for only then, for it takes a while to find."""
+    """Text of --version; computed only when asked for, since that takes a while."""
     import adaptctl
 
     return f"adaptctl {adaptctl.__version__}"
@@ -83,7 +83,7 @@ def _require_command(given: Sequence[str]) -> None:
 
 
 def _reason(error: CycloptsError) -> object:
-    """What was wrong with the command line, in our words where we refused it."""
+    """Message of what was wrong with the command line, in our words where we refused it."""
     if isinstance(error.__cause__, InputError):
         return error.__cause__
     return f"{error} See {_called(error.command_chain or ())} --help"

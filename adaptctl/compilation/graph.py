@@ -12,7 +12,7 @@ E = TypeVar("E", bound="Expression")
 
 
 class Op(StrEnum):
-    """What an expression does with its operands."""
+    """The operation of an expression on its operands."""
 
     INPUT = "input"
     ADD = "+"

@@ -52,7 +52,7 @@ class Kernel:
     def __init__(self, routine: Routine, arguments: Mapping[str, int], *, finite: Finite) -> None:
         self.name, self.operations = routine.name, routine.operations
         self.arguments, self.outputs = MappingProxyType(dict(arguments)), routine.layout.shapes
-        self._layout, self._given = routine.layout, _Given(routine.name, self.arguments)
+        self._layout, self._given = routine.layout, Given(routine.name, self.arguments)
         self._widths, self._finite = (sum(routine.inputs), len(routine.outputs)), finite
         text, symbol = program(routine, Lanes())
         text += "\n" + loop(routine, symbol, Lanes(), dict.fromkeys(Source, ()) | {Source.DRIVEN: routine.inputs})
@@ -92,8 +92,8 @@ class Kernel:
 
 
 @dataclass(frozen=True)
-class _Given:
-    """What a kernel takes: names and lengths."""
+class Given:
+    """The arguments of a kernel, names and lengths, and how they are checked."""
 
     kernel: str
     columns: Mapping[str, int]

@@ -32,7 +32,7 @@ class Lanes:
 
     @property
     def suffix(self) -> str:
-        """How intrinsics name them."""
+        """The suffix by which intrinsics name the lanes."""
         return "f64" if self.count == 1 else f"v{self.count}f64"
 
     @property
@@ -46,7 +46,7 @@ class Lanes:
         return "nounwind" if self.count == 1 else f'nounwind "stackrealign" alignstack({self.alignment})'
 
     def constant(self, x: float) -> str:
-        """The same number in every lane, as the digits of its bits."""
+        """A number in every lane, as the digits of its bits."""
         digits = f"0x{struct.pack('>d', x).hex()}"
         return digits if self.count == 1 else "<" + ", ".join([f"double {digits}"] * self.count) + ">"
 

@@ -26,12 +26,12 @@ class Layout:
 
     @property
     def sizes(self) -> tuple[int, ...]:
-        """How many scalars each part holds."""
+        """Number of scalars in each part."""
         return tuple(math.prod(shape) for shape in self.shapes)
 
     @property
     def places(self) -> tuple[slice, ...]:
-        """Where each part is among all scalars."""
+        """Each part's place among all scalars."""
         return tuple(slice(end - size, end) for size, end in zip(self.sizes, accumulate(self.sizes), strict=True))
 
     @property

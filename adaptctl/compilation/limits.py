@@ -1,4 +1,10 @@
-"""How large a mechanism may be to become native code."""
+"""The largest mechanism whose equations become native code.
+
+Tracing unrolls an equation for the mechanism at hand, so that code grows with the number of links, and LLVM's time
+with it: 4 s for a plant of 48. Nobody should wait longer for a first call. Beyond the limit equations run in Python
+on floats, slower but the same (`native_or_floats`); what only native code can do, such as lanes of many arms,
+refuses.
+"""
 
 LARGEST_COMPILED = 48
-"""Links up to which the first call takes seconds, 4 s for a plant of so many; beyond, the same law runs on floats."""
+"""Links up to which equations are compiled."""

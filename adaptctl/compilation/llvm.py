@@ -157,7 +157,7 @@ def _place(x: Expression) -> tuple[str, int] | None:
 
 
 def _sincos(lanes: Lanes) -> str:
-    """What sines and cosines are computed by."""
+    """The functions that compute sines and cosines."""
     near = trace(lambda x: sine_and_cosine(x[0]), {"x": 1})
     text = lanes.filled("sincos", farthest=lanes.constant(FARTHEST))
     return f"{_function(near, {near: 'sincos.near'}, lanes, 'alwaysinline')}\n{text}"

@@ -23,7 +23,7 @@ steps.
 
 
 class Source(StrEnum):
-    """Where an argument of a step comes from."""
+    """The source of a step's argument."""
 
     STATE = "state"
     """one a lane, replaced in each step by the first results"""

@@ -35,7 +35,7 @@ class NativeCode:
         weakref.finalize(self, _release, self.engine).atexit = False
 
     def address(self, symbol: str) -> int:
-        """Where a function begins."""
+        """The address of a function."""
         with _compiler():
             return int(self.engine.get_function_address(symbol))
 
@@ -79,7 +79,7 @@ def _object(text: str, processor: Processor, machine: llvm.TargetMachine) -> byt
 
 
 def _key(text: str, processor: Processor, triple: str) -> bytes:
-    """What the code depends on."""
+    """A digest of all that the code depends on."""
     versions = _RECIPE, llvmlite.__version__, llvm.llvm_version_info
     return hashlib.sha256(repr((versions, triple, processor, text)).encode()).digest()
 

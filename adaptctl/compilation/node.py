@@ -13,7 +13,7 @@ from adaptctl.compilation.refusal import untraceable
 
 
 class _Traced(Expression):
-    """What nodes and conditions share: they refuse to give away a value they do not have."""
+    """A traced value, number or truth: it refuses to give away a value that it does not have yet."""
 
     __slots__ = ()
     __hash__ = Expression.__hash__
@@ -44,8 +44,8 @@ class _Traced(Expression):
         return NotImplemented if yes is None or no is None else _select(args[0], yes, no)
 
 
-class Condition(_Traced):
-    """The outcome of comparing nodes; only `where` can use it."""
+class Truth(_Traced):
+    """The outcome of a comparison of nodes, true or false once it is known; only `where` can use it."""
 
     __slots__ = ()
 
@@ -60,10 +60,10 @@ def _operator(rule: Callable[[Any, Any], Any], *, reflected: bool = False) -> Ca
     return operator
 
 
-def _comparison(op: Op) -> Callable[[Any, Any], Condition]:
-    def compare(x: Any, y: Any) -> Condition:
+def _comparison(op: Op) -> Callable[[Any, Any], Truth]:
+    def compare(x: Any, y: Any) -> Truth:
         graph = x.graph if isinstance(x, Node) else y.graph
-        return graph.make(Condition, op, x, y)
+        return graph.make(Truth, op, x, y)
 
     return compare
 
@@ -121,7 +121,7 @@ def _select(condition: Any, yes: Value, no: Value) -> Value:
     """`yes` where the condition holds, else `no`; comparing with NaN does not hold."""
     if isinstance(condition, bool | np.bool_):
         return yes if condition else no
-    if not isinstance(condition, Condition):
+    if not isinstance(condition, Truth):
         raise untraceable(f"where: expected a comparison such as x < y, got {condition!r}")
     if yes is no or (isinstance(yes, float) and isinstance(no, float) and yes == no):
         return yes

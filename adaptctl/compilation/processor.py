@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 import functools
+import os
 from dataclasses import dataclass
 
 import llvmlite.binding as llvm
 
+from adaptctl.errors import InputError
+
 _WIDEST = {"avx512f": 8, "avx": 4, "sse2": 2, "neon": 2}
 """How many doubles a register holds, by the instructions that use it; the first that the processor has counts."""
+
+_AVX2 = ("sse2", "avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")
+_AVX512 = (*_AVX2, "avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl")
+_LEVELS = {"sse2": ("x86-64", ("sse2",)), "avx2": ("x86-64-v3", _AVX2), "avx512": ("x86-64-v4", _AVX512)}
+"""The levels of the x86-64 ABI that vectors differ by: LLVM's name for each, and what a processor must have."""
 
 
 @dataclass(frozen=True)
@@ -19,10 +27,25 @@ class Processor:
     features: str
 
     @classmethod
-    @functools.cache
     def host(cls) -> Processor:
-        """The one this runs on."""
-        return cls(llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())
+        """The one this runs on; where ADAPTCTL_PROCESSOR names a level, no more than that level of it.
+
+        Raises InputError for a level that is unknown or that the processor does not have.
+        """
+        level = os.environ.get("ADAPTCTL_PROCESSOR", "")
+        return _whole() if level in ("", "native") else _whole().limited(level)
+
+    def limited(self, level: str) -> Processor:
+        """A processor that has of this one only what belongs to a level: "sse2", "avx2" or "avx512"."""
+        if level not in _LEVELS:
+            known = ", ".join(("native", *_LEVELS))
+            raise InputError(f"ADAPTCTL_PROCESSOR: expected one of {known}, got {level!r}")
+        name, needed = _LEVELS[level]
+        missing = [feature for feature in needed if f"+{feature}" not in self.features.split(",")]
+        if missing:
+            lacks = f"this processor, {self.name}, lacks {', '.join(missing)}"
+            raise InputError(f"ADAPTCTL_PROCESSOR: {level!r} cannot be used: {lacks}; use 'native', or leave it out")
+        return Processor(name, ",".join(f"+{feature}" for feature in needed))
 
     @property
     def lanes(self) -> int:
@@ -34,3 +57,8 @@ class Processor:
         """What makes code for it, to be run in this process, with this effort: 0 is least, 2 usual."""
         target = llvm.Target.from_default_triple()
         return target.create_target_machine(cpu=self.name, features=self.features, opt=effort, jit=True)
+
+
+@functools.cache
+def _whole() -> Processor:
+    return Processor(llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())

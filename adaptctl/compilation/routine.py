@@ -22,7 +22,7 @@ _FREE = (Op.INPUT, Op.CALL, Op.RESULT)
 
 
 class Operations(Counter[Op]):
-    """How often each operation is carried out, those of called routines included."""
+    """Counts of each operation, those of called routines included."""
 
     @property
     def flops(self) -> int:
@@ -41,7 +41,7 @@ class Routine:
 
     @functools.cached_property
     def body(self) -> list[Expression]:
-        """What is to be computed, in order."""
+        """The expressions to compute, in order."""
         return reachable(self.outputs)
 
     @property
@@ -51,7 +51,7 @@ class Routine:
 
     @functools.cached_property
     def operations(self) -> Operations:
-        """What one evaluation costs."""
+        """The operations of one evaluation."""
         total = Operations(x.op for x in self.body if x.op not in _FREE)
         for routine in self.calls:
             total.update(routine.operations)

@@ -1,4 +1,4 @@
-"""Online: control laws, adaptation, gains and references."""
+"""Online: control laws, adaptation, gains, excitation and references."""
 
 from adaptctl.lazily import imported_lazily
 

@@ -1,5 +1,5 @@
 from adaptctl.control.adaptation import *
-from adaptctl.control.adaptive import Adaptive as Adaptive
+from adaptctl.control.adaptive import AdaptiveController as AdaptiveController
 from adaptctl.control.adaptive import AdaptiveState as AdaptiveState
 from adaptctl.control.adaptive_computed_torque import AdaptiveComputedTorque as AdaptiveComputedTorque
 from adaptctl.control.computed_torque import ComputedTorque as ComputedTorque
@@ -8,14 +8,22 @@ from adaptctl.control.controller import Reference as Reference
 from adaptctl.control.controller import ReferencePoint as ReferencePoint
 from adaptctl.control.estimates import load_estimate as load_estimate
 from adaptctl.control.estimates import save_estimate as save_estimate
+from adaptctl.control.excitation.exciting_reference import ExcitingReference as ExcitingReference
+from adaptctl.control.excitation.exciting_reference import MotionLimits as MotionLimits
+from adaptctl.control.excitation.exciting_reference import exciting_reference as exciting_reference
+from adaptctl.control.excitation.measure import Excitation as Excitation
+from adaptctl.control.excitation.measure import persistent_excitation as persistent_excitation
+from adaptctl.control.gains.error_feedback import ErrorFeedback as ErrorFeedback
+from adaptctl.control.gains.gain_design import GainDesign as GainDesign
 from adaptctl.control.gains.gains import Gains as Gains
 from adaptctl.control.gains.gains import sampled_gain as sampled_gain
 from adaptctl.control.gains.gains import typical_inertia as typical_inertia
+from adaptctl.control.gains.margins import Margins as Margins
+from adaptctl.control.gains.margins import margins as margins
 from adaptctl.control.guards import Guarded as Guarded
 from adaptctl.control.guards import GuardedState as GuardedState
 from adaptctl.control.lyapunov import lyapunov as lyapunov
 from adaptctl.control.lyapunov import sliding_variable as sliding_variable
-from adaptctl.control.passivity import PassivityBased as PassivityBased
 from adaptctl.control.passivity_integral import PassivityIntegral as PassivityIntegral
 from adaptctl.control.pd_gravity import PDGravity as PDGravity
 from adaptctl.control.references import MinimumJerk as MinimumJerk

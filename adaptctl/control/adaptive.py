@@ -1,9 +1,9 @@
-"""What control laws that adapt have in common: the estimate, and the period it learns from."""
+"""Control laws that adapt: their estimate, and the period it learns from."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Mapping
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -17,11 +17,11 @@ from adaptctl.control.controller import Controller
 from adaptctl.control.gains.gains import require_sampled_gain
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, spread
+from adaptctl.scalars import Column, Tunable, spread
 
 
 class AdaptiveState(NamedTuple):
-    """What an adaptive control law remembers: its estimate, and the last tick, from which it learns at the next.
+    """The memory of an adaptive control law: its estimate, and the last tick, from which it learns at the next.
 
     Whatever limits the torque behind the controller should put what was applied into `torque`, and zero into
     `elapsed` for a period that is not to be learned from.
@@ -32,7 +32,7 @@ class AdaptiveState(NamedTuple):
     q: Any
     """(n,) the tree's joints at the last tick: where the loops, if any, are followed from"""
     motion: Any
-    """what the law's gradient is made of at the last tick"""
+    """numbers of the last tick's motion, from which the gradient Y_r's is made"""
     s: Any
     """(r,) the sliding variable there"""
     torque: Any
@@ -42,10 +42,10 @@ class AdaptiveState(NamedTuple):
     learning: Any
     """the adaptation law's memory"""
     more: Any
-    """what the control law remembers besides"""
+    """the control law's own memory besides"""
 
 
-class Adaptive(Controller[AdaptiveState]):
+class AdaptiveController(Controller[AdaptiveState]):
     """A control law on a model's k parameters, and an adaptation law chosen apart from it.
 
     `adaptation` is the law, or a gain for `Gradient`, or None to switch adaptation off; `initial` (k,) is the
@@ -58,7 +58,7 @@ class Adaptive(Controller[AdaptiveState]):
     period: float
 
     def _settle(self) -> None:
-        """Check what all adaptive laws are given."""
+        """Check the period, the first estimate and the adaptation law, and freeze them."""
         k = len(self.model.columns)
         if not (np.isfinite(self.period) and self.period > 0.0):
             raise InputError(f"control period: expected a positive time in s, got {self.period}")
@@ -75,10 +75,15 @@ class Adaptive(Controller[AdaptiveState]):
 
     @cached_property
     def adaptation_law(self) -> AdaptationLaw[Any] | None:
-        """How the estimate moves; None where it does not."""
+        """The adaptation law, `Gradient` where only a gain was given; None with adaptation off."""
         if self.adaptation is None or isinstance(self.adaptation, AdaptationLaw):
             return self.adaptation
         return Gradient(self.adaptation)
+
+    @property
+    def tunable_parts(self) -> Mapping[str, Tunable]:
+        """The adaptation law, also where only a gain was given."""
+        return {} if self.adaptation_law is None else {"adaptation": self.adaptation_law}
 
     @property
     def dof(self) -> int:
@@ -91,7 +96,7 @@ class Adaptive(Controller[AdaptiveState]):
         return self.model.mechanism.home
 
     def start(self, p: Array, v: Array) -> AdaptiveState:
-        """The first estimate, and nothing to learn from yet."""
+        """The memory before the first tick: the first estimate, and a period of no length to learn from."""
         rest, initial = np.zeros(self.dof), np.array(self.initial)
         motion = np.zeros(self._motion_size)
         q, law = self.model.mechanism.configuration(p), self.adaptation_law
@@ -101,20 +106,17 @@ class Adaptive(Controller[AdaptiveState]):
     @property
     @abstractmethod
     def _motion_size(self) -> int:
-        """How many numbers of a motion the law remembers."""
+        """Number of a motion's numbers that the law remembers."""
 
     def _more(self, p: Array, v: Array) -> Any:
-        """What the law remembers besides, before the first tick."""
+        """The control law's own memory besides, before the first tick."""
         return NoMemory()
 
-    def _learned(
-        self, memory: AdaptiveState, s: Column, q: Column, v: Column, gradient: Callable[[Column], Column]
-    ) -> tuple[Column, Any]:
-        """The estimate after the period that has passed, and the adaptation law's memory."""
+    def _learned(self, memory: AdaptiveState, passed: Period) -> tuple[Column, Any]:
+        """The estimate (k,) after the period that has passed, and the adaptation law's memory."""
         if self.adaptation_law is None:
             return memory.estimate, memory.learning
-        period = Period(gradient, memory.s, s, memory.torque, q, v, self.period, memory.elapsed[0])
-        return self.adaptation_law.law(self.model, memory.estimate, period, memory.learning)
+        return self.adaptation_law.law(self.model, memory.estimate, passed, memory.learning)
 
     def _parameters(self, estimate: Column) -> Column:
         """All P parameters of an estimate."""

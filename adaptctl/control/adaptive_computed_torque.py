@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from adaptctl.arrays import Array, stacked_rows
-from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory
-from adaptctl.control.adaptive import Adaptive, AdaptiveState
+from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
+from adaptctl.control.adaptive import AdaptiveController, AdaptiveState
 from adaptctl.control.controller import ReferencePoint
-from adaptctl.control.gains.gains import LARGEST_SAMPLED_GAIN, per_joint, sampled_configurations, typical_inertia
+from adaptctl.control.gains.gains import (
+    LARGEST_SAMPLED_GAIN,
+    positive_per_joint,
+    sampled_configurations,
+    typical_inertia,
+)
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.errors import GainError, InputError
 from adaptctl.identifiability import ReducedModel
@@ -20,7 +24,7 @@ from adaptctl.scalars import Column, column
 
 
 @dataclass(frozen=True, eq=False)
-class AdaptiveComputedTorque(Adaptive):
+class AdaptiveComputedTorque(AdaptiveController):
     """Adaptive computed torque (Craig, Hsu and Sastry 1987).
 
         e = p - p_d,  s = e' + Lambda e
@@ -43,6 +47,8 @@ class AdaptiveComputedTorque(Adaptive):
     whose mass matrix is not positive definite everywhere.
     """
 
+    tunable = ("bandwidth", "weight", "initial")
+
     model: ReducedModel
     bandwidth: Array
     initial: Array | None
@@ -51,9 +57,9 @@ class AdaptiveComputedTorque(Adaptive):
     period: float = 1e-3
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "bandwidth", per_joint(self.bandwidth, self.dof, "bandwidth"))
+        object.__setattr__(self, "bandwidth", positive_per_joint(self.bandwidth, self.dof, "bandwidth"))
         weight = typical_inertia(self.model.mechanism) if self.weight is None else self.weight
-        object.__setattr__(self, "weight", per_joint(weight, self.dof, "weight"))
+        object.__setattr__(self, "weight", positive_per_joint(weight, self.dof, "weight"))
         self._settle()
         self._require_bandwidth()
         self._require_inertia()
@@ -62,7 +68,7 @@ class AdaptiveComputedTorque(Adaptive):
         self, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> tuple[Column, AdaptiveState]:
         """One tick: learn from the period that has passed, then act."""
-        equations, bandwidth = self.model.mechanism.equations, self._bandwidth
+        equations, bandwidth = self.model.mechanism.equations, column(self.bandwidth)
         q = equations.closed(p, memory.q)
         e, e_rate = p - reference.p, v - reference.v
         s = e_rate + bandwidth * e
@@ -71,21 +77,22 @@ class AdaptiveComputedTorque(Adaptive):
             before: Column = memory.motion
             acceleration = (1.0 / self.period) * (v - before)
             inertia = equations.mass_matrix(memory.q, self._parameters(memory.estimate))
-            felt = solve_symmetric(inertia, self._weight * sliding)
+            felt = solve_symmetric(inertia, column(self.weight) * sliding)
             return equations.motion(memory.q, before, before, acceleration).powers(felt, self.model.columns)
 
-        estimate, learning = self._learned(memory, s, q, v, gradient)
+        passed = Period(gradient, memory.s, s, memory.torque, q, v, self.period, memory.elapsed[0])
+        estimate, learning = self._learned(memory, passed)
         a = reference.a - bandwidth * (e_rate + s)
         torque = equations.inverse_dynamics(q, v, v, a, self._parameters(estimate))
         return torque, AdaptiveState(estimate, q, v, s, torque, Column((self.period,)), learning, NoMemory())
 
     @property
     def _motion_size(self) -> int:
-        """Velocities: accelerations are known at the next tick only."""
+        """r: velocities are remembered, as accelerations are known at the next tick only."""
         return self.dof
 
     def _require_bandwidth(self) -> None:
-        """With the true inertia the hold turns the velocity error by 1 - 2 Lambda T_c."""
+        """Raise `GainError` where a hold would overshoot: it multiplies velocity errors by 1 - 2 Lambda T_c."""
         gain = 2.0 * self.period * float(self.bandwidth.max())
         if gain > LARGEST_SAMPLED_GAIN:
             raise GainError(
@@ -94,9 +101,10 @@ class AdaptiveComputedTorque(Adaptive):
             )
 
     def _require_inertia(self) -> None:
+        """Raise `InputError` where the first estimate's mass matrix is not positive definite."""
         mechanism = self.model.mechanism
         p = sampled_configurations(mechanism)
-        parameters = Column(self.model.embed(np.asarray(self.initial)).tolist())
+        parameters = column(self.model.embed(np.asarray(self.initial)))
         rows = mechanism.equations.mass_matrix(column(mechanism.configuration(p)), parameters)
         smallest = float(np.linalg.eigvalsh(stacked_rows(rows, p.shape[:-1])).min())
         if not smallest > 0.0:
@@ -105,11 +113,3 @@ class AdaptiveComputedTorque(Adaptive):
                 f"this one's has the eigenvalue {smallest:.3g}: start from a rough model of the arm, or "
                 "use SlotineLi, which can start from zero"
             )
-
-    @cached_property
-    def _bandwidth(self) -> Column:
-        return Column(self.bandwidth.tolist())
-
-    @cached_property
-    def _weight(self) -> Column:
-        return Column(np.asarray(self.weight).tolist())

@@ -1,10 +1,10 @@
-"""What every controller is: a law over scalars, its memory, and a face on arrays."""
+"""The interface of controllers: a law over scalars, its memory, and steps on arrays."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import prod
 from typing import Any, Generic, NamedTuple, NoReturn, Protocol, TypeVar
 
@@ -12,15 +12,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, checked
-from adaptctl.compilation import Kernel, compile_function
+from adaptctl.compilation import Kernel
+from adaptctl.compilation.floats import OnFloats, native_or_floats
 from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.control.many_arms import ManyArms
 from adaptctl.errors import InputError, NonFiniteError
-from adaptctl.scalars import Column
+from adaptctl.scalars import Column, Structure, Tunable
 
 
 class ReferencePoint(NamedTuple):
-    """Where the arm should be: positions, velocities, accelerations, each (..., r) or a column."""
+    """Desired positions, velocities and accelerations, each (..., r) or a column."""
 
     p: Any
     v: Any
@@ -35,16 +36,22 @@ class Reference(Protocol):
         ...
 
 
+GAINS = "gains"
+"""Name of the column of a law's gains."""
+
 Memory = TypeVar("Memory", bound=tuple[Any, ...])
-"""What a law remembers between ticks: a NamedTuple of columns and of such memories, arrays on the outside."""
+"""A law's memory between ticks: a NamedTuple of columns and of such memories, arrays on the outside."""
 
 
-class Controller(ABC, Generic[Memory]):
+class Controller(Tunable, ABC, Generic[Memory]):
     """A control law for a mechanism of r joints, called once a control period, for one arm or for many.
 
     A subclass is a frozen dataclass of configuration. It writes `start` and `law`; `law` is an equation over
     scalars of any kind, so it is compiled to native code here, differentiated there, and run on floats when a
     mechanism is too long to compile. What changes over time is the memory, passed in and out.
+
+    Numbers that the class names in `tunable`, its gains, are arguments of the native code: controllers that differ in
+    them alone share it, and `tuned` makes one of another. Without such names all numbers are compiled in.
     """
 
     @property
@@ -71,13 +78,14 @@ class Controller(ABC, Generic[Memory]):
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: Memory) -> tuple[Column, Memory]:
         """One tick: the torque, in N m, and the memory after it."""
 
-    def init(self, p: ArrayLike, v: ArrayLike) -> Memory:
+    def init(self, p: ArrayLike, v: ArrayLike, gains: Mapping[str, Array] | None = None) -> Memory:
         """The state before the first tick, from measured positions and velocities (..., r).
 
-        Leading axes are arms, and each has its own state: leaves (..., n).
+        Leading axes are arms, and each has its own state: leaves (..., n). `gains` by their names in `numbers`, with
+        the same leading axes, are those of arms that have their own; they are not checked.
         """
         positions, velocities = self._measured(p, "p"), self._measured(v, "v")
-        started = self.start(positions, velocities)
+        started = (self.having(gains) if gains else self).start(positions, velocities)
         if positions.ndim == 1:
             return started
         sizes = self._memory_sizes.values()
@@ -119,37 +127,48 @@ class Controller(ABC, Generic[Memory]):
 
     @cached_property
     def _step_one(self) -> Callable[..., tuple[Array, Memory]]:
-        return on_memories(self.kernel.call if self.kernel else self._tick, self._blank)
+        return on_memories(self._tick.call, self._blank, (self.packed,) if self.packed.size else ())
 
     @property
     def kernel(self) -> Kernel | None:
-        """The law as native code, which can count its operations; None above LARGEST_COMPILED joints."""
+        """The law as native code, which can count its operations; None above LARGEST_COMPILED joints.
+
+        It takes p, v, the reference's parts, the leaves of the memory and, where there are any, the gains (`packed`).
+        """
         return self._tick if isinstance(self._tick, Kernel) else None
 
-    @cached_property
-    def _tick(self) -> Callable[..., tuple[Array, ...]]:
-        """The law on arrays, compiled where that is possible in reasonable time."""
-        if self.dof > LARGEST_COMPILED:
-            return self._on_floats
+    @property
+    def on_floats(self) -> OnFloats:
+        """The law in Python with its own gains: it takes p, v, the reference's parts, the leaves of the memory."""
         sizes = self._given_sizes | self._memory_sizes
-        return compile_function(self._equation(), sizes, name=type(self).__name__, finite="results")
+        return OnFloats(self._equation(), sizes, name=type(self).__name__, finite="results")
+
+    @cached_property
+    def _tick(self) -> Kernel | OnFloats:
+        """The law on arrays, compiled where that is possible in reasonable time."""
+        return _compiled(self.structure)
 
     @cached_property
     def _many(self) -> ManyArms:
-        native = self.dof <= LARGEST_COMPILED
-        return ManyArms(self._equation(), self._given_sizes, self._memory_sizes, native)
+        return _many(self.structure)
 
     def _step_many(self, state: Memory, *given: Any) -> tuple[Array, Memory]:
         """A tick of arms (...) that each have their own memory."""
         p, v, reference = given
         arms = np.shape(p)[:-1]
         columns = _columns((p, v, *reference), self._given_sizes, arms)
+        columns |= dict.fromkeys(self.gain_sizes, self.packed)
         memory = _columns(leaves(state), self._memory_sizes, arms)
         torque, after = self._many.step(prod(arms), columns, memory)
         if not np.isfinite(torque).all():
             self._blame(p, v, reference, torque.reshape(*arms, -1))
         after = after if len(arms) == 1 else [values.reshape(*arms, values.shape[1]) for values in after]
         return torque.reshape(*arms, torque.shape[1]), like(state, after)
+
+    @property
+    def gain_sizes(self) -> dict[str, int]:
+        """Length of the column of gains; nothing where all are compiled in."""
+        return {GAINS: self.packed.size} if self.packed.size else {}
 
     @cached_property
     def _given_sizes(self) -> dict[str, int]:
@@ -169,19 +188,12 @@ class Controller(ABC, Generic[Memory]):
         def equation(
             p: Column, v: Column, reference_p: Column, reference_v: Column, reference_a: Column, **kept: Column
         ) -> tuple[Column, ...]:
+            law = self.substituted(kept.pop(GAINS)) if GAINS in kept else self
             reference = ReferencePoint(reference_p, reference_v, reference_a)
-            torque, after = self.law(p, v, reference, like(self._blank, kept.values()))
+            torque, after = law.law(p, v, reference, like(self._blank, kept.values()))
             return (torque, *leaves(after))
 
         return equation
-
-    def _on_floats(self, *arrays: ArrayLike) -> tuple[Array, ...]:
-        p, v, *rest = (Column(np.asarray(array, dtype=float).tolist()) for array in arrays)
-        torque, after = self.law(p, v, ReferencePoint(*rest[:3]), like(self._blank, rest[3:]))
-        results = tuple(np.array(column.of, dtype=float) for column in (torque, *leaves(after)))
-        if not all(np.isfinite(x).all() for x in results):
-            raise NonFiniteError(f"{type(self).__name__}: the result is not finite")
-        return results
 
     def _measured(self, values: ArrayLike, what: str, size: int | None = None) -> Array:
         array = np.atleast_1d(np.asarray(values))
@@ -194,6 +206,22 @@ class Controller(ABC, Generic[Memory]):
         arm = np.argwhere(~np.isfinite(np.atleast_1d(torque)))[:1, :-1].ravel().tolist()
         whose = f" of arm {', '.join(map(str, arm))}" if arm else ""
         raise NonFiniteError(f"{type(self).__name__}: the torque{whose} is not finite, though all it was given is")
+
+
+@lru_cache(maxsize=64)
+def _compiled(structure: Structure) -> Kernel | OnFloats:
+    """The law of controllers of one structure on arrays; that of the latest is kept."""
+    law: Any = structure.of
+    sizes = law._given_sizes | law._memory_sizes | law.gain_sizes
+    return native_or_floats(law._equation(), sizes, law.dof, name=type(law).__name__, finite="results")
+
+
+@lru_cache(maxsize=16)
+def _many(structure: Structure) -> ManyArms:
+    """The law of controllers of one structure on many arms."""
+    law: Any = structure.of
+    given = law._given_sizes | law.gain_sizes
+    return ManyArms(law._equation(), given, law._memory_sizes, native=law.dof <= LARGEST_COMPILED)
 
 
 def _columns(values: Iterable[ArrayLike], sizes: Mapping[str, int], arms: tuple[int, ...]) -> dict[str, Array]:
@@ -210,8 +238,11 @@ def _columns(values: Iterable[ArrayLike], sizes: Mapping[str, int], arms: tuple[
     return columns
 
 
-def on_memories(tick: Callable[..., tuple[Array, ...]], pattern: Memory) -> Callable[..., tuple[Array, Memory]]:
-    """A tick from state, p, v and reference to torque and state, made of one on the leaves of states like the pattern.
+def on_memories(
+    tick: Callable[..., tuple[Array, ...]], pattern: Memory, gains: tuple[Array, ...] = ()
+) -> Callable[..., tuple[Array, Memory]]:
+    """A tick from state, p, v and reference to torque and state, made of one on the leaves of states like the pattern,
+    which takes the gains after them.
 
     Where all leaves come before what is empty, as is usual, none has to be looked for at each tick.
     """
@@ -219,11 +250,11 @@ def on_memories(tick: Callable[..., tuple[Array, ...]], pattern: Memory) -> Call
     empty = tuple(pattern[count:])
 
     def searching(state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint) -> tuple[Array, Memory]:
-        torque, *memory = tick(p, v, *reference, *leaves(state))
+        torque, *memory = tick(p, v, *reference, *leaves(state), *gains)
         return torque, like(state, memory)
 
     def slicing(state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint) -> tuple[Array, Memory]:
-        done = tick(*((p, v) + reference + state[:count]))  # noqa: RUF005  # sums of tuples cost less
+        done = tick(*((p, v) + reference + state[:count] + gains))  # noqa: RUF005  # sums of tuples cost less
         return done[0], new(kind, done[1:] + empty)
 
     return slicing if all(isinstance(part, tuple) and not part for part in empty) else searching
@@ -241,7 +272,7 @@ def leaves(memory: tuple[Any, ...]) -> list[Any]:
 
 
 def _paths(memory: tuple[Any, ...], to: str = "state") -> Iterator[str]:
-    """What the columns of a memory are called, one for each leaf."""
+    """Names of a memory's columns, one for each leaf."""
     for name, part in zip(getattr(memory, "_fields", range(len(memory))), memory, strict=True):
         if isinstance(part, tuple):
             yield from _paths(part, f"{to}.{name}")

@@ -1,4 +1,4 @@
-"""Parameter estimates that outlast a run: what one controller learnt, another may start from."""
+"""Files of parameter estimates: what one controller learnt, another may start from."""
 
 from __future__ import annotations
 

@@ -1,19 +1,18 @@
-"""What every controller needs before it may touch a motor: limits it knows, learning that waits, a safe stop."""
+"""Guards of a controller before it may touch a motor: limits it knows, learning that waits, a safe stop."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, per_joint
 from adaptctl.control.controller import Controller, ReferencePoint, leaves
 from adaptctl.errors import InputError
-from adaptctl.scalars import Column, Scalar, absolute, clip, maximum, where
+from adaptctl.scalars import Column, Scalar, absolute, clip, column, maximum, minimum, where
 from adaptctl.scalars.scalar import Condition
 
 LARGEST = float(np.finfo(np.float64).max)
@@ -22,7 +21,7 @@ Parts = TypeVar("Parts", bound=tuple[Any, ...])
 
 
 class Marks(NamedTuple):
-    """What the guards did in a tick, each (1,), 1 or 0."""
+    """Marks of what the guards did in a tick, each (1,), 1 or 0."""
 
     torque_limited: Any
     """a torque was beyond its limit"""
@@ -37,7 +36,7 @@ class Marks(NamedTuple):
 
 
 class GuardedState(NamedTuple):
-    """What the guarded law remembers, the last torque, and what the guards did."""
+    """The memory of a guarded law: the law's own, the last torque, and what the guards did."""
 
     of: Any
     torque: Any
@@ -77,11 +76,11 @@ class Guarded(Controller[GuardedState]):
 
     def __post_init__(self) -> None:
         for name in ("torque_limits", "rate_limits"):
-            object.__setattr__(self, name, _each(getattr(self, name), self.dof, name, positive=True))
+            object.__setattr__(self, name, _limits(getattr(self, name), self.dof, name))
         own = getattr(self.of, "damping", None) if self.stop_damping is None else self.stop_damping
         if own is None:
             raise InputError(f"stop_damping: {type(self.of).__name__} has no damping of its own to brake by: give one")
-        object.__setattr__(self, "stop_damping", _each(own, self.dof, "stop_damping"))
+        object.__setattr__(self, "stop_damping", _brake(own, self.dof))
         if self.period is None:
             object.__setattr__(self, "period", getattr(self.of, "period", None))
         if np.isfinite(np.asarray(self.rate_limits)).any() and self.period is None:
@@ -90,36 +89,48 @@ class Guarded(Controller[GuardedState]):
             object.__setattr__(self, "estimate_bounds", _bounds(self.of, *self.estimate_bounds))
 
     @property
+    def tunable(self) -> tuple[str, ...]:
+        """Limits and bounds; those of rates only where there are any, for the others cost nothing."""
+        rates = ("rate_limits",) if self._limits_rates else ()
+        return ("torque_limits", "stop_damping", "estimate_bounds", *rates)
+
+    @property
+    def _limits_rates(self) -> bool:
+        limited = isinstance(self.rate_limits, Column) or bool(np.isfinite(np.asarray(self.rate_limits)).any())
+        return limited and self.period is not None
+
+    @property
     def dof(self) -> int:
         """Number of joints r."""
         return self.of.dof
 
     @property
     def home(self) -> Array:
-        """Where the law can start."""
+        """Positions (r,) where the law can start."""
         return self.of.home
 
     @property
     def reference_size(self) -> int:
-        """What the law asks of a reference."""
+        """Length of each part of the law's reference points."""
         return self.of.reference_size
 
     def start(self, p: Array, v: Array) -> GuardedState:
-        """The law's own memory, and nothing done yet."""
+        """The memory before the first tick: the law's own, and nothing done yet."""
         marks = Marks(*(np.zeros(1) for _ in Marks._fields))
         return GuardedState(self.of.start(p, v), np.zeros(self.dof), np.zeros(1), marks)
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: GuardedState) -> tuple[Column, GuardedState]:
-        """One tick of the law, on finite numbers only, and what is allowed of it."""
+        """One tick: the law's on finite numbers only, and as much of its torque as the limits allow."""
         given = (p, v, *reference)
-        clean = [Column(where(_finite(x), x, 0.0) for x in column) for column in given]
+        clean = [Column(where(_finite(x), x, 0.0) for x in part) for part in given]
         torque, after = self.of.law(clean[0], clean[1], ReferencePoint(*clean[2:]), memory.of)
         after, bounded = self._bounded(after)
         sound = _sound((*given, torque, *leaves(after)))
         stopped = where(sound, memory.marks.stopped[0], 1.0)
-        torque = _either(stopped > 0.5, -(self._stop_damping * clean[1]), torque)
+        torque = _either(stopped > 0.5, -(column(self.stop_damping) * clean[1]), torque)
         after = _chosen(stopped > 0.5, memory.of, after)
-        limited = Column(map(clip, torque, -self._torque_limits, self._torque_limits))
+        limits = Column(minimum(limit, LARGEST) for limit in column(self.torque_limits))
+        limited = Column(map(clip, torque, -limits, limits))
         applied = self._within_reach(limited, memory)
         beyond, too_fast = _differ(torque, limited), _differ(limited, applied)
         frozen = maximum(beyond, too_fast) if self.freeze else 0.0
@@ -130,9 +141,10 @@ class Guarded(Controller[GuardedState]):
 
     def _within_reach(self, torque: Column, memory: GuardedState) -> Column:
         """The nearest torque that the rate allows; any is at the first tick."""
-        if self._steps is None:
+        if not self._limits_rates:
             return torque
-        reach = [where(memory.begun[0] > 0.5, step, LARGEST) for step in self._steps]
+        steps = [minimum(rate * self.period, LARGEST) for rate in column(self.rate_limits)]
+        reach = [where(memory.begun[0] > 0.5, step, LARGEST) for step in steps]
         pairs = zip(torque, memory.torque, reach, strict=True)
         return Column(clip(x, last - step, last + step) for x, last, step in pairs)
 
@@ -140,36 +152,24 @@ class Guarded(Controller[GuardedState]):
         """The memory with its estimate within the bounds, and whether it had to be brought there."""
         if self.estimate_bounds is None:
             return after, 0.0
-        lower, upper = (np.asarray(bound).tolist() for bound in self.estimate_bounds)
-        estimate = Column(map(clip, after.estimate, lower, upper))
+        estimate = Column(map(clip, after.estimate, *map(column, self.estimate_bounds)))
         return after._replace(estimate=estimate), _differ(after.estimate, estimate)
 
-    @cached_property
-    def _torque_limits(self) -> Column:
-        return Column(np.minimum(np.asarray(self.torque_limits), LARGEST).tolist())
 
-    @cached_property
-    def _stop_damping(self) -> Column:
-        return Column(np.asarray(self.stop_damping).tolist())
-
-    @cached_property
-    def _steps(self) -> list[float] | None:
-        """The largest change of each torque in a period; None where no rate is limited."""
-        if self.period is None or not np.isfinite(np.asarray(self.rate_limits)).any():
-            return None
-        return np.minimum(np.asarray(self.rate_limits) * self.period, LARGEST).tolist()
+def _limits(values: ArrayLike, dof: int, what: str) -> Array:
+    """Positive limits (r,), one for all joints or one each; infinite where there is none."""
+    limits = per_joint(values, dof, what)
+    if not np.all(limits > 0.0):
+        raise InputError(f"{what}: expected positive numbers, one or {dof}, got {limits.tolist()}")
+    return limits
 
 
-def _each(values: ArrayLike, dof: int, what: str, *, positive: bool = False) -> Array:
-    """Numbers (r,), one for all joints or one each; limits may be infinite, and nothing may be NaN."""
-    array = np.asarray(values, dtype=np.float64)
-    fits = array > 0.0 if positive else (array >= 0.0) & np.isfinite(array)
-    if array.shape not in ((), (dof,)) or not np.all(fits):
-        wanted = "positive numbers" if positive else "finite numbers of at least 0"
-        raise InputError(f"{what}: expected {wanted}, one or {dof}, got {array.tolist()}")
-    each = np.broadcast_to(array, (dof,)).copy()
-    each.flags.writeable = False
-    return each
+def _brake(values: ArrayLike, dof: int) -> Array:
+    """A brake's damping (r,) of at least 0 N m s/rad, one for all joints or one each."""
+    damping = per_joint(values, dof, "stop_damping")
+    if not np.all((damping >= 0.0) & np.isfinite(damping)):
+        raise InputError(f"stop_damping: expected finite numbers of at least 0, one or {dof}, got {damping.tolist()}")
+    return damping
 
 
 def _bounds(law: Controller[Any], lower: ArrayLike, upper: ArrayLike) -> tuple[Array, Array]:
@@ -195,9 +195,9 @@ def _finite(x: Scalar) -> Condition:
 
 
 def _sound(columns: Iterable[Column]) -> Condition:
-    """Whether all numbers are finite: their sum is, for what is not finite stays so. Added in pairs, so that few
-    additions wait for others."""
-    rest: list[Any] = [x for column in columns for x in column]
+    """Condition that all numbers are finite: their sum is, for what is not finite stays so. Added in pairs, so that
+    few additions wait for others."""
+    rest: list[Any] = [x for part in columns for x in part]
     while len(rest) > 1:
         rest = [sum(rest[k + 1 : k + 2], rest[k]) for k in range(0, len(rest), 2)]
     return _finite(rest[0])

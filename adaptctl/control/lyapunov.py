@@ -2,37 +2,30 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.control.run import Followed
+from adaptctl.control.run import LearningRun, TrackedRun
 from adaptctl.control.slotine_li import SlotineLi
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 
 
-class Run(Followed, Protocol):
-    """A run, and what was learned."""
-
-    @property
-    def estimate(self) -> Array:
-        """Parameter estimates (T, k)."""
-        ...
-
-
-def sliding_variable(controller: SlotineLi, run: Followed) -> Array:
-    """s = e' + Lambda e (T, r)."""
+def sliding_variable(controller: SlotineLi, run: TrackedRun) -> Array:
+    """s = e' + Lambda e (T, r). Raises `InputError` for the law's relatives, whose s is another one."""
+    if type(controller).reference_velocity is not SlotineLi.reference_velocity:
+        law = type(controller).__name__
+        raise InputError(f"sliding variable: that of {law} depends on more than the errors, which are all a run keeps")
     return run.v - run.reference_v + controller.bandwidth * (run.p - run.reference_p)
 
 
-def lyapunov(controller: SlotineLi, run: Run, mechanism: Mechanism) -> Array:
-    """V (T,) = s'Ms/2 + error' Gamma^-1 error/2, with the true mechanism's mass matrix and parameters.
+def lyapunov(controller: SlotineLi, run: LearningRun, mechanism: Mechanism) -> Array:
+    """V (T,) = s'Ms/2 + error' Gamma^-1 error/2 in J, with the true mechanism's mass matrix and parameters.
 
     The second term is the adaptation law's own distance; with adaptation off only the first is left. Where the
     parameters are no physical set, M need not be positive definite, and V is then no distance; it is reported
-    as it is. Raises `InputError` for an adaptation law whose distance depends on more than the estimate.
+    as it is. Raises `InputError` for an adaptation law whose distance depends on more than the estimate, and for
+    the law's relatives.
     """
     s = sliding_variable(controller, run)
     kinetic = 0.5 * np.einsum("ti,tij,tj->t", s, mechanism.mass_matrix(run.p), s)

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from adaptctl.arrays import Array, stacked
+from adaptctl.arrays import Array, frozen, stacked
 from adaptctl.compilation import Ensemble, Stepper, compile_step
 from adaptctl.scalars import Column
 
@@ -43,7 +43,7 @@ class ManyArms:
             if values is not latest.get(name):
                 ensemble.state[name] = values
         (torque,) = ensemble.run()
-        after = {name: _frozen(ensemble.state[name]) for name in self.memory}
+        after = {name: frozen(ensemble.state[name]) for name in self.memory}
         self._spare.clear()
         self._spare[arms] = ensemble, after
         return torque, list(after.values())
@@ -57,12 +57,7 @@ class ManyArms:
         return compile_step(step, state=self.memory, held=self.given, name="controller")
 
     def _on_arrays(self, arms: int, given: Columns, memory: Columns) -> tuple[Array, list[Array]]:
-        """The same in NumPy, for laws too long to compile."""
+        """A tick in NumPy, for laws too long to compile."""
         columns = {name: Column(np.atleast_2d(values).T) for name, values in {**given, **memory}.items()}
         torque, *after = (stacked(column.of, (arms,)) for column in self.law(**columns))
         return torque, after
-
-
-def _frozen(values: Array) -> Array:
-    values.flags.writeable = False
-    return values

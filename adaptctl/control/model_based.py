@@ -1,8 +1,7 @@
-"""What control laws with given parameters have in common."""
+"""Control laws with given parameters."""
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,24 +11,24 @@ from adaptctl.arrays import Array, frozen_array
 from adaptctl.control.controller import Controller
 from adaptctl.dynamics import Mechanism
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column
+from adaptctl.scalars import Column, column
 
 
-class Followed(NamedTuple):
-    """The state of a law that remembers only where the loops, if any, are followed from."""
+class BranchState(NamedTuple):
+    """The memory of a law that needs only the branch its loops, if any, are on."""
 
     q: Any
-    """(n,) the tree's joints at the last tick"""
+    """(n,) the tree's joints at the last tick, from which the next configuration is found"""
 
 
-class ModelBased(Controller[Followed]):
+class ModelBased(Controller[BranchState]):
     """A control law with parameters (P,), right or wrong, of a mechanism; its own unless given."""
 
     mechanism: Mechanism
     parameters: Array | None
 
     def _settle(self) -> None:
-        """Check the parameters."""
+        """Check the parameters, the mechanism's own unless given, and freeze them."""
         own = self.mechanism.inertial_parameters
         given = frozen_array(own if self.parameters is None else self.parameters, own.shape, "parameters")
         object.__setattr__(self, "parameters", given)
@@ -44,16 +43,16 @@ class ModelBased(Controller[Followed]):
         """Positions (r,) where loops, if any, are known to close."""
         return self.mechanism.home
 
-    def start(self, p: Array, v: Array) -> Followed:
-        """The configuration at the start."""
-        return Followed(self.mechanism.configuration(p))
+    def start(self, p: Array, v: Array) -> BranchState:
+        """The memory before the first tick: the configuration at p (..., r)."""
+        return BranchState(self.mechanism.configuration(p))
 
-    @cached_property
+    @property
     def _parameters(self) -> Column:
-        return Column(np.asarray(self.parameters).tolist())
+        return column(np.asarray(self.parameters))
 
 
-def embedded(model: ReducedModel, parameters: ArrayLike | None) -> Array:
+def embedded_parameters(model: ReducedModel, parameters: ArrayLike | None) -> Array:
     """All P parameters with the torques of fundamental ones (k,), the true ones unless given: zero where removed,
     so that what they would have cost is never computed."""
     return model.embed(model.fundamental_parameters if parameters is None else parameters)

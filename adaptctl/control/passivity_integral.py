@@ -1,9 +1,8 @@
-"""Passivity-based control with integral action."""
+"""Slotine and Li's law with integral action."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,12 +10,12 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.control.adaptive import AdaptiveState
 from adaptctl.control.controller import ReferencePoint
-from adaptctl.control.passivity import PassivityBased, Wanted
-from adaptctl.scalars import Column
+from adaptctl.control.slotine_li import ReferenceVelocity, SlotineLi
+from adaptctl.scalars import Column, column
 
 
 class Integral(NamedTuple):
-    """What integral action remembers."""
+    """The memory of integral action."""
 
     integral: Any
     """(r,) of the error so far, rad s"""
@@ -25,12 +24,14 @@ class Integral(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class PassivityIntegral(PassivityBased):
+class PassivityIntegral(SlotineLi):
     """Slotine and Li's law about the integral of the error (Slotine and Li 1991, section 9.2; the passivity of
     the family: Ortega and Spong 1989).
 
         e = p - p_d,  v_r = v_d - 2 Lambda e - Lambda^2 (integral of e),  s = v - v_r
         torque = Y_r(p, v, v_r, a_r) estimate - K s
+
+    The integral is taken by the trapezium, exact to T_c^2.
 
     Guarantees: what `SlotineLi` does, V with this s; on s = 0 the error has both poles at -Lambda. A constant
     disturbance leaves a constant s and no position error, adaptation or not; friction and an unknown payload at
@@ -39,21 +40,22 @@ class PassivityIntegral(PassivityBased):
     Gives up: the integral overshoots, and winds up while torques are limited. It stands still in a period whose
     `elapsed` is set to zero, as adaptation does.
 
-    Arguments and errors are those of `PassivityBased`.
+    Arguments and errors are those of `SlotineLi`.
     """
 
-    def wanted(self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState) -> Wanted:
-        """The reference's velocity, and back to it."""
-        twice, square = self._gains
+    tunable = SlotineLi.tunable
+
+    def reference_velocity(
+        self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
+    ) -> ReferenceVelocity:
+        """v_r = v_d - 2 Lambda e - Lambda^2 (integral of e) and its derivative."""
+        bandwidth = column(self.bandwidth)
+        twice, square = 2.0 * bandwidth, bandwidth * bandwidth
         before: Integral = memory.more
-        e, rate = p - reference.p, v - reference.v
+        e, e_rate = p - reference.p, v - reference.v
         integral = before.integral + (0.5 * memory.elapsed[0]) * (before.error + e)
         v_r = reference.v - twice * e - square * integral
-        return Wanted(v_r, reference.a - twice * rate - square * e, Integral(integral, e))
+        return ReferenceVelocity(v_r, reference.a - twice * e_rate - square * e, Integral(integral, e))
 
     def _more(self, p: Array, v: Array) -> Integral:
         return Integral(np.zeros(self.dof), np.zeros(self.dof))
-
-    @cached_property
-    def _gains(self) -> tuple[Column, Column]:
-        return Column((2.0 * self.bandwidth).tolist()), Column((self.bandwidth**2).tolist())

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array
 from adaptctl.control.controller import ReferencePoint
-from adaptctl.control.gains.gains import per_joint
-from adaptctl.control.model_based import Followed, ModelBased, embedded
+from adaptctl.control.gains.gains import positive_per_joint
+from adaptctl.control.model_based import BranchState, ModelBased, embedded_parameters
 from adaptctl.dynamics import Mechanism
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column
+from adaptctl.scalars import Column, column
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +30,8 @@ class PDGravity(ModelBased):
     mechanism's own unless given.
     """
 
+    tunable = ("stiffness", "damping")
+
     mechanism: Mechanism
     stiffness: Array
     damping: Array
@@ -38,24 +39,20 @@ class PDGravity(ModelBased):
 
     def __post_init__(self) -> None:
         for name in ("stiffness", "damping"):
-            object.__setattr__(self, name, per_joint(getattr(self, name), self.dof, name))
+            object.__setattr__(self, name, positive_per_joint(getattr(self, name), self.dof, name))
         self._settle()
 
     @classmethod
     def on(
         cls, model: ReducedModel, stiffness: ArrayLike, damping: ArrayLike, parameters: ArrayLike | None = None
     ) -> PDGravity:
-        """The same law with the parameters (k,) of a model, the true ones unless given."""
-        return cls(model.mechanism, np.asarray(stiffness), np.asarray(damping), embedded(model, parameters))
+        """This law with the parameters (k,) of a model, the true ones unless given."""
+        return cls(model.mechanism, np.asarray(stiffness), np.asarray(damping), embedded_parameters(model, parameters))
 
-    def law(self, p: Column, v: Column, reference: ReferencePoint, memory: Followed) -> tuple[Column, Followed]:
-        """One tick."""
-        stiffness, damping = self._constants
+    def law(self, p: Column, v: Column, reference: ReferencePoint, memory: BranchState) -> tuple[Column, BranchState]:
+        """One tick: gravity, a spring and a damper."""
         equations, rest = self.mechanism.equations, Column.zeros(self.dof)
         q = equations.closed(p, memory.q)
         gravity = equations.inverse_dynamics(q, rest, rest, rest, self._parameters)
-        return gravity - stiffness * (p - reference.p) - damping * (v - reference.v), Followed(q)
-
-    @cached_property
-    def _constants(self) -> tuple[Column, Column]:
-        return Column(self.stiffness.tolist()), Column(self.damping.tolist())
+        e, e_rate = p - reference.p, v - reference.v
+        return gravity - column(self.stiffness) * e - column(self.damping) * e_rate, BranchState(q)

@@ -17,7 +17,7 @@ from adaptctl.errors import InputError
 from adaptctl.scalars import Column, Scalar, clip, cos, sin, where
 
 DEGREE = 5
-"""of splines"""
+"""Degree of splines."""
 
 
 def quintic(u: Scalar) -> tuple[Scalar, Scalar, Scalar]:
@@ -32,7 +32,7 @@ def quintic(u: Scalar) -> tuple[Scalar, Scalar, Scalar]:
 
 
 class SinusoidNumbers(NamedTuple):
-    """What `Sinusoids` are made of, as arrays or columns: the terms of all h harmonics one after the other."""
+    """Numbers of `Sinusoids`, as arrays or columns: the terms of all h harmonics one after the other."""
 
     center: Any
     """(r,)"""
@@ -109,7 +109,7 @@ class Sinusoids:
 
     @property
     def numbers(self) -> SinusoidNumbers:
-        """What it is made of, for `sinusoids_at`."""
+        """Its numbers as arrays, for `sinusoids_at`."""
         phase = np.zeros_like(self.amplitude) if self.phase is None else self.phase
         amplitude, frequency, phase = (np.ravel(values) for values in (self.amplitude, self.frequency, phase))
         return SinusoidNumbers(self.center, amplitude, frequency, phase, np.array([self.start_time]))

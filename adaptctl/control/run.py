@@ -1,4 +1,4 @@
-"""What is needed of a closed-loop run, whoever drove it, to judge how it went."""
+"""Protocols of closed-loop runs, whoever drove them: what is needed to judge how one went."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import Protocol
 from adaptctl.arrays import Array
 
 
-class Followed(Protocol):
-    """A run of T periods of r joints, and what it was to follow."""
+class TrackedRun(Protocol):
+    """T control periods of r joints and of the reference they followed."""
 
     @property
     def p(self) -> Array:
@@ -28,4 +28,27 @@ class Followed(Protocol):
     @property
     def reference_v(self) -> Array:
         """The reference's velocities (T, r)."""
+        ...
+
+
+class SampledRun(TrackedRun, Protocol):
+    """A run with its reference's accelerations and its sampling time."""
+
+    @property
+    def reference_a(self) -> Array:
+        """The reference's accelerations (T, r)."""
+        ...
+
+    @property
+    def control_period(self) -> float:
+        """Time between samples, s."""
+        ...
+
+
+class LearningRun(TrackedRun, Protocol):
+    """A run with the estimates of its adaptive controller."""
+
+    @property
+    def estimate(self) -> Array:
+        """Parameter estimates (T, k)."""
         ...

@@ -3,30 +3,94 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
 
-from adaptctl.control.adaptation.law import NoMemory
-from adaptctl.control.adaptive import AdaptiveState
+from adaptctl.arrays import Array
+from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
+from adaptctl.control.adaptive import AdaptiveController, AdaptiveState
 from adaptctl.control.controller import ReferencePoint
-from adaptctl.control.passivity import PassivityBased, Wanted
-from adaptctl.scalars import Column
+from adaptctl.control.gains.gains import positive_per_joint
+from adaptctl.identifiability import ReducedModel
+from adaptctl.scalars import Column, column
+
+
+class ReferenceVelocity(NamedTuple):
+    """The velocity v_r (r,) that s = v - v_r is measured from, its derivative a_r (r,), and a law's memory of them."""
+
+    v_r: Column
+    a_r: Column
+    more: Any
 
 
 @dataclass(frozen=True, eq=False)
-class SlotineLi(PassivityBased):
+class SlotineLi(AdaptiveController):
     """Adaptive control by passivity (Slotine and Li 1987), on as many parameters as the model has.
 
-        e = p - p_d,  v_r = v_d - Lambda e,  s = v - v_r
+        e = p - p_d,  v_r = v_d - Lambda e,  a_r = v_r',  s = v - v_r
         torque = Y_r(p, v, v_r, a_r) estimate - K s
         estimate' = -Gamma Y_r' s, or another adaptation law's
 
-    In continuous time V = s'Ms/2 + (error)' Gamma^-1 (error)/2 falls as -s'Ks, so the tracking error goes to
-    zero; the estimates converge too only under persistent excitation, and nothing keeps them physically
-    consistent, unless the adaptation law does.
+    Theorem: M s' + C s + K s = Y_r error, so that in continuous time V = s'Ms/2 + error' Gamma^-1 error/2 falls as
+    -s'Ks, and the tracking error goes to zero. The estimates converge too only under persistent excitation, and
+    nothing keeps them physically consistent, unless the adaptation law does. The proof asks of v_r only that a_r be
+    its derivative (Ortega and Spong 1989): `PassivityIntegral` and `TaskSpaceSlotineLi` are this law with another.
 
-    Arguments and errors are those of `PassivityBased`.
+    `model` has the k parameters; `bandwidth` is Lambda (1/s) and `damping` K (N m s/rad), each one number or one a
+    joint (r,); `adaptation` is an adaptation law, or Gamma for `Gradient`, its diagonal (k,) or whole (k, k), or None
+    to switch adaptation off; `initial` (k,) is the first estimate, zero when not given; `period` is the control period
+    T_c in s.
+
+    Raises `GainError` when the period cannot carry the damping, `InputError` on wrong shapes and on an adaptation law
+    that does not fit the model.
     """
 
-    def wanted(self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState) -> Wanted:
-        """The reference's velocity, and Lambda back to it."""
-        v_r = reference.v - self._bandwidth * (p - reference.p)
-        return Wanted(v_r, reference.a - self._bandwidth * (v - reference.v), NoMemory())
+    tunable: ClassVar[tuple[str, ...]] = ("bandwidth", "damping", "initial")
+
+    model: ReducedModel
+    bandwidth: Array
+    damping: Array
+    adaptation: AdaptationLaw[Any] | Array | None = None
+    initial: Array | None = None
+    period: float = 1e-3
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "bandwidth", positive_per_joint(self.bandwidth, self._coordinates, "bandwidth"))
+        object.__setattr__(self, "damping", positive_per_joint(self.damping, self.dof, "damping"))
+        self._settle()
+        self._require_carried(self.damping)
+
+    def law(
+        self, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
+    ) -> tuple[Column, AdaptiveState]:
+        """One tick: learn from the period that has passed, then act."""
+        equations = self.model.mechanism.equations
+        q = equations.closed(p, memory.q)
+        v_r, a_r, more = self.reference_velocity(q, p, v, reference, memory)
+        s = v - v_r
+
+        def gradient(sliding: Column) -> Column:  # Y_r's, of the regressor at the last tick
+            return equations.remembered(memory.motion).powers(sliding, self.model.columns)
+
+        passed = Period(gradient, memory.s, s, memory.torque, q, v, self.period, memory.elapsed[0])
+        estimate, learning = self._learned(memory, passed)
+        motion = equations.motion(q, v, v_r, a_r)
+        torque = motion.torque(self._parameters(estimate)) - column(self.damping) * s
+        kept = motion.numbers if self._motion_size else Column(())
+        return torque, AdaptiveState(estimate, q, kept, s, torque, Column((self.period,)), learning, more)
+
+    def reference_velocity(
+        self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
+    ) -> ReferenceVelocity:
+        """v_r = v_d - Lambda e and its derivative, at configuration q (n,) of the tree."""
+        bandwidth = column(self.bandwidth)
+        e, e_rate = p - reference.p, v - reference.v
+        return ReferenceVelocity(reference.v - bandwidth * e, reference.a - bandwidth * e_rate, NoMemory())
+
+    @property
+    def _motion_size(self) -> int:
+        return 0 if self.adaptation_law is None else self.model.mechanism.equations.motion_size
+
+    @property
+    def _coordinates(self) -> int:
+        """Number of coordinates whose errors decay at the bandwidth: the joints."""
+        return self.dof

@@ -14,26 +14,27 @@ from adaptctl.control.adaptation.law import NoMemory
 from adaptctl.control.adaptive import AdaptiveState
 from adaptctl.control.controller import ReferencePoint
 from adaptctl.control.gains.gains import sampled_configurations
-from adaptctl.control.passivity import PassivityBased, Wanted
+from adaptctl.control.slotine_li import ReferenceVelocity, SlotineLi
 from adaptctl.dynamics.recursion.jacobian import moving_point
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column, Dual, Vec, column
+from adaptctl.scalars.column import combined
 
 UNREACHED = 1e-6
 """A Jacobian's smallest singular value over its largest, below which it is singular everywhere."""
 
 
 class Goal(NamedTuple):
-    """Where the reference's loops are followed from, when it is given in joints."""
+    """The memory of a reference given in joints: the branch its loops are on."""
 
     q: Any
-    """(n,)"""
+    """(n,) its tree's joints at the last tick"""
 
 
 @dataclass(frozen=True, eq=False)
-class TaskSpaceSlotineLi(PassivityBased):
-    """Slotine and Li's law with the velocity it wants chosen for a point x(p) of a link (Slotine and Li 1987,
+class TaskSpaceSlotineLi(SlotineLi):
+    """Slotine and Li's law with the reference velocity chosen for a point x(p) of a link (Slotine and Li 1987,
     section on Cartesian control).
 
         v_r = J# (x_d' - Lambda (x - x_d)) + (1 - J# J)(-posture_rate (p - posture)),  J# = J'(J J' + mu^2)^-1
@@ -52,8 +53,10 @@ class TaskSpaceSlotineLi(PassivityBased):
 
     The reference point has m numbers each, x_d, x_d', x_d''; with `reference_in_joints` it has joints (r,), as
     an environment tells them, and the point is to be where that arm has it. `bandwidth` is Lambda (1/s), a
-    number or (m,); other arguments are those of `PassivityBased`.
+    number or (m,); other arguments are those of `SlotineLi`.
     """
+
+    tunable = (*SlotineLi.tunable, "posture_rate")
 
     link: str | None = None
     tool: Array | None = None
@@ -85,12 +88,14 @@ class TaskSpaceSlotineLi(PassivityBased):
         """m, or r where the reference is given in joints."""
         return self.dof if self.reference_in_joints else len(self.axes)
 
-    def wanted(self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState) -> Wanted:
-        """The velocity wanted and its derivative along the motion."""
+    def reference_velocity(
+        self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
+    ) -> ReferenceVelocity:
+        """v_r and its derivative along the motion, by dual numbers."""
         goal, rate, more = self._goal(reference, memory)
         rates = self.model.mechanism.equations.rates(q, v)
         v_r = self._velocity(_moving(q, rates), _moving(p, v), goal, rate)
-        return Wanted(Column(x.value for x in v_r), Column(x.slope for x in v_r), more)
+        return ReferenceVelocity(Column(x.value for x in v_r), Column(x.slope for x in v_r), more)
 
     def point(self, q: Column) -> tuple[Column, list[Column]]:
         """x (m,) and the rows of J (m, r) at configuration q (n,)."""
@@ -105,7 +110,7 @@ class TaskSpaceSlotineLi(PassivityBased):
         return Goal(self.model.mechanism.configuration(p)) if self.reference_in_joints else NoMemory()
 
     def _goal(self, reference: ReferencePoint, memory: AdaptiveState) -> tuple[Column, Column, Any]:
-        """Where the point is to be, its velocity there, both with their derivatives, and the memory."""
+        """x_d and x_d' (m,), both with their derivatives in time, and the memory."""
         if not self.reference_in_joints:
             return _moving(reference.p, reference.v), _moving(reference.v, reference.a), NoMemory()
         equations = self.model.mechanism.equations
@@ -117,18 +122,19 @@ class TaskSpaceSlotineLi(PassivityBased):
     def _velocity(self, q: Column, p: Column, goal: Column, rate: Column) -> Column:
         """v_r (r,)."""
         position, rows = self.point(q)
-        home = Column(np.asarray(self.posture).tolist())
+        home = column(np.asarray(self.posture))
         free = -(self.posture_rate * (p - home)) if len(self.axes) < self.dof else Column.zeros(self.dof)
-        task = rate - self._bandwidth * (position - goal) - Column(row @ free for row in rows)
+        task = rate - column(self.bandwidth) * (position - goal) - Column(row @ free for row in rows)
         return free + _damped(rows, task, self.singularity**2)
 
     def _require_link(self) -> None:
+        """Raise `InputError` for a link that there is not."""
         names = [link.name for link in self.model.mechanism.links]
         if self.link is not None and self.link not in names:
             raise InputError(f"task space: there is no link {self.link!r}; links: {', '.join(names)}")
 
     def _require_reach(self) -> None:
-        """Without damping some configuration must let the point move along every axis."""
+        """Raise `InputError` where, undamped, no configuration lets the point move along every axis."""
         mechanism = self.model.mechanism
         p = sampled_configurations(mechanism)
         _, rows = self.point(column(mechanism.configuration(p)))
@@ -145,12 +151,13 @@ class TaskSpaceSlotineLi(PassivityBased):
         return len(names) - 1 if self.link is None else names.index(self.link)
 
     @property
-    def _followed(self) -> int:
+    def _coordinates(self) -> int:
+        """Number of the point's coordinates m."""
         return len(self.axes)
 
 
 def _moving(values: Column, slopes: Column) -> Column:
-    """Numbers with their derivatives in time."""
+    """Dual numbers of values and their derivatives in time."""
     return Column(map(Dual, values, slopes))
 
 
@@ -159,8 +166,4 @@ def _damped(rows: Sequence[Column], task: Column, square: float) -> Column:
     gram = [[a @ b for b in rows] for a in rows]
     for i in range(len(rows)):
         gram[i][i] = gram[i][i] + square
-    weights = solve_symmetric(gram, task)
-    total = weights[0] * rows[0]
-    for weight, row in zip(weights.of[1:], rows[1:], strict=True):
-        total = total + weight * row
-    return total
+    return combined(rows, solve_symmetric(gram, task))

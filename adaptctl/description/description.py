@@ -28,7 +28,7 @@ STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 
 
 class JointKind(Enum):
-    """How a joint moves. A continuous joint is a revolute one without position limits."""
+    """The kind of a joint's motion. A continuous joint is a revolute one without position limits."""
 
     REVOLUTE = "revolute"
     CONTINUOUS = "continuous"
@@ -36,7 +36,7 @@ class JointKind(Enum):
 
     @property
     def turns(self) -> bool:
-        """Whether the coordinate is an angle (rad) rather than a length (m)."""
+        """True where the coordinate is an angle (rad), False where a length (m)."""
         return self is not JointKind.PRISMATIC
 
 
@@ -115,7 +115,7 @@ class Description:
     loops: Loops | None = None
     """None for a tree, whose joints are all primary."""
     visuals: tuple[Visual, ...] = ()
-    """What it looks like, where a file says so. No hash counts it."""
+    """Shapes to draw it by, where a file has some. No hash counts them."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "links", tuple(self.links))
@@ -166,7 +166,7 @@ class Description:
         return tuple(link.parent for link in self.links)
 
     def within_conditions(self, p: ArrayLike) -> NDArray[np.bool_]:
-        """Which of the primary positions p (..., r) keep the loops' conditions (...)."""
+        """True (...) for the primary positions p (..., r) that keep the loops' conditions."""
         p = np.asarray(p, dtype=np.float64)
         inside = np.ones(p.shape[:-1], dtype=np.bool_)
         for condition in self.loops.conditions if self.loops is not None else ():
@@ -204,7 +204,7 @@ class Description:
 
     @property
     def energetic(self) -> int:
-        """How many of the parameters enter the energy: all but friction, which comes last."""
+        """Number of parameters that enter the energy: all but friction, which comes last."""
         rotors = sum(not kind.is_friction for _, kind in self.drive_parameters)
         return 10 * len(self.bodies) + rotors
 

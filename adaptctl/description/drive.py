@@ -26,7 +26,7 @@ class DriveParameter(Enum):
 
     @property
     def is_friction(self) -> bool:
-        """Whether it is a torque of its own instead of a share of the energy."""
+        """True where the parameter is a torque of its own instead of a share of the energy."""
         return self is not DriveParameter.ROTOR_INERTIA
 
 

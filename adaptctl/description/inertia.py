@@ -46,6 +46,10 @@ def pseudo_inertia(ten: ArrayLike) -> Array:
     return np.block([[second_moments, moment], [moment.T, values[:1, None]]])
 
 
+UNIT_PSEUDO_INERTIAS = np.stack([pseudo_inertia(unit) for unit in np.eye(len(PARAMETERS))])
+"""Pseudo-inertias (10, 4, 4) of each parameter at 1 and the others at 0."""
+
+
 def from_pseudo_inertia(matrix: ArrayLike) -> Array:
     """The ten of a pseudo-inertia matrix (4, 4)."""
     values = np.asarray(matrix, dtype=np.float64)
@@ -61,7 +65,7 @@ def transformed(ten: ArrayLike, pose: Pose) -> Array:
 
 
 def is_physically_consistent(ten: ArrayLike) -> bool:
-    """Whether some rigid body of positive density has these ten."""
+    """True where some rigid body of positive density has these ten."""
     return bool(np.linalg.eigvalsh(pseudo_inertia(ten))[0] > 0.0)
 
 

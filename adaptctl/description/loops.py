@@ -14,7 +14,7 @@ from adaptctl.errors import InputError, NotFoundError
 
 
 class ClosureKind(Enum):
-    """What two frames share: their origin, their origin and z axis (a hinge), or their whole pose."""
+    """The part of two frames' poses that coincides: the origin, origin and z axis (a hinge), or the whole pose."""
 
     POINT = "point"
     AXIS = "axis"
@@ -67,7 +67,7 @@ class Coupling:
 
 @dataclass(frozen=True, eq=False)
 class Condition:
-    """Where a mechanism may work: lower < sum of weight times primary coordinate < upper (rad or m).
+    """A bound on where a mechanism may work: lower < sum of weight times primary coordinate < upper (rad or m).
 
     Sampling and environments keep to it; the semi-direct-drive arm's 0.5236 < p2 - p3 < 2.618 is one.
     """
@@ -87,7 +87,7 @@ class Condition:
 
 @dataclass(frozen=True, eq=False)
 class Loops:
-    """What makes a tree a mechanism with loops.
+    """The closures, couplings and primary joints that make a tree a mechanism with loops.
 
     `primary` names the joints that are driven and whose coordinates describe the motion; the others follow.
     `reference` gives the configuration (rad or m by joint name, zero where not given) from which the motion is

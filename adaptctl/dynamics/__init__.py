@@ -1,6 +1,7 @@
-"""The equations of motion, written once over scalars, and `Mechanism`, their face on arrays."""
+"""The equations of motion, written once over scalars (`Equations`), and `Mechanism`, their face on arrays."""
 
 from adaptctl.dynamics.equation_costs import EquationCosts, equation_costs
+from adaptctl.dynamics.equations import Equations, Motion
 from adaptctl.dynamics.mechanism import Mechanism, load
 
-__all__ = ["EquationCosts", "Mechanism", "equation_costs", "load"]
+__all__ = ["EquationCosts", "Equations", "Mechanism", "Motion", "equation_costs", "load"]

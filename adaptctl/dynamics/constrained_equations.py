@@ -1,32 +1,26 @@
-"""Equations on fewer parameters, where relations among them are known: D = D0 + N z."""
+"""Equations on free parameters z, where linear constraints among a mechanism's parameters hold: D = D0 + N z."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import Any
 
+from adaptctl.dynamics.equations import Equations, Motion
 from adaptctl.dynamics.recursion.segment import Segment
-from adaptctl.dynamics.tree_equations import TreeEquations
-from adaptctl.dynamics.tree_motion import TreeMotion
 from adaptctl.scalars import Column, Scalar
 
-if TYPE_CHECKING:
-    from adaptctl.dynamics.loop_equations import LoopEquations
-    from adaptctl.dynamics.loop_motion import LoopMotion
 
-
-class RelatedMotion:
-    """A motion, and what it means for the parameters that are left."""
+class ConstrainedMotion(Motion):
+    """A whole mechanism's motion, in the free parameters z."""
 
     __slots__ = ("equations", "whole")
 
-    def __init__(self, equations: RelatedEquations, whole: TreeMotion | LoopMotion) -> None:
+    def __init__(self, equations: ConstrainedEquations, whole: Motion) -> None:
         self.equations, self.whole = equations, whole
 
     def torque(self, parameters: Column) -> Column:
-        """M a_r + C(p, v) v_r + g + friction, the known share with it."""
+        """M a_r + C(p, v) v_r + g + friction (r,), the known share included."""
         return self.whole.torque(self.equations.expanded(parameters))
 
     def regressor(self, columns: Sequence[int]) -> list[Column]:
@@ -42,19 +36,19 @@ class RelatedMotion:
 
     @property
     def numbers(self) -> Column:
-        """All that the motion is, to remember it by."""
+        """The whole motion's numbers."""
         return self.whole.numbers
 
 
 @dataclass(frozen=True)
-class RelatedEquations:
-    """The equations of a mechanism in the parameters z that are left; parameter columns have their length.
+class ConstrainedEquations(Equations):
+    """The equations of a mechanism in free parameters z, of which all its parameters are D = D0 + N z.
 
-    Regressors are those of z alone, N' times the whole ones; torques and accelerations include what is known,
-    D0. Columns of N that are all zero but for a one cost nothing: the same parameter is then simply kept.
+    Regressors are those of z alone, Y N; torques and accelerations include the share of D0. Columns of N that are
+    zero but for a single one cost nothing: that parameter itself is free.
     """
 
-    whole: TreeEquations | LoopEquations
+    whole: Equations
     spread: tuple[tuple[tuple[int, float], ...], ...]
     """for every z, the parameters it enters and its weight there: N by columns"""
     known: tuple[float, ...]
@@ -66,19 +60,19 @@ class RelatedEquations:
         return self.whole.dof
 
     @property
-    def joints(self) -> int:
-        """Number of tree joints n."""
-        return self.whole.joints
-
-    @property
     def links(self) -> tuple[Segment, ...]:
-        """The tree's links."""
+        """The tree's links, as geometry."""
         return self.whole.links
 
     @property
     def parameters(self) -> int:
-        """Number of parameters that are left."""
+        """Number of free parameters."""
         return len(self.spread)
+
+    @property
+    def has_known_share(self) -> bool:
+        """True where D0 is other than zero."""
+        return any(self.known)
 
     def closed(self, p: Column, guess: Column) -> Column:
         """q = U(p), from a nearby configuration."""
@@ -89,41 +83,37 @@ class RelatedEquations:
         return self.whole.projected(q)
 
     def rates(self, q: Column, v: Column) -> Column:
-        """How the configuration moves."""
+        """The tree's joint velocities J v (n,)."""
         return self.whole.rates(q, v)
 
     def energy_regressor(self, q: Column, v: Column) -> Column:
-        """E N: the energy of what is left, per unit of each."""
+        """N' E: the energy of the free parameters, per unit of each."""
         return self._gathered(self.whole.energy_regressor(q, v).of)
 
     def potential_regressor(self, q: Column) -> Column:
-        """The potential part of it."""
+        """The potential part of N' E."""
         return self._gathered(self.whole.potential_regressor(q).of)
 
-    def motion(self, q: Column, v: Column, v_r: Column, a_r: Column) -> RelatedMotion:
-        """How the links move, from which the torques M a_r + C(p, v) v_r + g + friction follow."""
-        return RelatedMotion(self, self.whole.motion(q, v, v_r, a_r))
+    def motion(self, q: Column, v: Column, v_r: Column, a_r: Column) -> ConstrainedMotion:
+        """The whole mechanism's motion, in z."""
+        return ConstrainedMotion(self, self.whole.motion(q, v, v_r, a_r))
 
-    def remembered(self, numbers: Column) -> RelatedMotion:
+    def remembered(self, numbers: Column) -> ConstrainedMotion:
         """The motion that has these numbers."""
-        return RelatedMotion(self, self.whole.remembered(numbers))
+        return ConstrainedMotion(self, self.whole.remembered(numbers))
 
     @property
     def motion_size(self) -> int:
-        """How many numbers a motion has."""
+        """Number of numbers in a motion."""
         return self.whole.motion_size
 
-    def torque_regressor(self, q: Column, v: Column, v_r: Column, a_r: Column, columns: Sequence[int]) -> list[Column]:
-        """Rows of Y N, the asked columns only."""
-        return self.motion(q, v, v_r, a_r).regressor(columns)
-
-    def inverse_dynamics(self, q: Column, v: Column, v_r: Column, a_r: Column, parameters: Column) -> Column:
-        """Torque M a_r + C(p, v) v_r + g + friction, the known share with it."""
-        return self.motion(q, v, v_r, a_r).torque(parameters)
-
     def forward_dynamics(self, q: Column, v: Column, torque: Column, parameters: Column) -> Column:
-        """Primary accelerations (r,) under primary torques."""
+        """Primary accelerations (r,) under primary torques, the known share included."""
         return self.whole.forward_dynamics(q, v, torque, self.expanded(parameters))
+
+    def weightless(self) -> ConstrainedEquations:
+        """The same equations without gravity."""
+        return replace(self, whole=self.whole.weightless())
 
     def mass_matrix(self, q: Column, parameters: Column) -> list[list[Scalar]]:
         """Rows of M(p)."""
@@ -137,19 +127,15 @@ class RelatedEquations:
                 terms[place].append((weight, z))
         return Column(map(_sum, terms))
 
-    @cached_property
-    def _everything(self) -> range:
-        return range(self.parameters)
-
     def needed(self, columns: Sequence[int]) -> list[int]:
-        """The parameters that the asked ones enter, rising."""
+        """The parameters among D that the asked z enter, rising."""
         return sorted({place for column in columns for place, _ in self.spread[column]})
 
     def _gathered(self, entries: Sequence[Scalar]) -> Column:
-        return self.combined(dict(enumerate(entries)), self._everything)
+        return self.combined(dict(enumerate(entries)), range(self.parameters))
 
     def combined(self, entries: dict[int, Scalar], columns: Sequence[int]) -> Column:
-        """The entries of the asked parameters, from those of the parameters they enter."""
+        """N' times entries (one for each `needed` parameter), for the asked z."""
         return Column(_sum([(weight, entries[place]) for place, weight in self.spread[c]]) for c in columns)
 
 

@@ -1,4 +1,4 @@
-"""A mechanism whose parameters are related: fewer of them say the same."""
+"""A mechanism under linear constraints on its parameters, in those that are left free."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array
-from adaptctl.dynamics.constrained_equations import RelatedEquations
+from adaptctl.dynamics.constrained_equations import ConstrainedEquations
 from adaptctl.dynamics.mechanism import Mechanism
 from adaptctl.errors import InputError
 
@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Parametrisation:
-    """D = known + matrix z: all P parameters from those that are left, which are some of D themselves."""
+    """All P parameters from the Z free ones, which are some of them: D = known + matrix z."""
 
     left: tuple[int, ...]
-    """which of D the z are, rising"""
+    """which of D the free parameters z are, rising"""
     matrix: Array
     """N (P, Z), with N[left] the identity"""
     known: Array
@@ -36,30 +36,33 @@ class Parametrisation:
         return self.known + self.matrix @ frozen_array(z, (len(self.left),), "parameters")
 
 
-class RelatedMechanism(Mechanism):
-    """A mechanism under linear relations among its parameters, on those that are left.
+class ConstrainedMechanism(Mechanism):
+    """A mechanism under linear constraints on its parameters, in the Z parameters that are left free.
 
-    Everything that takes or gives parameters speaks of the Z that are left: names, values, regressors, and so the
-    essential space, bases and controllers that are made from it. Regressors times parameters leave out what is
-    known to be other than zero (`known_torque` is that share); torques and accelerations hold it.
+    All that takes or gives parameters means those Z: names, values, regressors, and so the essential space, bases
+    and controllers made from it. Regressors times parameters leave out the share of known values other than zero
+    (`known_torque`); torques and accelerations include it.
     """
 
     def __init__(self, whole: Mechanism, parametrisation: Parametrisation) -> None:
-        if isinstance(whole, RelatedMechanism):
+        if whole.parameter_names != whole.description.parameter_names:
             raise InputError(f"{whole.name}: give all relations at once, not one after another")
         own = whole.inertial_parameters[list(parametrisation.left)]
         super().__init__(whole.description.with_parameters(parametrisation.expanded(own)))
         self.whole, self.parametrisation = whole, parametrisation
 
     @cached_property
-    def equations(self) -> RelatedEquations:
-        """The equations in the parameters that are left."""
-        whole, N = self.whole.equations, self.parametrisation.matrix
-        if isinstance(whole, RelatedEquations):
-            raise InputError(f"{self.name}: relations of relations are not understood")
+    def equations(self) -> ConstrainedEquations:
+        """The equations in the free parameters."""
+        N = self.parametrisation.matrix
         columns = (np.flatnonzero(column) for column in N.T)
         spread = tuple(tuple((int(i), float(N[i, j])) for i in places.tolist()) for j, places in enumerate(columns))
-        return RelatedEquations(whole, spread, tuple(self.parametrisation.known.tolist()))
+        return ConstrainedEquations(self.whole.equations, spread, tuple(self.parametrisation.known.tolist()))
+
+    @property
+    def is_plain_tree(self) -> bool:
+        """False: the parameters are fewer than ten a link."""
+        return False
 
     @property
     def continuation(self) -> Continuation | None:
@@ -68,18 +71,18 @@ class RelatedMechanism(Mechanism):
 
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the parameters that are left."""
+        """The free parameters' names."""
         return tuple(self.whole.parameter_names[i] for i in self.parametrisation.left)
 
     @cached_property
     def inertial_parameters(self) -> Array:
-        """Their values, read-only."""
+        """The free parameters' values (Z,), read-only."""
         values = self.description.inertial_parameters[list(self.parametrisation.left)]
         return frozen_array(values, values.shape, "parameters")
 
     @property
     def energetic(self) -> int:
-        """How many of the parameters that are left enter the energy."""
+        """Number of free parameters that enter the energy."""
         return sum(i < self.whole.energetic for i in self.parametrisation.left)
 
     @property
@@ -90,16 +93,16 @@ class RelatedMechanism(Mechanism):
         content = [self.whole.geometry_sha256, list(self.parametrisation.left), numbers]
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
-    def with_parameters(self, parameters: ArrayLike) -> RelatedMechanism:
-        """The same mechanism with other values of the parameters that are left."""
+    def with_parameters(self, parameters: ArrayLike) -> ConstrainedMechanism:
+        """The same mechanism with other values of the free parameters (Z,)."""
         whole = self.whole.with_parameters(self.parametrisation.expanded(parameters))
-        return RelatedMechanism(whole, self.parametrisation)
+        return ConstrainedMechanism(whole, self.parametrisation)
 
     def energy(self, p: ArrayLike, v: ArrayLike) -> Array:
-        """Kinetic plus potential energy (...), in J, of what is known too."""
+        """Kinetic plus potential energy (...), in J, the known share included."""
         return Mechanism(self.description).energy(p, v)
 
     def known_torque(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
-        """The torque (..., r) of what is known: what a regressor times the parameters that are left leaves out."""
+        """The torque (..., r) of the known values, which regressors times free parameters leave out."""
         known = self.whole.with_parameters(self.parametrisation.known)
         return known.inverse_dynamics(p, v, a)

@@ -38,7 +38,7 @@ class Tip:
         object.__setattr__(self, "offset", frozen_array(self.offset, (3,), "offset"))
 
     def at(self, p: ArrayLike) -> Array:
-        """Where it is in the world (..., 3) at positions p (..., r), m."""
+        """The point in the world (..., 3) at positions p (..., r), m."""
         return self._moved(self.mechanism.configuration(p))[0]
 
     def joints(self, goals: ArrayLike, start: ArrayLike) -> Array:

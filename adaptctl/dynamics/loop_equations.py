@@ -3,26 +3,54 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 
-from adaptctl.dynamics.loop_motion import LoopMotion
+from adaptctl.dynamics.equations import Equations, Motion
 from adaptctl.dynamics.loops.constraint import Closing
 from adaptctl.dynamics.loops.least_squares import Factored
 from adaptctl.dynamics.loops.posture import Following, Posture
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.dynamics.recursion.segment import Segment, placements
-from adaptctl.dynamics.tree_equations import TreeEquations
+from adaptctl.dynamics.tree_equations import TreeEquations, TreeMotion
 from adaptctl.scalars import Column, Scalar
 
 NEWTON_STEPS = 3
 """From a configuration at most 0.05 rad away."""
 
 
+class LoopMotion(Motion):
+    """A mechanism with loops at one instant: its tree's motion, and how its dependent joints follow."""
+
+    __slots__ = ("following", "tree")
+
+    def __init__(self, following: Following, tree: TreeMotion) -> None:
+        self.following, self.tree = following, tree
+
+    def torque(self, parameters: Column) -> Column:
+        """J' times the tree's torques (r,)."""
+        return self.following.primary(self.tree.torque(parameters))
+
+    def regressor(self, columns: Sequence[int]) -> list[Column]:
+        """Rows of Y = J' Y_tree, the asked columns only."""
+        rows = self.tree.regressor(columns)
+        by_column = [self.following.primary([row[k] for row in rows]) for k in range(len(columns))]
+        return [Column(column[i] for column in by_column) for i in range(len(self.following.slopes))]
+
+    def powers(self, s: Column, columns: Sequence[int]) -> Column:
+        """Y' s = Y_tree' J s on the asked columns, without forming Y."""
+        return self.tree.powers(self.following.tree(s), columns)
+
+    @property
+    def numbers(self) -> Column:
+        """The dependent joints' slopes, then the tree's numbers."""
+        return Column((*(x for slope in self.following.slopes for x in slope), *self.tree.numbers))
+
+
 @dataclass(frozen=True)
-class LoopEquations:
-    """Every equation of a mechanism with loops, at tree configurations q (n,) that close them, in primary
-    velocities and torques (r,). The tree keeps all N links, so the parameters are the tree's (10N,)."""
+class LoopEquations(Equations):
+    """The equations of a tree with closures, at configurations q (n,) that close them, in primary velocities and
+    torques (r,). The tree keeps all its links, so the parameters are the tree's (P,)."""
 
     tree: TreeEquations
     closing: Closing
@@ -39,18 +67,13 @@ class LoopEquations:
 
     @property
     def links(self) -> tuple[Segment, ...]:
-        """The tree's links."""
-        return self.tree.links
-
-    @property
-    def joints(self) -> int:
-        """Number of tree joints n."""
-        return len(self.tree.links)
+        """The tree's links, as geometry."""
+        return self.tree.segments
 
     def closed(self, p: Column, guess: Column) -> Column:
         """q = U(p): Newton steps from a nearby configuration (n,), so that the branch is kept.
 
-        The steps' number is fixed, so nothing branches on a value: from 0.05 rad away the first leaves 1e-3,
+        The number of steps is fixed, so nothing branches on a value: from 0.05 rad away the first leaves 1e-3,
         the second 1e-6, the third round-off.
         """
         entries = dict(zip(self.closing.primary, p, strict=True))
@@ -61,7 +84,7 @@ class LoopEquations:
 
     def projected(self, q: Column) -> Column:
         """One Newton step of the dependent joints."""
-        places = placements(self.tree.links, q)
+        places = placements(self.tree.segments, q)
         columns = self.closing.jacobian(places)
         factor = Factored([columns[d] for d in self.closing.dependent])
         step = factor.solve(self.closing.residual(places, q))
@@ -69,20 +92,20 @@ class LoopEquations:
         return Column(x - moved[i] if i in moved else x for i, x in enumerate(q))
 
     def residual(self, q: Column) -> Column:
-        """What must vanish: the loops' gaps, in m or rad, independent rows only."""
-        return self.closing.residual(placements(self.tree.links, q), q)
+        """The loops' gaps, in m or rad, independent rows only: zero at a closed configuration."""
+        return self.closing.residual(placements(self.tree.segments, q), q)
 
     def posture(self, q: Column) -> Posture:
-        """J at a closed configuration."""
-        return Posture(self.closing, placements(self.tree.links, q))
+        """The closed configuration with J factored."""
+        return Posture(self.closing, placements(self.tree.segments, q))
 
     def dependent_block(self, q: Column) -> list[Column]:
         """The columns of the residual's Jacobian under the dependent joints: singular where the loop locks."""
-        columns = self.closing.jacobian(placements(self.tree.links, q))
+        columns = self.closing.jacobian(placements(self.tree.segments, q))
         return [columns[d] for d in self.closing.dependent]
 
     def rates(self, q: Column, v: Column) -> Column:
-        """J v (n,): how the configuration moves."""
+        """The tree's joint velocities J v (n,)."""
         return self.posture(q).tree(v)
 
     def energy_regressor(self, q: Column, v: Column) -> Column:
@@ -94,7 +117,7 @@ class LoopEquations:
         return self.tree.potential_regressor(q)
 
     def motion(self, q: Column, v: Column, v_r: Column, a_r: Column) -> LoopMotion:
-        """How the links move, from which the torques M a_r + C(p, v) v_r + g follow."""
+        """The tree's motion under J v, J v_r and J a_r + J_dot v_r."""
         return self._motion(self.posture(q), q, v, v_r, a_r)
 
     def remembered(self, numbers: Column) -> LoopMotion:
@@ -105,22 +128,18 @@ class LoopEquations:
 
     @property
     def motion_size(self) -> int:
-        """How many numbers a motion has."""
+        """Number of numbers in a motion."""
         return len(self.closing.primary) * len(self.closing.dependent) + self.tree.motion_size
 
-    def torque_regressor(self, q: Column, v: Column, v_r: Column, a_r: Column, columns: Sequence[int]) -> list[Column]:
-        """Rows of Y = J' Y_tree, the asked columns only."""
-        return self.motion(q, v, v_r, a_r).regressor(columns)
-
-    def inverse_dynamics(self, q: Column, v: Column, v_r: Column, a_r: Column, parameters: Column) -> Column:
-        """Torque M a_r + C(p, v) v_r + g (r,)."""
-        return self.motion(q, v, v_r, a_r).torque(parameters)
-
     def forward_dynamics(self, q: Column, v: Column, torque: Column, parameters: Column) -> Column:
-        """Primary accelerations (r,) under primary torques."""
+        """Primary accelerations (r,) under primary torques, with J factored once for the bias and M."""
         posture = self.posture(q)
         bias = self._motion(posture, q, v, v, Column.zeros(self.dof)).torque(parameters)
         return solve_symmetric(self._mass_matrix(posture, q, parameters), torque - bias)
+
+    def weightless(self) -> LoopEquations:
+        """The same equations without gravity."""
+        return replace(self, tree=self.tree.weightless())
 
     def mass_matrix(self, q: Column, parameters: Column) -> list[list[Scalar]]:
         """Rows of M(p) = J' M_tree J."""

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array, checked, same_samples, stacked, stacked_rows
 from adaptctl.description import Description, Joint, Link
 from adaptctl.description.drive import Drive
+from adaptctl.dynamics.equations import Equations
 from adaptctl.dynamics.recursion.segment import segments
 from adaptctl.dynamics.tree_equations import TreeEquations
 from adaptctl.errors import InputError, LoopError
@@ -21,13 +22,12 @@ from adaptctl.scalars import Column, column
 if TYPE_CHECKING:
     import pinocchio
 
-    from adaptctl.dynamics.constrained_equations import RelatedEquations
     from adaptctl.dynamics.loop_equations import LoopEquations
     from adaptctl.dynamics.loops.continuation import Continuation
 
 
 class Mechanism:
-    """What a robotics engineer asks of a mechanism: energies, torques, regressors, accelerations.
+    """A mechanism's energies, torques, regressors and accelerations, on arrays.
 
     Trailing axes are the mathematics, leading axes are samples: p, v, a, torque are (..., r), regressors
     (..., P) and (..., r, P). Angles in rad, lengths in m, torques in N m (N for a prismatic joint).
@@ -42,8 +42,8 @@ class Mechanism:
         return f"<Mechanism {self.name!r}: {len(self.links)} links, {self.dof} degrees of freedom>"
 
     @cached_property
-    def equations(self) -> TreeEquations | LoopEquations | RelatedEquations:
-        """The equations over scalars of any kind, to trace or to differentiate, at tree configurations q."""
+    def equations(self) -> Equations:
+        """The equations over scalars of any kind, to trace or to differentiate: see `Equations`."""
         return TreeEquations.of(self.description) if self._looped is None else self._looped[0]
 
     @cached_property
@@ -110,8 +110,13 @@ class Mechanism:
         return self.description.inertial_parameters
 
     @property
+    def is_plain_tree(self) -> bool:
+        """True for a tree whose bodies have ten free parameters each: no loops, no constraints on parameters."""
+        return self.description.loops is None
+
+    @property
     def energetic(self) -> int:
-        """How many of the parameters enter the energy: all but friction, which comes last."""
+        """Number of parameters that enter the energy: all but friction, which comes last."""
         return self.description.energetic
 
     @property
@@ -176,6 +181,11 @@ class Mechanism:
         speed = column(v)
         torque = self.equations.inverse_dynamics(self._tree(p), speed, speed, column(a), self._parameters)
         return stacked(torque.of, samples)
+
+    def known_torque(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
+        """Torque (..., r) that regressors times parameters leave out: zero, but under constraints on parameters."""
+        _, samples = self._joints(p=p, v=v, a=a)
+        return np.zeros((*samples, self.dof))
 
     def forward_dynamics(self, p: ArrayLike, v: ArrayLike, torque: ArrayLike) -> Array:
         """Accelerations (..., r) under a torque."""

@@ -1,134 +1,150 @@
-"""The equations of one mechanism, as functions of scalars of any kind."""
+"""The equations of a tree of links."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 
 from adaptctl.description import Description
+from adaptctl.dynamics.equations import Equations, Motion
+from adaptctl.dynamics.parameter_layout import ParameterLayout
 from adaptctl.dynamics.recursion import energy
 from adaptctl.dynamics.recursion.drive import DriveTerm
-from adaptctl.dynamics.recursion.mass_matrix import mass_matrix, solve_symmetric
-from adaptctl.dynamics.recursion.motion import Motion, motions
-from adaptctl.dynamics.recursion.segment import Segment, placements, segments
-from adaptctl.dynamics.tree_motion import TreeMotion
-from adaptctl.scalars import Column, Scalar, Vec
+from adaptctl.dynamics.recursion.mass_matrix import mass_matrix
+from adaptctl.dynamics.recursion.motion import LinkMotion, motions
+from adaptctl.dynamics.recursion.newton_euler import joint_torques, powers, torque_regressor
+from adaptctl.dynamics.recursion.segment import Placement, Segment, placements, segments
+from adaptctl.scalars import ZERO, Column, Scalar, Vec
+
+
+class TreeMotion(Motion):
+    """A tree at one instant: every link's place and motion, and the torque that a drive's parameter takes per unit
+    (`drives`)."""
+
+    __slots__ = ("drives", "layout", "links", "places")
+
+    def __init__(
+        self,
+        layout: ParameterLayout,
+        places: Sequence[Placement],
+        links: Sequence[LinkMotion],
+        drives: Sequence[Scalar],
+    ) -> None:
+        self.layout, self.places, self.links, self.drives = layout, places, links, drives
+
+    def torque(self, parameters: Column) -> Column:
+        """M a_r + C(p, v) v_r + g + friction at v (r,)."""
+        total = list(joint_torques(self.places, self.links, self.layout.tens(parameters)))
+        shares = zip(self.layout.drives, self.drives, self.layout.of_drives(parameters), strict=True)
+        for term, share, value in shares:
+            for joint, part in term.on_joints(value * share):
+                total[joint] = total[joint] + part
+        return Column(total)
+
+    def regressor(self, columns: Sequence[int]) -> list[Column]:
+        """Rows of Y, the asked columns only: Y D is the torque."""
+        of_bodies, of_drives = self.layout.sorted_out(columns)
+        rows = torque_regressor(self.places, self.links, list(of_bodies.values()))
+        by_column = [dict(zip(of_bodies, row, strict=True)) for row in rows]
+        for column, k in of_drives.items():
+            for joint, share in self.layout.drives[k].on_joints(self.drives[k]):
+                by_column[joint][column] = share
+        return [Column(row.get(column, 0.0) for column in columns) for row in by_column]
+
+    def powers(self, s: Column, columns: Sequence[int]) -> Column:
+        """Y' s on the asked columns, without forming Y."""
+        of_bodies, of_drives = self.layout.sorted_out(columns)
+        found = dict(zip(of_bodies, powers(self.places, self.links, s, list(of_bodies.values())), strict=True))
+        found |= {column: self.layout.drives[k].speed(s) * self.drives[k] for column, k in of_drives.items()}
+        return Column(found[column] for column in columns)
+
+    @property
+    def numbers(self) -> Column:
+        """Every link's coordinates, then every link's twelve, then the drives'."""
+        placed = (x for place in self.places for x in place.coordinates)
+        return Column((*placed, *(x for link in self.links for x in link.numbers), *self.drives))
 
 
 @dataclass(frozen=True)
-class TreeEquations:
-    """Every equation of a tree. Joint columns have length r, parameter columns P: ten a body, then the drives'.
+class TreeEquations(Equations):
+    """The equations of a tree, all of whose joints are primary: q = p. Gravity is an acceleration (m/s^2)."""
 
-    `bodies` are the links that have mass; the others only join two joints.
-    """
-
-    links: tuple[Segment, ...]
+    segments: tuple[Segment, ...]
     gravity: Vec
-    bodies: tuple[int, ...]
-    drives: tuple[DriveTerm, ...] = ()
+    layout: ParameterLayout
 
     @classmethod
     def of(cls, description: Description) -> TreeEquations:
         """The equations of a described mechanism, its loops, if any, left open."""
         drives = tuple(DriveTerm(description.shaft(joint), kind) for joint, kind in description.drive_parameters)
-        return cls(segments(description), Vec(*description.gravity.tolist()), description.bodies, drives)
+        layout = ParameterLayout(len(description.links), description.bodies, drives)
+        return cls(segments(description), Vec(*description.gravity.tolist()), layout)
+
+    @property
+    def links(self) -> tuple[Segment, ...]:
+        """The tree's links, as geometry."""
+        return self.segments
 
     @property
     def dof(self) -> int:
-        """Number of primary joints r."""
-        return len(self.links)
+        """Number of joints r."""
+        return len(self.segments)
 
     @property
     def parameters(self) -> int:
         """Number of parameters P."""
-        return self.driven + len(self.drives)
-
-    @property
-    def joints(self) -> int:
-        """Number of tree joints n; every one is primary."""
-        return len(self.links)
+        return self.layout.size
 
     def closed(self, p: Column, guess: Column) -> Column:
-        """The configuration q = U(p), which for a tree is p itself."""
+        """p itself."""
         return p
 
     def projected(self, q: Column) -> Column:
-        """The nearest configuration that closes all loops: q, there being none."""
+        """q itself, there being no loop."""
         return q
 
     def rates(self, q: Column, v: Column) -> Column:
-        """How the configuration moves: v."""
+        """v itself."""
         return v
 
     def energy_regressor(self, p: Column, v: Column) -> Column:
         """E (P,): total energy is E' D, in J."""
-        links = energy.energy_regressor(self.links, p, v, self.gravity)
-        return Column((*self._owned(links), *(term.energy(v) for term in self.drives)))
+        links = energy.energy_regressor(self.segments, p, v, self.gravity)
+        return Column((*self.layout.owned(links), *(term.energy(v) for term in self.layout.drives)))
 
     def potential_regressor(self, p: Column) -> Column:
         """The potential part of E (P,)."""
-        links = energy.potential_regressor(self.links, p, self.gravity)
-        return Column((*self._owned(links), *(0.0 for _ in self.drives)))
+        links = energy.potential_regressor(self.segments, p, self.gravity)
+        return Column((*self.layout.owned(links), *(0.0 for _ in self.layout.drives)))
 
     def motion(self, p: Column, v: Column, v_r: Column, a_r: Column) -> TreeMotion:
-        """How the links move, from which the torques M a_r + C(p, v) v_r + g + friction at v follow."""
-        places = placements(self.links, p)
-        drives = [term.torque(v, a_r) for term in self.drives]
-        return TreeMotion(self, places, motions(places, v, v_r, a_r, self.gravity), drives)
+        """The links' motion by Newton-Euler's forward recursion, and the drives' shares."""
+        places = placements(self.segments, p)
+        drives = [term.torque(v, a_r) for term in self.layout.drives]
+        return TreeMotion(self.layout, places, motions(places, v, v_r, a_r, self.gravity), drives)
 
     def remembered(self, numbers: Column) -> TreeMotion:
         """The motion that has these numbers."""
         rest = iter(numbers)
-        places = [link.placed(tuple(islice(rest, link.coordinates))) for link in self.links]
-        return TreeMotion(self, places, [Motion.of(tuple(islice(rest, 12))) for _ in self.links], tuple(rest))
+        places = [link.placed(tuple(islice(rest, link.coordinates))) for link in self.segments]
+        links = [LinkMotion.of(tuple(islice(rest, 12))) for _ in self.segments]
+        return TreeMotion(self.layout, places, links, tuple(rest))
 
     @property
     def motion_size(self) -> int:
-        """How many numbers a motion has."""
-        return sum(link.coordinates + 12 for link in self.links) + len(self.drives)
-
-    def torque_regressor(self, p: Column, v: Column, v_r: Column, a_r: Column, columns: Sequence[int]) -> list[Column]:
-        """Rows of Y: Y D = M a_r + C(p, v) v_r + g + friction at v, the asked columns only."""
-        return self.motion(p, v, v_r, a_r).regressor(columns)
-
-    def inverse_dynamics(self, p: Column, v: Column, v_r: Column, a_r: Column, parameters: Column) -> Column:
-        """Torque M a_r + C(p, v) v_r + g + friction at v, in N m (N for a prismatic joint)."""
-        return self.motion(p, v, v_r, a_r).torque(parameters)
-
-    def forward_dynamics(self, p: Column, v: Column, torque: Column, parameters: Column) -> Column:
-        """Accelerations under a torque: M(p) a = torque - C(p, v) v - g(p) - friction."""
-        bias = self.inverse_dynamics(p, v, v, Column.zeros(self.dof), parameters)
-        return solve_symmetric(self.mass_matrix(p, parameters), torque - bias)
+        """Number of numbers in a motion."""
+        return sum(link.coordinates + 12 for link in self.segments) + len(self.layout.drives)
 
     def mass_matrix(self, p: Column, parameters: Column) -> list[list[Scalar]]:
-        """Rows of M(p)."""
-        rows = mass_matrix(placements(self.links, p), self.tens(parameters))
-        for term, value in zip(self.drives, parameters.of[self.driven :], strict=True):
+        """Rows of M(p): the links' by composite bodies, and the rotors'."""
+        rows = mass_matrix(placements(self.segments, p), self.layout.tens(parameters))
+        for term, value in zip(self.layout.drives, self.layout.of_drives(parameters), strict=True):
             for joint, share in [] if term.kind.is_friction else term.on_joints(value):
                 for other, part in term.on_joints(share):
                     rows[joint][other] = rows[joint][other] + part
         return rows
 
-    @property
-    def driven(self) -> int:
-        """Where the drives' parameters begin."""
-        return 10 * len(self.bodies)
-
-    def sorted_out(self, columns: Sequence[int]) -> tuple[dict[int, int], dict[int, int]]:
-        """Of the asked columns, those of bodies as columns of ten a link, and those of drives by number."""
-        of_bodies = {c: 10 * self.bodies[c // 10] + c % 10 for c in columns if c < self.driven}
-        return of_bodies, {c: c - self.driven for c in columns if c >= self.driven}
-
-    def tens(self, parameters: Column) -> Column:
-        """Ten entries a link (10N,); exact zeros for massless ones, so that they cost nothing once traced."""
-        if len(self.bodies) == len(self.links):
-            return Column(parameters.of[: self.driven]) if self.drives else parameters
-        tens: list[Scalar] = [0.0] * (10 * len(self.links))
-        for place, i in enumerate(self.bodies):
-            tens[10 * i : 10 * i + 10] = parameters.of[10 * place : 10 * place + 10]
-        return Column(tens)
-
-    def _owned(self, tens: Column) -> Sequence[Scalar]:
-        """Of ten entries a link, those that are parameters."""
-        return [x for i in self.bodies for x in tens.of[10 * i : 10 * i + 10]]
+    def weightless(self) -> TreeEquations:
+        """The same equations without gravity."""
+        return replace(self, gravity=ZERO)

@@ -1,4 +1,4 @@
-"""Offline: which inertial parameters a motion depends on, and which smallest set is enough."""
+"""Offline: the inertial parameters that a motion depends on, and smallest sets of them that are enough."""
 
 from adaptctl.lazily import imported_lazily
 

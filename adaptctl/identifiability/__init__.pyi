@@ -2,9 +2,9 @@ from adaptctl.identifiability.certificate import Certificate as Certificate
 from adaptctl.identifiability.certificate import Leftover as Leftover
 from adaptctl.identifiability.consistency import Lift as Lift
 from adaptctl.identifiability.consistency import nearest_consistent as nearest_consistent
-from adaptctl.identifiability.constrained import constrained as constrained
 from adaptctl.identifiability.constraints import Constraints as Constraints
 from adaptctl.identifiability.constraints import Relation as Relation
+from adaptctl.identifiability.constraints import constrained as constrained
 from adaptctl.identifiability.essential_space import EssentialSpace as EssentialSpace
 from adaptctl.identifiability.essential_space import essential_space as essential_space
 from adaptctl.identifiability.fundamental_basis import FundamentalBasis as FundamentalBasis

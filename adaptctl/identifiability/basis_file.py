@@ -1,4 +1,4 @@
-"""A fundamental basis as a JSON file."""
+"""The JSON file of a fundamental basis."""
 
 from __future__ import annotations
 
@@ -9,79 +9,76 @@ import msgspec
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.errors import FileError, InputError
+from adaptctl.errors import FileError
 from adaptctl.files import read_json, write_json
-from adaptctl.identifiability.fundamental_basis import FundamentalBasis
 
 
-class _Robot(msgspec.Struct, forbid_unknown_fields=True):
+class Robot(msgspec.Struct, forbid_unknown_fields=True):
+    """The mechanism that a saved basis belongs to."""
+
     name: str
     geometry_sha256: str
 
 
-class _BasisFile(msgspec.Struct, forbid_unknown_fields=True):
-    """`regrouping` names, for every kept parameter, what is added to it, with factors in SI units; parameters over
-    `scales` are comparable."""
+class BasisFile(msgspec.Struct, forbid_unknown_fields=True):
+    """The content of a saved basis.
+
+    `regrouping` names, for every kept parameter, what is added to it, with factors in SI units; parameters over
+    `scales` are comparable.
+    """
 
     schema: Literal["adaptctl/fundamental-basis/1"]
-    robot: _Robot
+    robot: Robot
     rank: int
     gap: float
     parameters: list[str]
     scales: list[float]
     regrouping: dict[str, dict[str, float]]
 
+    @classmethod
+    def read(cls, path: str | Path) -> BasisFile:
+        """The content of a file. Raises `FileError` naming the element that is wrong."""
+        content = read_json(path, cls)
+        if fault := content._fault():
+            raise FileError(f"{path}: {fault}")
+        return content
 
-def write_basis(path: str | Path, basis: FundamentalBasis) -> None:
-    """Write a basis whole or not at all."""
-    rows = zip(basis.columns, basis.names, basis.regrouping, strict=True)
-    added = {name: _added(row, column, basis.parameter_names) for column, name, row in rows}
-    content = _BasisFile(
-        schema="adaptctl/fundamental-basis/1",
-        robot=_Robot(basis.mechanism_name, basis.geometry_sha256),
-        rank=basis.rank,
-        gap=basis.gap,
-        parameters=list(basis.parameter_names),
-        scales=basis.scales.tolist(),
-        regrouping=added,
-    )
-    write_json(path, content)
+    def write(self, path: str | Path) -> None:
+        """Write the content as JSON, whole or not at all."""
+        write_json(path, self)
 
+    @property
+    def columns(self) -> tuple[int, ...]:
+        """Indices (k,) of the kept parameters."""
+        return tuple(self.parameters.index(name) for name in self.regrouping)
 
-def read_basis(path: str | Path) -> FundamentalBasis:
-    """Read a basis; raises `FileError` naming the element that is wrong."""
-    content = read_json(path, _BasisFile)
-    try:
-        return _basis(content)
-    except InputError as error:
-        raise FileError(f"{path}: {error}") from error
+    @property
+    def matrix(self) -> Array:
+        """The regrouping matrix K (k, P)."""
+        place = {name: i for i, name in enumerate(self.parameters)}
+        K = np.zeros((len(self.regrouping), len(place)))
+        for i, (kept, row) in enumerate(self.regrouping.items()):
+            K[i, [place[name] for name in row]] = list(row.values())
+            K[i, place[kept]] = 1.0
+        return K
 
+    @staticmethod
+    def rows(matrix: Array, columns: tuple[int, ...], names: tuple[str, ...]) -> dict[str, dict[str, float]]:
+        """The entry `regrouping` of a matrix K (k, P) that keeps columns (k,) of parameters of these names (P,)."""
+        pairs = zip(columns, matrix, strict=True)
+        return {names[i]: {names[j]: float(row[j]) for j in np.flatnonzero(row) if j != i} for i, row in pairs}
 
-def _added(row: Array, column: int, names: tuple[str, ...]) -> dict[str, float]:
-    return {names[j]: float(row[j]) for j in np.flatnonzero(row) if j != column}
-
-
-def _basis(content: _BasisFile) -> FundamentalBasis:
-    if len(set(content.parameters)) < len(content.parameters):
-        raise InputError("`$.parameters`: a name is given more than once")
-    if content.rank != len(content.regrouping):
-        raise InputError(f"`$.rank` is {content.rank}, but `$.regrouping` keeps {len(content.regrouping)} parameters")
-    place = {name: i for i, name in enumerate(content.parameters)}
-    K = np.zeros((content.rank, len(place)))
-    for i, (kept, row) in enumerate(content.regrouping.items()):
-        for name in (kept, *row):
-            if name not in place:
-                raise InputError(f"`$.regrouping.{kept}`: {name!r} is not among `$.parameters`")
-        if not row.keys().isdisjoint(content.regrouping):
-            raise InputError(f"`$.regrouping.{kept}`: kept parameters are not added to one another")
-        K[i, [place[name] for name in row]] = list(row.values())
-        K[i, place[kept]] = 1.0
-    return FundamentalBasis(
-        mechanism_name=content.robot.name,
-        geometry_sha256=content.robot.geometry_sha256,
-        parameter_names=tuple(content.parameters),
-        columns=tuple(place[name] for name in content.regrouping),
-        regrouping=K,
-        scales=np.array(content.scales),
-        gap=content.gap,
-    )
+    def _fault(self) -> str:
+        """The first contradiction among the elements; empty where there is none."""
+        known = set(self.parameters)
+        if len(known) < len(self.parameters):
+            return "`$.parameters`: a name is given more than once"
+        if self.rank != len(self.regrouping):
+            return f"`$.rank` is {self.rank}, but `$.regrouping` keeps {len(self.regrouping)} parameters"
+        for kept, row in self.regrouping.items():
+            for name in (kept, *row):
+                if name not in known:
+                    return f"`$.regrouping.{kept}`: {name!r} is not among `$.parameters`"
+            if not row.keys().isdisjoint(self.regrouping):
+                return f"`$.regrouping.{kept}`: kept parameters are not added to one another"
+        return ""

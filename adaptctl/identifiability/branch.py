@@ -16,11 +16,12 @@ REGULAR = 0.2
 joints race and drown the rest of the spectrum."""
 
 POINTS = 65
-"""along a line at which conditions are looked at"""
+"""Points along a line at which conditions are checked."""
 
 MOST_DRAWS = 100
+"""Most draws before positions are refused."""
 FEWEST = 100
-"""positions in one draw: following a few takes as long"""
+"""Fewest positions in one draw: following a few takes as long."""
 
 
 def positions_on_branch(mechanism: Mechanism, positions: Array, generator: np.random.Generator) -> Array:
@@ -28,7 +29,7 @@ def positions_on_branch(mechanism: Mechanism, positions: Array, generator: np.ra
 
     Such a joint starts at the reference and takes its random position as a direction: it goes along a straight
     line as far as its limits, the mechanism's conditions and regularity let it, and stops at random on the
-    way. The other joints keep their positions, since no loop feels them. A tree keeps all.
+    way. The other joints keep their positions, which no loop depends on. A tree keeps all.
     """
     continuation = mechanism.continuation
     if continuation is None:
@@ -43,7 +44,7 @@ def positions_on_branch(mechanism: Mechanism, positions: Array, generator: np.ra
 
 
 def reachable_positions(mechanism: Mechanism, samples: int, draw: Callable[[int], Array]) -> Array:
-    """Positions (samples, r) out of those that `draw` gives, kept when the loops can follow them there.
+    """Positions (samples, r) out of those that `draw` gives, to which the loops can be followed.
 
     They keep the mechanism's conditions and every tree joint's limits, and are regular all the way. Raises
     InputError when hardly any are. A tree keeps all.
@@ -79,7 +80,7 @@ def _within_limits(mechanism: Mechanism, p: Array) -> Array:
 
 
 def _within_conditions(mechanism: Mechanism, start: Array, wanted: Array) -> Array:
-    """How much (m,) of the straight ways keeps the mechanism's conditions."""
+    """Shares (m,) of the straight ways along which the mechanism's conditions hold."""
     description = mechanism.description
     if not description.within_conditions(start):
         raise InputError(

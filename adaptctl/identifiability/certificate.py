@@ -1,22 +1,32 @@
-"""Why a rank can be trusted: its gap, its samples, and the other ways of finding it."""
+"""Certified null spaces of a mechanism's energies: how they are found, and why their rank can be trusted."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from adaptctl.arrays import Array
+from adaptctl.dynamics import Mechanism
 from adaptctl.errors import RankError
-from adaptctl.identifiability.right_angles import NearRightAngle
+from adaptctl.identifiability.energy_matrix import EnergyFactor, energetic_names, energy_blocks, torque_rows
+from adaptctl.identifiability.null_space import NullSpace, null_residual, unscaled_bases
+from adaptctl.identifiability.right_angles import NearRightAngle, near_right_angles
+from adaptctl.identifiability.sampling import random_halves, random_states, whereabouts
+from adaptctl.identifiability.scaled_rank import ScaledRegressor
+from adaptctl.identifiability.tree.null_space import TreeNullSpace
+from adaptctl.identifiability.tree.unobservable_inertia import BODY
+from adaptctl.identifiability.tree.verification import energy_changes, transfer_evidence
 
 SMALLEST_GAP = 1e6
 SMALLEST_SINGULAR_VALUE = 1e-9
-"""sigma_k/sigma_1 of the scaled energy differences"""
+"""Least sigma_k/sigma_1 of the scaled energy differences."""
 ROUND_OFF = 1e-14
 """Values beyond the gap above this, relative to sigma_1, are named: they are more than round-off."""
 LISTED = 80
+"""Most singular values in a message."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +34,7 @@ class Leftover:
     """A singular value beyond the gap that is more than round-off, and the parameters it is made of."""
 
     value: float
-    """relative to sigma_1"""
+    """The singular value, relative to sigma_1."""
     parameters: tuple[str, ...]
 
     def __str__(self) -> str:
@@ -33,14 +43,14 @@ class Leftover:
 
 @dataclass(frozen=True)
 class Certificate:
-    """The ranks found in three ways, and how clear-cut they are. All of the scaled matrices.
+    """The rank as found in three ways from scaled matrices, and how clear-cut it is.
 
     `gap` is sigma_k/sigma_k+1 of the energy differences, `relative_smallest` sigma_k/sigma_1, both floored at
     1e-15 of sigma_1. `null_residual` is the largest torque that any null vector makes on other samples,
     relative to the largest that a vector of its size can make.
-    Of a tree whose null space comes from its geometry, joint by joint, there is that rank in place of torques', and
-    the rest is of the joint where it is worst: how energies change as bodies are taken from its link and given to the
-    one before, and in `null_residual` how much they do for bodies that the joint does not feel.
+    By transfers, `rank_geometry`, which follows from a tree's geometry, takes the place of `rank_torque`. Gap and
+    smallest value are then those of the worst joint's energy changes, as bodies are moved from its link to the parent
+    link, and `null_residual` is the largest relative change by a body that is unobservable at its joint.
     """
 
     rank_energy: int
@@ -62,7 +72,7 @@ class Certificate:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """Why the rank cannot be accepted; empty when it can."""
+        """Reasons for which the rank cannot be accepted; empty when it can."""
         other, what = self._other
         ranks = (self.rank_energy, other, self.rank_doubled)
         wrong = {
@@ -80,7 +90,7 @@ class Certificate:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What is no fault but worth a look."""
+        """Remarks on what is no fault but worth a look: values beyond the gap, and axes near right angles."""
         leftovers = [f"beyond the gap, {leftover} is more than round-off" for leftover in self.leftovers]
         return (*leftovers, *map(str, self.near_right_angles))
 
@@ -99,7 +109,7 @@ class Certificate:
         return self.rank_torque, "torques"
 
     def require_accepted(self, mechanism: str, spectrum: Array, suspects: Sequence[object] = ()) -> None:
-        """Raise RankError, with the spectrum and the suspects, unless the rank can be accepted."""
+        """Raise `RankError`, with the spectrum (n,) and the suspects, unless the rank can be accepted."""
         if not self.faults:
             return
         hints = "".join(f"; {suspect}" for suspect in suspects)
@@ -110,8 +120,90 @@ class Certificate:
         )
 
 
+class CertifiedNullSpace(NamedTuple):
+    """A null space, its certificate, and the energies that it was found or checked with."""
+
+    null_space: NullSpace
+    certificate: Certificate
+    energies: Callable[[], Array]
+    """The triangle R of energy differences at random states."""
+    states: str
+    """Where these states come from, in words."""
+
+
+def certified_by_decomposition(mechanism: Mechanism, samples: int, seed: int) -> CertifiedNullSpace:
+    """The null space by singular value decomposition of energy differences at random states; of any mechanism.
+
+    Raises `RankError` unless the energies of `samples` states, of twice as many, and torques agree on a clear rank.
+    """
+    generator = np.random.default_rng(seed)
+    some, as_many = random_halves(mechanism, samples, generator)
+    factor = EnergyFactor.of(energy_blocks(mechanism, some))
+    doubled = EnergyFactor.of(energy_blocks(mechanism, as_many), before=factor)
+    scaled = ScaledRegressor.of_energies(mechanism, factor)
+    rows = torque_rows(mechanism, generator)
+    certificate = Certificate(
+        rank_energy=scaled.rank,
+        rank_torque=ScaledRegressor.of_torques(mechanism, rows).rank,
+        rank_doubled=ScaledRegressor.of_energies(mechanism, doubled).rank,
+        gap=scaled.decision.gap,
+        relative_smallest=scaled.decision.smallest,
+        samples=samples,
+        seed=seed,
+        null_residual=null_residual(rows, unscaled_bases(scaled.null_basis, scaled.scales)[0], scaled.scales),
+        leftovers=leftovers(scaled.singular_values, scaled.vectors, scaled.rank, energetic_names(mechanism)),
+        near_right_angles=near_right_angles(mechanism.description),
+    )
+    _require_accepted(mechanism, certificate, scaled.singular_values)
+    return CertifiedNullSpace(scaled, certificate, lambda: factor.triangle, _origin(mechanism, samples, seed))
+
+
+def certified_by_transfers(mechanism: Mechanism, samples: int, seed: int) -> CertifiedNullSpace:
+    """The null space of a tree from its geometry, joint by joint, checked at every joint against sampled energies.
+
+    Raises `RankError` unless energies agree, joint by joint, with the rank by geometry. `samples` is the number of
+    states whose energy differences are computed when they are asked for.
+    """
+    found = TreeNullSpace.of(mechanism)
+    generator = np.random.default_rng(seed)
+    few = 2 * BODY + 1
+    changes = energy_changes(mechanism, found.transfers, random_states(mechanism, 2 * few, generator))
+    once, twice = (transfer_evidence(found.transfers, changes[:, :count]) for count in (few, 2 * few))
+    certificate = Certificate(
+        rank_energy=found.rank + once.surplus,
+        rank_geometry=found.rank,
+        rank_doubled=found.rank + twice.surplus,
+        gap=once.gap,
+        relative_smallest=once.smallest,
+        samples=few,
+        seed=seed,
+        null_residual=twice.residual,
+        near_right_angles=near_right_angles(mechanism.description),
+    )
+    _require_accepted(mechanism, certificate, once.weakest)
+
+    def energies() -> Array:
+        some, _ = random_halves(mechanism, samples, np.random.default_rng(seed))
+        return EnergyFactor.of(energy_blocks(mechanism, some)).triangle
+
+    return CertifiedNullSpace(found, certificate, energies, _origin(mechanism, samples, seed))
+
+
+def _origin(mechanism: Mechanism, samples: int, seed: int) -> str:
+    return f"{samples} random states {whereabouts(mechanism)}, seed {seed}"
+
+
+def _require_accepted(mechanism: Mechanism, certificate: Certificate, spectrum: Array) -> None:
+    # An angle that is taken as exact elsewhere may be what spoils a gap.
+    suspects = near_right_angles(mechanism.description, exact=ROUND_OFF) if certificate.faults else ()
+    certificate.require_accepted(mechanism.name, spectrum, suspects)
+
+
 def leftovers(spectrum: Array, vectors: Array, rank: int, names: Sequence[str]) -> tuple[Leftover, ...]:
-    """Singular values beyond the gap that are more than round-off, with what their vectors (columns) hold."""
+    """Singular values beyond the gap that are more than round-off, with the parameters that dominate their vectors.
+
+    The spectrum (P,) falls; `vectors` (P, P) holds a right singular vector a column.
+    """
     relative = spectrum / spectrum[0]
     beyond = [i for i in range(rank, len(spectrum)) if relative[i] > ROUND_OFF]
     return tuple(Leftover(float(relative[i]), _dominant(vectors[:, i], names)) for i in beyond)

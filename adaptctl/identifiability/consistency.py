@@ -1,4 +1,4 @@
-"""From fundamental parameters back to rigid bodies: the lift, where there is one."""
+"""The lift of fundamental parameters to full parameters that rigid bodies can have."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array
-from adaptctl.description.inertia import PARAMETERS, pseudo_inertia
+from adaptctl.description.inertia import UNIT_PSEUDO_INERTIAS, pseudo_inertia
 from adaptctl.errors import AdaptctlError, InputError, MissingExtraError
 from adaptctl.identifiability.reduced_model import ReducedModel
 
@@ -23,24 +23,21 @@ REALISABLE = 1e-6
 SLACK = 1e-3
 """Share by which the distance may be exceeded to come nearer to the prior, where nothing is realisable."""
 
-_UNITS = np.stack([pseudo_inertia(unit) for unit in np.eye(len(PARAMETERS))])
-"""(10, 4, 4): the pseudo-inertia of each unit parameter."""
-
 
 @dataclass(frozen=True, eq=False)
 class Lift:
-    """Full parameters that rigid bodies have, and how near they come to the fundamental ones asked for."""
+    """Physically consistent full parameters, and the distance of their fundamental ones from those asked for."""
 
     parameters: Array
-    """(P,) physically consistent"""
+    """Physically consistent full parameters (P,)."""
     fundamental: Array
-    """(k,) beta of these"""
+    """Fundamental parameters beta (k,) of these."""
     wanted: Array
-    """(k,) beta asked for"""
+    """Fundamental parameters beta (k,) asked for."""
 
     @cached_property
     def distance(self) -> float:
-        """|beta - wanted| / |wanted|, in SI units."""
+        """The relative distance |beta - wanted| / |wanted|, in SI units."""
         return float(np.linalg.norm(self.fundamental - self.wanted)) / _size(self.wanted)
 
     @property
@@ -50,7 +47,7 @@ class Lift:
 
 
 def nearest_consistent(model: ReducedModel, beta: ArrayLike, prior: ArrayLike | None = None) -> Lift:
-    """Of the physically consistent full parameters with fundamental ones beta (k,), the nearest to a prior (P,).
+    """The physically consistent full parameters with fundamental ones beta (k,) that are nearest to a prior (P,).
 
     Fundamental parameters fix k of P numbers only; many sets of rigid bodies have the same, or none. Nearest is
     meant by the Bregman divergence sum_i tr(P_i prior^-1 P_i) - log det P_i of the links' pseudo-inertias, which
@@ -73,7 +70,7 @@ def nearest_consistent(model: ReducedModel, beta: ArrayLike, prior: ArrayLike | 
 
 
 class _Bodies:
-    """The unknowns: each pseudo-inertia is G X G' with the prior's G G', so that X is 1 at the prior."""
+    """The unknowns X of each link, whose pseudo-inertia is G X G' with the prior's G G': X is 1 at the prior."""
 
     def __init__(self, model: ReducedModel, prior: Array) -> None:
         self._cp = _solver()
@@ -157,5 +154,5 @@ def _roots(model: ReducedModel, prior: Array) -> list[Array]:
 
 def _as_ten(root: Array) -> Array:
     """The matrix (10, 16) that takes X, column by column, to the ten of the pseudo-inertia G X G'."""
-    to_ten = np.linalg.pinv(_UNITS.reshape(10, 16).T)
+    to_ten = np.linalg.pinv(UNIT_PSEUDO_INERTIAS.reshape(10, 16).T)
     return np.asarray(to_ten @ np.kron(root, root))

@@ -1,4 +1,4 @@
-"""What a user knows of inertial parameters beforehand: values, and linear relations among them.
+"""Constraints on inertial parameters, known values and linear relations, and mechanisms that keep to them.
 
 Sheu and Walker (1991), section 5.3: three relations that decouple the arm's inertia make 26 parameters into 23.
 """
@@ -15,16 +15,28 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.errors import FileError, InputError
+from adaptctl.arrays import Array
+from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.constrained_mechanism import ConstrainedMechanism, Parametrisation
+from adaptctl.errors import FileError, InputError, NotFoundError
 from adaptctl.files import read_toml
+from adaptctl.identifiability.priority import Priority, suggestion
+from adaptctl.identifiability.sampling import characteristic_length
+from adaptctl.identifiability.scaled_rank import length_scales
+from adaptctl.identifiability.selection import removable
 
 MOST = 1000
-"""relations in one file"""
+"""Most relations in one file."""
+INDEPENDENT = 1e-9
+"""Least part of a relation, relative to its size, that those before it must leave unsaid."""
 
 
 @dataclass(frozen=True, eq=False)
 class Relation:
-    """A linear relation: sum of weight times parameter = value, in SI units."""
+    """A linear relation among inertial parameters: sum of weight times parameter = value, in SI units.
+
+    Raises `InputError` for weights that are all zero and for numbers that are not finite.
+    """
 
     weights: Mapping[str, float]
     value: float = 0.0
@@ -54,7 +66,10 @@ class Constraints:
 
     @classmethod
     def of(cls, matrix: ArrayLike, names: Sequence[str], values: ArrayLike | None = None) -> Constraints:
-        """The relations matrix D = values, a row each, among parameters of these names; values zero if not given."""
+        """The constraints matrix D = values, a relation for each of m rows, among n parameters of these names.
+
+        `matrix` is (m, n), `values` (m,), zero by default. Raises `InputError` for other shapes.
+        """
         rows = np.atleast_2d(np.asarray(matrix, dtype=np.float64))
         right = np.zeros(len(rows)) if values is None else np.asarray(values, dtype=np.float64)
         if rows.shape[1] != len(names) or right.shape != (len(rows),):
@@ -83,7 +98,7 @@ class Constraints:
             weights = { link4.m = 1.0, link5.m = -1.0 }
             value = 0.0
 
-        Raises `FileError`.
+        Raises `FileError` naming the element that is wrong.
         """
         content = read_toml(path, _ConstraintsFile)
         try:
@@ -94,9 +109,75 @@ class Constraints:
 
     @property
     def every(self) -> tuple[Relation, ...]:
-        """Known values as relations, then the relations."""
+        """All constraints as relations: the known values, then the relations."""
         known = (Relation({name: 1.0}, value, f"{name} = {value:g}") for name, value in self.known.items())
         return (*known, *self.relations)
+
+
+def constrained(
+    mechanism: Mechanism, constraints: Constraints, priority: Priority | None = None
+) -> ConstrainedMechanism:
+    """The mechanism on the parameters that the constraints leave free: each takes one away.
+
+    A relation takes away the parameter that the priority would remove first (default: Table 4's rule) and that no
+    other relation has taken; its value follows from the others'. Essential space, basis, model and controllers that
+    are made from the result keep to the constraints, and need not know of them. The mechanism's own values of
+    parameters taken away are replaced by what the constraints say.
+    Raises `InputError` naming a relation that contradicts those before it; one that follows from them is left out.
+    Raises `NotFoundError` for a parameter that the mechanism does not have.
+    """
+    names = mechanism.parameter_names[: mechanism.energetic]
+    A, b = _system(constraints.every, names)
+    scales = length_scales(names, characteristic_length(mechanism))
+    kept = _independent(constraints.every, A * scales, b)
+    if len(kept) == len(names):
+        raise InputError(f"{mechanism.name}: the constraints leave no parameter")
+    order = (priority or Priority()).indices(names)
+    return ConstrainedMechanism(mechanism, _parametrisation(A[kept] * scales, b[kept], scales, order, mechanism))
+
+
+def _parametrisation(A: Array, b: Array, scales: Array, order: Sequence[int], mechanism: Mechanism) -> Parametrisation:
+    """The solution of scaled relations A x = b, x = D / scales, for the first independent parameters in the order."""
+    P, directions = len(mechanism.parameter_names), np.linalg.qr(A.T)[0]
+    gone = removable(directions, order, 1e-3 / np.sqrt(len(order))) if len(A) else ()
+    taken = set(gone)
+    left = tuple(i for i in range(P) if i not in taken)
+    inside = [i for i in left if i < len(scales)]
+    solved = np.linalg.solve(A[:, list(gone)], np.column_stack([-A[:, inside], b]))
+    solved[np.abs(solved) < 1e-12] = 0.0
+    N, known = np.zeros((P, len(left))), np.zeros(P)
+    N[list(left), range(len(left))] = 1.0
+    rows = scales[list(gone)]
+    N[np.ix_(list(gone), [left.index(i) for i in inside])] = solved[:, :-1] * rows[:, None] / scales[inside]
+    known[list(gone)] = solved[:, -1] * rows
+    return Parametrisation(left, N, known)
+
+
+def _system(relations: Sequence[Relation], names: Sequence[str]) -> tuple[Array, Array]:
+    place = {name: i for i, name in enumerate(names)}
+    A = np.zeros((len(relations), len(names)))
+    for row, relation in zip(A, relations, strict=True):
+        for name, weight in relation.weights.items():
+            if name not in place:
+                raise NotFoundError(f"{relation}: there is no inertial parameter {name!r}; {suggestion(name, names)}")
+            row[place[name]] = weight
+    return A, np.array([relation.value for relation in relations])
+
+
+def _independent(relations: Sequence[Relation], A: Array, b: Array) -> list[int]:
+    """Indices of relations that do not follow from those before them. Raises `InputError` for a contradiction."""
+    kept: list[int] = []
+    for i, row in enumerate(A):
+        size = np.linalg.norm(row)
+        if kept:
+            mix, *_ = np.linalg.lstsq(A[kept].T, row, rcond=None)
+            beside = np.linalg.norm(row - mix @ A[kept])
+            if beside <= INDEPENDENT * size:
+                if abs(mix @ b[kept] - b[i]) > INDEPENDENT * max(np.abs(b).max(), size):
+                    raise InputError(f"{relations[i]} contradicts those before it: they make it {mix @ b[kept]:g}")
+                continue
+        kept.append(i)
+    return kept
 
 
 _Nested = dict[str, float | dict[str, float]]
@@ -115,7 +196,7 @@ class _ConstraintsFile(msgspec.Struct, forbid_unknown_fields=True):
 
 
 def _flat(nested: _Nested) -> dict[str, float]:
-    """TOML reads link4.m without quotes as a table within a table."""
+    """Numbers by full name; TOML reads link4.m without quotes as a table within a table."""
     out: dict[str, float] = {}
     for name, value in nested.items():
         out |= {f"{name}.{kind}": x for kind, x in value.items()} if isinstance(value, dict) else {name: value}

@@ -1,4 +1,4 @@
-"""The fundamental basis: parameters that are enough, and what the others add to them."""
+"""The fundamental basis: the parameters that are kept, and the regrouping of all others onto them."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen_array
-from adaptctl.errors import InputError, RankError
+from adaptctl.arrays import Array, checked, frozen_array
+from adaptctl.errors import FileError, InputError, RankError
+from adaptctl.identifiability.basis_file import BasisFile, Robot
 from adaptctl.identifiability.essential_space import EssentialSpace
 from adaptctl.identifiability.priority import Priority
 from adaptctl.identifiability.regrouping import LARGEST_CONDITION, Regrouping, condition
@@ -20,11 +21,11 @@ from adaptctl.identifiability.selection import TOLERANCE
 
 @dataclass(frozen=True, eq=False)
 class FundamentalBasis:
-    """Which k of the P inertial parameters to keep, and how the others regroup onto them.
+    """The k of P inertial parameters that are kept, and the regrouping of the others onto them.
 
     For all states Y(p, v, a) D = Y[:, columns] beta with the fundamental parameters beta = K D, K the
     `regrouping` (k, P). It depends on the mechanism's geometry and gravity only, named by `geometry_sha256`: its
-    inertial values may change.
+    inertial values may change. Raises `InputError` for columns, matrix and scales that do not fit together.
     """
 
     mechanism_name: str
@@ -33,9 +34,9 @@ class FundamentalBasis:
     columns: tuple[int, ...]
     regrouping: Array
     scales: Array
-    """(P,): parameters over these are comparable, whatever the units"""
+    """Scales (P,): parameters over these are comparable, whatever the units."""
     gap: float
-    """of the rank's certificate"""
+    """The gap sigma_k/sigma_k+1 of the rank's certificate."""
 
     def __post_init__(self) -> None:
         P, columns = len(self.parameter_names), self.columns
@@ -49,7 +50,7 @@ class FundamentalBasis:
 
     @property
     def rank(self) -> int:
-        """Number of fundamental parameters k."""
+        """The number of fundamental parameters k."""
         return len(self.columns)
 
     @cached_property
@@ -59,7 +60,7 @@ class FundamentalBasis:
 
     @cached_property
     def scaled_condition(self) -> float:
-        """The same among scaled parameters, which does not depend on units."""
+        """The condition of F2' V2 among scaled parameters, which does not depend on units."""
         scaled = self.regrouping * self.scales / self.scales[list(self.columns), None]
         return condition(np.delete(scaled, self.columns, axis=1))
 
@@ -69,34 +70,47 @@ class FundamentalBasis:
         return tuple(self.parameter_names[j] for j in self.columns)
 
     def fundamental_parameters(self, parameters: ArrayLike) -> Array:
-        """beta = K D (..., k) of inertial parameters D (..., P)."""
-        D = np.asarray(parameters, dtype=np.float64)
-        if D.ndim == 0 or D.shape[-1] != len(self.parameter_names):
-            raise InputError(f"parameters: expected shape (..., {len(self.parameter_names)}), got {D.shape}")
-        return D @ self.regrouping.T
+        """Fundamental parameters beta = K D (..., k) of inertial parameters D (..., P). Raises `InputError`."""
+        return checked(parameters, len(self.parameter_names), "parameters") @ self.regrouping.T
 
     def equations(self) -> tuple[str, ...]:
-        """The k regrouping equations as a person writes them."""
+        """The regrouping equations (k,) in readable form."""
         return regrouping_equations(self.regrouping, self.columns, self.parameter_names)
 
     def save(self, path: str | Path) -> None:
-        """Write the basis as JSON, whole or not at all."""
-        from adaptctl.identifiability.basis_file import write_basis
-
-        write_basis(path, self)
+        """Write the basis as JSON, whole or not at all. Raises `FileError`."""
+        BasisFile(
+            schema="adaptctl/fundamental-basis/1",
+            robot=Robot(self.mechanism_name, self.geometry_sha256),
+            rank=self.rank,
+            gap=self.gap,
+            parameters=list(self.parameter_names),
+            scales=self.scales.tolist(),
+            regrouping=BasisFile.rows(self.regrouping, self.columns, self.parameter_names),
+        ).write(path)
 
     @classmethod
     def load(cls, path: str | Path) -> FundamentalBasis:
-        """Read a saved basis. Raises `FileError` when the file is not one, or has been damaged."""
-        from adaptctl.identifiability.basis_file import read_basis
-
-        return read_basis(path)
+        """The basis saved in a file. Raises `FileError` when the file is not one, or has been damaged."""
+        content = BasisFile.read(path)
+        try:
+            return cls(
+                mechanism_name=content.robot.name,
+                geometry_sha256=content.robot.geometry_sha256,
+                parameter_names=tuple(content.parameters),
+                columns=content.columns,
+                regrouping=content.matrix,
+                scales=np.array(content.scales),
+                gap=content.gap,
+            )
+        except InputError as error:
+            raise FileError(f"{path}: {error}") from error
 
 
 def fundamental_basis(
     space: EssentialSpace, priority: Priority | None = None, *, tolerance: float = TOLERANCE
 ) -> FundamentalBasis:
-    """Keep k parameters by removing the others in the order of a priority (default: Table 4's rule).
+    """The fundamental basis that removes parameters in the order of a priority (default: Table 4's rule).
 
     Raises `RankError` when the removed parameters determine the kept ones too poorly (condition above 1e4 among
     scaled parameters): the priority then removes parameters that very nearly depend on each other.

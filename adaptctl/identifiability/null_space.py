@@ -1,15 +1,39 @@
-"""The null space of a regressor, found among scaled parameters and brought back to unscaled ones."""
+"""The null space of energies, whichever way it was found: what it offers, its unscaled bases, and its residual."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.identifiability.numerical_rank import triangle
+from adaptctl.identifiability.factorisation import triangle
+from adaptctl.identifiability.regrouping import Regrouping
+from adaptctl.identifiability.selection import independent_columns
+
+
+class NullSpace(Protocol):
+    """The combinations of P scaled parameters D / scales that change no energy, and what regroups through them."""
+
+    @property
+    def scales(self) -> Array:
+        """Scales (P,) that make parameters of different units comparable."""
+
+    @property
+    def rank(self) -> int:
+        """The number of independent parameters k."""
+
+    @property
+    def null_basis(self) -> Array:
+        """Orthonormal null vectors (P, P-k) among the scaled parameters."""
+
+    def regrouping(self, order: Sequence[int], tolerance: float) -> Regrouping:
+        """The regrouping that removes parameters in an order (P,), as long as their rows exceed a tolerance."""
 
 
 def unscaled_bases(scaled_null_basis: Array, scales: Array) -> tuple[Array, Array]:
-    """Orthonormal bases of the null space among the unscaled parameters, V2, and of its complement.
+    """Orthonormal bases of the null space among the unscaled parameters, V2 (P, P-k), and of its complement (P, k).
 
     `scaled_null_basis` (P, P-k) is a null space of (regressor * scales). Householder QR of its vectors mapped
     back, rows sorted by size and columns pivoted, which keeps small rows as accurate as large ones (Cox and
@@ -21,32 +45,20 @@ def unscaled_bases(scaled_null_basis: Array, scales: Array) -> tuple[Array, Arra
         return scaled_null_basis, np.eye(len(scales))
     vectors = scaled_null_basis * scales[:, None]
     order = np.argsort(-np.abs(vectors).max(axis=1), kind="stable")
-    sorted_basis, _ = np.linalg.qr(_pivoted(vectors[order]), mode="complete")
+    vectors = vectors[order]
+    pivots, _ = independent_columns(triangle(vectors), np.inf, 0.0)
+    sorted_basis, _ = np.linalg.qr(vectors[:, pivots], mode="complete")
     orthonormal = np.empty(sorted_basis.shape)
     orthonormal[order] = sorted_basis
     size = vectors.shape[1]
     return orthonormal[:, :size], orthonormal[:, size:]
 
 
-def _pivoted(matrix: Array) -> Array:
-    """The columns, each time the one farthest from the span of those before (Businger and Golub 1965).
-
-    What remains of them is followed by modified Gram-Schmidt on the triangle. (scipy.linalg.qr can pivot, but takes
-    0.1 s to import.)
-    """
-    rest = triangle(matrix).copy()
-    order: list[int] = []
-    for _ in range(matrix.shape[1]):
-        sizes = np.einsum("ij,ij->j", rest, rest)
-        sizes[order] = -1.0
-        order.append(int(np.argmax(sizes)))
-        direction = rest[:, order[-1]] / np.sqrt(sizes[order[-1]])
-        rest -= np.outer(direction, direction @ rest)
-    return matrix[:, order]
-
-
 def null_residual(regressor: Array, null_basis: Array, scales: Array) -> float:
-    """The largest torque of any null vector, over the largest that a vector of its size could make."""
+    """The largest torque of any null vector, relative to the largest that a vector of its size could make.
+
+    The torque regressor (rows, P) and the null basis (P, P-k) are unscaled; zero where nothing is null.
+    """
     if null_basis.shape[1] == 0:
         return 0.0
     largest = np.abs(regressor * scales).max() * np.abs(null_basis / scales[:, None]).max(axis=0)

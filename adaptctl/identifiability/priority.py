@@ -1,4 +1,4 @@
-"""Which parameters a user would rather be without."""
+"""Priorities: the order in which a user would rather be without parameters."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ import msgspec
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import FileError, InputError, NotFoundError
 from adaptctl.files import read_toml
-from adaptctl.identifiability.sampled_regressors import energetic_names
+from adaptctl.identifiability.energy_matrix import energetic_names
 
 SCHEMA = "adaptctl/priority/1"
 
 KINDS = ("m", "mc_x", "mc_y", "mc_z", "I_xy", "I_xz", "I_yz", "I_xx", "I_yy", "I_zz")
-"""The order of Table 4 of Sheu and Walker (1991): the first kind is removed first, of all links."""
+"""Kinds in the order of Table 4 of Sheu and Walker (1991): the first kind is removed first, of all links."""
 
 PAPER_KINDS = {"I_x": "I_xx", "I_y": "I_yy", "I_z": "I_zz"}
-"""The paper's names, which files may use."""
+"""Our names by the paper's, which files may use."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Priority:
 
     @classmethod
     def default(cls, mechanism: Mechanism) -> Priority:
-        """Table 4's rule for any mechanism: kind by kind as in `KINDS`, each from the first link to the last."""
+        """The priority of Table 4's rule: kind by kind as in `KINDS`, each from the first link to the last."""
         return cls(_default_order(energetic_names(mechanism)))
 
     @classmethod
@@ -64,7 +64,7 @@ class Priority:
             mc_x = [4, 5, 6]
 
         Every file begins with ``schema = "adaptctl/priority/1"``; the paper's ``I_x`` may stand for ``I_xx``.
-        Raises `FileError`.
+        Raises `FileError` naming the element that is wrong.
         """
         table = read_toml(path, _Table)
         try:
@@ -112,7 +112,7 @@ def _from_table(table: _Table, parameter_names: Sequence[str]) -> Priority:
 
 
 def _links(table: _Table, parameter_names: Sequence[str]) -> list[str]:
-    """The links that are asked for, all where none are."""
+    """The links that a file asks for; all where it names none."""
     parts = (name.rpartition(".") for name in parameter_names)
     known = list(dict.fromkeys(link for link, _, kind in parts if kind in KINDS))
     links = known if table.links is None else table.links
@@ -165,15 +165,19 @@ def _default_order(parameter_names: Sequence[str]) -> tuple[str, ...]:
 def _require_known(given: Sequence[str], known: Sequence[str], what: str) -> None:
     for name in given:
         if name not in known:
-            close = get_close_matches(name, known, n=1)
-            guess = f"did you mean {close[0]!r}?" if close else f"there are {_listed(known)}"
-            raise NotFoundError(f"unknown {what} {name!r}; {guess}")
+            raise NotFoundError(f"unknown {what} {name!r}; {suggestion(name, known)}")
 
 
 def _require_once(given: Sequence[str], what: str) -> None:
     for name in given:
         if given.count(name) > 1:
             raise InputError(f"{what} {name!r} is given more than once")
+
+
+def suggestion(name: str, known: Sequence[str]) -> str:
+    """A hint for an unknown name: the known one that is nearest to it, else those that there are."""
+    close = get_close_matches(name, known, n=1)
+    return f"did you mean {close[0]!r}?" if close else f"there are {_listed(known)}"
 
 
 def _listed(names: Sequence[str], most: int = 20) -> str:

@@ -8,16 +8,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen_array
+from adaptctl.arrays import Array, checked, frozen_array
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.constrained_mechanism import RelatedMechanism
 from adaptctl.errors import InputError
 from adaptctl.identifiability.fundamental_basis import FundamentalBasis
 
 
 @dataclass(frozen=True, eq=False)
 class ReducedModel:
-    """The equations of motion on the parameters that a basis keeps; on all P where there is no basis.
+    """A mechanism's equations of motion on the k parameters that a basis keeps; on all P where there is no basis.
 
     tau = Y[:, columns] beta: the columns of the parameters that were removed are never computed. The basis may
     come from any mechanism of the same geometry. Raises `InputError` for a basis of another one.
@@ -38,12 +37,12 @@ class ReducedModel:
 
     @classmethod
     def full(cls, mechanism: Mechanism) -> ReducedModel:
-        """All P parameters, for comparison: the regrouping is the identity."""
+        """The model on all P parameters, for comparison: the regrouping is the identity."""
         return cls(mechanism, None)
 
     @cached_property
     def columns(self) -> tuple[int, ...]:
-        """The kept columns (k,), rising: the basis's, and all friction, which energies cannot find."""
+        """Indices (k,) of the kept parameters, rising: the basis's, and all friction, which energies cannot find."""
         everything = range(len(self.mechanism.parameter_names))
         if self.basis is None:
             return tuple(everything)
@@ -56,7 +55,7 @@ class ReducedModel:
 
     @cached_property
     def regrouping(self) -> Array:
-        """K (k, P): beta = K D."""
+        """The regrouping matrix K (k, P), with beta = K D."""
         P, energetic = len(self.mechanism.parameter_names), self.mechanism.energetic
         K = np.eye(P)[list(self.columns)]
         if self.basis is not None:
@@ -65,35 +64,34 @@ class ReducedModel:
 
     @cached_property
     def fundamental_parameters(self) -> Array:
-        """The true beta = K D (k,)."""
+        """The true fundamental parameters beta = K D (k,), of the mechanism's own D."""
         return frozen_array(
             self.regrouping @ self.mechanism.inertial_parameters, (len(self.columns),), "fundamental parameters"
         )
 
     def torque_regressor(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
-        """Y[:, columns] (..., r, k)."""
+        """The torque regressor Y[:, columns] (..., r, k) at positions, velocities and accelerations (..., r)."""
         return self.mechanism.torque_regressor(p, v, a, self.columns)
 
     def slotine_li_regressor(self, p: ArrayLike, v: ArrayLike, v_r: ArrayLike, a_r: ArrayLike) -> Array:
-        """Y_r[:, columns] (..., r, k)."""
+        """The Slotine-Li regressor Y_r[:, columns] (..., r, k), with reference velocities v_r and accelerations a_r."""
         return self.mechanism.slotine_li_regressor(p, v, v_r, a_r, self.columns)
 
     def inverse_dynamics(self, p: ArrayLike, v: ArrayLike, a: ArrayLike, beta: ArrayLike | None = None) -> Array:
-        """Torque (..., r) that gives the accelerations a, with parameters beta (..., k), the true ones by default."""
+        """Torques (..., r) that give the accelerations a, with parameters beta (..., k), the true ones by default.
+
+        Raises `InputError` for arrays that are not of these shapes, or not finite.
+        """
         values = self.fundamental_parameters if beta is None else self._checked(beta)
         torque = np.einsum("...ij,...j->...i", self.torque_regressor(p, v, a), values)
-        known = self.mechanism.known_torque(p, v, a) if isinstance(self.mechanism, RelatedMechanism) else 0.0
-        return np.asarray(torque + known)
+        return np.asarray(torque + self.mechanism.known_torque(p, v, a))
 
     def embed(self, beta: ArrayLike) -> Array:
-        """D_I = F1 beta (..., P): beta at the kept columns, zeros elsewhere, with the same torques."""
+        """Full parameters D_I = F1 beta (..., P): beta at the kept columns, zeros elsewhere, with the same torques."""
         values = self._checked(beta)
         out = np.zeros((*values.shape[:-1], len(self.mechanism.parameter_names)))
         out[..., list(self.columns)] = values
         return out
 
     def _checked(self, beta: ArrayLike) -> Array:
-        values = np.asarray(beta, dtype=np.float64)
-        if values.ndim == 0 or values.shape[-1] != len(self.columns):
-            raise InputError(f"fundamental parameters: expected shape (..., {len(self.columns)}), got {values.shape}")
-        return values
+        return checked(beta, len(self.columns), "fundamental parameters")

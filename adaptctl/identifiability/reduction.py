@@ -15,7 +15,7 @@ from adaptctl.identifiability.essential_space import EssentialSpace
 
 @dataclass(frozen=True, eq=False)
 class Reduction:
-    """An arm's parameters with only their weightiest components kept (Sheu and Walker 1991, section 3.2).
+    """A mechanism's parameters with only their weightiest components kept (Sheu and Walker 1991, section 3.2).
 
     It holds for `states`, the motions behind the essential space's singular values, and for the parameters it
     was made with: others move the weights.
@@ -23,23 +23,26 @@ class Reduction:
 
     states: str
     components: Array
-    """(k, P): the alpha_j v_j by falling weight; the first s sum to the reduced parameters"""
+    """Components alpha_j v_j (k, P) by falling weight; the first s sum to the reduced parameters."""
     weights: Array
-    """(k,): beta_j = sigma_j v_j' D by falling size, in J times the root of the number of samples"""
+    """Weights beta_j = sigma_j v_j' D (k,) by falling size, in J times the root of the number of samples."""
     order: tuple[int, ...]
-    """which column of V1 stands at each place"""
+    """Columns (k,) of V1 that the components come from."""
     percent_errors: Array
-    """(k + 1,): the energy error in percent (equation 23) when 0, 1, ... k components are kept"""
+    """Energy errors (k + 1,) in percent (equation 23) when 0, 1, ... k components are kept."""
     kept: int
-    """s, the number of components kept"""
+    """The number s of components kept."""
 
     @property
     def percent_error(self) -> float:
-        """The energy error in percent of what is kept."""
+        """The energy error, in percent, of the components kept."""
         return float(self.percent_errors[self.kept])
 
     def parameters(self, components: int | None = None) -> Array:
-        """Reduced parameters (P,), the paper's D_E with a hat, from `components` of them (default: `kept`)."""
+        """Reduced parameters (P,), the paper's D_E with a hat, from as many `components` (default: `kept`).
+
+        Raises `InputError` for a number that is not in 0..k.
+        """
         count = self.kept if components is None else _checked_count(components, len(self.weights))
         return self.components[:count].sum(axis=0)
 
@@ -51,10 +54,11 @@ def reduce(
     energy_error: float | None = None,
     components: int | None = None,
 ) -> Reduction:
-    """Keep the fewest components whose energy error is at most `energy_error` percent, or a number of them.
+    """The reduction to the fewest components with an energy error of at most `energy_error` percent, or to a number.
 
     `parameters` are inertial parameters (P,) or a mechanism that has them. The error is the root of the summed
     squares over the samples of the space's `states`, relative to the energies themselves (equation 22).
+    Raises `InputError` unless one of the two is given, and for parameters that have no energy in any state.
     """
     if (energy_error is None) == (components is None):
         raise InputError("give one of energy_error, in percent, and components, a number")

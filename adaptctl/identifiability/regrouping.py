@@ -1,4 +1,4 @@
-"""Which parameters stay, and what each of the others adds to them, among scaled parameters."""
+"""Regrouping among scaled parameters: those that are kept, and what each of the removed ones adds to them."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from adaptctl.arrays import Array
 from adaptctl.identifiability.selection import removable
 
 EXACT_ZERO = 1e-11
-"""Regrouping coefficients below are round-off: left in, they would leak large parameters into small ones."""
+"""Size below which regrouping coefficients are round-off: left in, they would leak large parameters into small ones."""
 LARGEST_CONDITION = 1e4
-"""of F2' V2 among scaled parameters"""
+"""Largest condition of F2' V2 among scaled parameters."""
 
 
 @dataclass(frozen=True, eq=False)
 class Regrouping:
-    """kept + coefficients @ removed says all that the parameters say."""
+    """The kept and the removed of P scaled parameters; kept + coefficients @ removed gives the same torques as all."""
 
     kept: tuple[int, ...]
-    """(k,), rising"""
+    """Indices (k,), rising."""
     removed: tuple[int, ...]
-    """(P - k,)"""
+    """Indices (P - k,), in any order."""
     coefficients: Array
-    """(k, P - k)"""
+    """Coefficients C (k, P - k) of the removed parameters on the kept ones."""
     rank: int
-    """of the kept columns of a regressor: k, if all is well"""
+    """Rank of a regressor's kept columns: k, if all is well."""
 
     @cached_property
     def condition(self) -> float:
@@ -42,12 +42,12 @@ class Regrouping:
 
     @cached_property
     def bound(self) -> float:
-        """At least the condition, and at once: |C|^2 <= |C|_1 |C|_inf."""
+        """An upper bound of the condition that needs no factorisation: |C|^2 <= |C|_1 |C|_inf."""
         sizes = np.abs(self.coefficients)
         return float(np.sqrt(1.0 + sizes.sum(axis=0).max(initial=0.0) * sizes.sum(axis=1).max(initial=0.0)))
 
     def matrix(self, scales: Array) -> Array:
-        """K (k, P) among unscaled parameters, which are the scaled ones times `scales` (P,)."""
+        """The regrouping matrix K (k, P) among unscaled parameters, which are the scaled ones times `scales` (P,)."""
         kept, removed = list(self.kept), list(self.removed)
         coefficients = np.where(np.abs(self.coefficients) < EXACT_ZERO, 0.0, self.coefficients)
         K = np.zeros((len(kept), len(scales)))
@@ -57,7 +57,7 @@ class Regrouping:
 
 
 def by_null_vectors(null_basis: Array, order: Sequence[int], tolerance: float) -> Regrouping:
-    """Remove parameters in an order, as long as their rows of the null basis Z (P, P-k) are independent.
+    """The regrouping that removes parameters in an order, as far as their rows of the null basis Z (P, P-k) allow.
 
     K = F1' (I - Z (F2' Z)^-1 F2'), equation 25 of Sheu and Walker (1991).
     """
@@ -70,7 +70,8 @@ def by_null_vectors(null_basis: Array, order: Sequence[int], tolerance: float) -
 def condition(coefficients: Array) -> float:
     """The condition of F2' V2 (Sheu and Walker 1991, equation 25) for regrouping coefficients C (k, n).
 
-    The null vectors are [-C; 1], so F2' V2 = (1 + C'C)^-1/2 but for a rotation. 1 where nothing is removed.
+    The null vectors are [-C; 1], so F2' V2 = (1 + C'C)^-1/2 but for a rotation, and the condition is the root of
+    (1 + sigma_max^2) / (1 + sigma_min^2), with C's n singular values. 1 where nothing is removed.
     """
     k, n = coefficients.shape
     if n == 0:

@@ -1,4 +1,4 @@
-"""Regrouping equations, as a person writes them."""
+"""Regrouping equations as text, with equal coefficients factored out."""
 
 from __future__ import annotations
 
@@ -9,13 +9,16 @@ import numpy as np
 from adaptctl.arrays import Array
 
 NEGLIGIBLE = 1e-9
-"""Coefficients below are not written: they come from right angles that a file gives to nine digits."""
+"""Size below which coefficients are left out: they come from right angles that a file gives to nine digits."""
 ALIKE = 1e-9
-"""Relative: coefficients that differ by less are the same one."""
+"""Relative difference below which coefficients are the same one."""
 
 
 def regrouping_equations(regrouping: Array, columns: Sequence[int], names: Sequence[str]) -> tuple[str, ...]:
-    """``link2.mc_x* = link2.mc_x + 0.4318 (link3.m + link4.m)``, one for each kept parameter; SI units."""
+    """Equations (k,), such as ``link2.mc_x* = link2.mc_x + 0.4318 (link3.m + link4.m)``, in SI units.
+
+    `regrouping` is K (k, P), `columns` (k,) the kept parameters, `names` (P,).
+    """
     return tuple(_equation(row, column, names) for row, column in zip(regrouping, columns, strict=True))
 
 
@@ -25,7 +28,7 @@ def _equation(row: Array, column: int, names: Sequence[str]) -> str:
 
 
 def _groups(row: Array, column: int) -> list[list[int]]:
-    """Parameters whose coefficients have the same size; those of size 1 first, then in the parameters' order."""
+    """Groups of parameters whose coefficients have the same size; size 1 first, then in the parameters' order."""
     groups: list[list[int]] = []
     for j in np.flatnonzero(np.abs(row) > NEGLIGIBLE).tolist():
         if j == column:
@@ -43,7 +46,7 @@ def _alike(a: float, b: float) -> bool:
 
 
 def _group(row: Array, group: Sequence[int], names: Sequence[str]) -> str:
-    """``- 0.5 (a - b)``: one size, the first sign outside, the others within; sizes of 1 are signs alone."""
+    """A group such as ``- 0.5 (a - b)``: the first sign outside, the others within; sizes of 1 are signs alone."""
     first = row[group[0]]
     if _alike(first, 1.0):
         return " ".join(f"{_sign(row[j])} {names[j]}" for j in group)

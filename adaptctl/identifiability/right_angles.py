@@ -14,21 +14,23 @@ from adaptctl.description import Description
 from adaptctl.description.transforms.snapping import meeting_axes
 
 NEAR = 1e-3
-"""rad: closer to a multiple of 90 degrees than this is suspicious"""
+"""Angle (rad) to a multiple of 90 degrees below which a miss is suspicious."""
 EXACT = 1e-9
-"""rad: closer than this is taken as meant and reached"""
+"""Angle (rad) to a multiple of 90 degrees below which it counts as reached."""
 
 
 @dataclass(frozen=True)
 class NearRightAngle:
-    """Two successive joints and by how much (rad) the angle between their axes misses a multiple of 90 degrees."""
+    """Two successive joints the angle between whose axes nearly, but not quite, is a multiple of 90 degrees."""
 
     parent: str
-    """a joint's name, or "gravity" for a joint on the ground"""
+    """Name of the joint before, or "gravity" for a joint on the ground."""
     child: str
+    """Name of the joint."""
     degrees: int
-    """the multiple of 90 degrees"""
+    """The multiple of 90 degrees that is missed."""
     miss: float
+    """The angle beyond it (rad)."""
 
     def __str__(self) -> str:
         return (
@@ -38,8 +40,10 @@ class NearRightAngle:
 
 
 def near_right_angles(description: Description, exact: float = EXACT) -> tuple[NearRightAngle, ...]:
-    """Successive joint axes, gravity before the first, within 1e-3 but not within `exact` (rad) of a multiple of 90
-    degrees."""
+    """Pairs of successive joints, gravity before the first, whose axes nearly meet at a multiple of 90 degrees.
+
+    The angle between their axes is within 1e-3 rad, but not within `exact` (rad), of it.
+    """
     meeting = list(meeting_axes(description))
     if not meeting:
         return ()

@@ -17,12 +17,15 @@ from adaptctl.errors import InputError
 from adaptctl.identifiability.branch import positions_on_branch, reachable_positions
 
 MOST = 4096
-"""states drawn at a time"""
+"""Most states drawn at a time."""
 
 
 @dataclass(frozen=True, eq=False)
 class States:
-    """Positions p and velocities v (samples, r) of the primary joints, and where they come from, in words."""
+    """States of the primary joints: positions p and velocities v (samples, r), and where they come from, in words.
+
+    Raises `InputError` for arrays of other shapes and for fewer than two samples.
+    """
 
     p: Array
     v: Array
@@ -39,14 +42,17 @@ class States:
         return len(self.p)
 
     def parts(self, most: int) -> Iterator[States]:
-        """The same states, at most so many, and at least two, at a time."""
+        """The same states in parts of at most `most`, or one more, and at least two."""
         for begin, end in _spans(len(self), most):
             yield States(self.p[begin:end], self.v[begin:end], self.origin)
 
 
 def characteristic_length(mechanism: Mechanism) -> float:
-    """L (m): the largest offset from a joint to the next at zero; the farthest link frame from its joint where
-    all joints meet in a point, and 1 m where even these do."""
+    """The characteristic length L (m): the largest offset from a joint to the next at zero.
+
+    Where all joints meet in a point it is the largest offset of a link frame from its joint, and 1 m where even these
+    are zero.
+    """
     links = mechanism.links
     between = [_offset(links[k.parent].far, k.near) for k in links if k.parent != GROUND]
     for offsets in (between, [k.far.translation for k in links]):
@@ -57,12 +63,14 @@ def characteristic_length(mechanism: Mechanism) -> float:
 
 
 def _offset(first: Pose, second: Pose) -> Array:
-    """The origin of one frame after another."""
+    """The origin (3,) of the second frame, which is given in the first, where the first is given."""
     return first.rotation @ second.translation + first.translation
 
 
 def random_states(mechanism: Mechanism, samples: int, generator: np.random.Generator) -> States:
-    """Positions all around the circle (prismatic joints: within +-L), speeds about sqrt(g/L), limits ignored.
+    """Random states with positions all around the circle (prismatic joints: within +-L) and speeds about sqrt(g/L).
+
+    Limits are ignored.
 
     The energy is analytic in the state, so that its rank is the same almost everywhere: samples within narrow
     limits would only make the same rank harder to see. Joints that move a loop are kept on its branch, within
@@ -76,15 +84,17 @@ def random_states(mechanism: Mechanism, samples: int, generator: np.random.Gener
 
 
 def whereabouts(mechanism: Mechanism) -> str:
-    """Where random states are."""
+    """The region that random states are drawn from, in words."""
     return "over the full circle" if mechanism.description.loops is None else "on the reference's branch"
 
 
 def random_halves(
     mechanism: Mechanism, samples: int, generator: np.random.Generator
 ) -> tuple[Iterable[States], Iterable[States]]:
-    """Twice so many random states in two halves, to be used one after the other. Many are drawn as they are used, a
-    few thousand at a time, so that any number of them needs the same memory."""
+    """Two halves of `samples` random states each, to be used one after the other.
+
+    Many are drawn as they are used, a few thousand at a time, so that any number of them needs the same memory.
+    """
     if 2 * samples > MOST:
         return _blocks(mechanism, samples, generator), _blocks(mechanism, samples, generator)
     both = random_states(mechanism, 2 * samples, generator)
@@ -98,22 +108,23 @@ def _blocks(mechanism: Mechanism, samples: int, generator: np.random.Generator) 
 
 
 def _spans(count: int, most: int) -> Iterator[tuple[int, int]]:
-    """0..count in parts of at most `most` and at least two."""
+    """Ranges of 0..count of at most `most` numbers, or one more, and at least two."""
     ends = [*range(most, count - 1, most), count]
     return zip([0, *ends], ends, strict=False)
 
 
 def random_accelerations(mechanism: Mechanism, samples: int, generator: np.random.Generator) -> Array:
-    """Accelerations (samples, r) about g/L, to go with `random_states`."""
+    """Random accelerations (samples, r) about g/L, to go with `random_states`."""
     per_joint = np.where(_turns(mechanism), 1.0, characteristic_length(mechanism))
     return generator.normal(size=(samples, mechanism.dof)) * _rate(mechanism) ** 2 * per_joint
 
 
 def states_within_limits(mechanism: Mechanism, samples: int, seed: int = 0) -> States:
-    """Positions and velocities uniform within the joints' limits, as Sheu and Walker (1991) sampled theirs.
+    """Random states, uniform within the joints' limits, as Sheu and Walker (1991) sampled theirs.
 
     Where a joint has no limit, the range of `random_states` takes its place, about the reference in loops. Of a
     mechanism with loops, positions are kept that it can reach within its conditions and all its joints' limits.
+    Raises `InputError` when hardly any are.
     """
     generator = np.random.default_rng(seed)
     length, turns = characteristic_length(mechanism), _turns(mechanism)
@@ -146,6 +157,6 @@ def _turns(mechanism: Mechanism) -> Array:
 
 
 def _rate(mechanism: Mechanism) -> float:
-    """sqrt(g/L) (1/s): the speed at which kinetic and potential energy weigh alike."""
+    """The rate sqrt(g/L) (1/s), at which kinetic and potential energy weigh alike."""
     gravity = float(np.linalg.norm(mechanism.description.gravity)) or float(np.linalg.norm(STANDARD_GRAVITY))
     return float(np.sqrt(gravity / characteristic_length(mechanism)))

@@ -14,7 +14,7 @@ from adaptctl.description.drive import Drive, DriveParameter
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError
 from adaptctl.identifiability import EssentialSpace, ReducedModel, essential_space, fundamental_basis
-from adaptctl.identifiability.one_thread import one_thread
+from adaptctl.identifiability.factorisation import one_thread
 from adaptctl.identification.choice import BLOCKS, Choice, choose, cutoffs_for, judged_at, misfit_ratio
 from adaptctl.identification.columns import joint_columns
 from adaptctl.identification.comparisons import alternatives

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, checked, per_joint
-from adaptctl.control.excitation.exciting_reference import Limits, exciting_reference
+from adaptctl.control.excitation.exciting_reference import MotionLimits, exciting_reference
 from adaptctl.control.references import Sinusoids
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
@@ -27,7 +27,7 @@ Allowed = Callable[[Array], bool]
 
 
 @dataclass(frozen=True, eq=False)
-class MotionLimits:
+class RobotLimits:
     """What a motion may use: (r,) each, infinite where nothing limits."""
 
     velocity: Array
@@ -38,7 +38,7 @@ class MotionLimits:
     @classmethod
     def of(
         cls, mechanism: Mechanism, share: float, acceleration: ArrayLike | None = None, jerk: ArrayLike | None = None
-    ) -> MotionLimits:
+    ) -> RobotLimits:
         """A share of the robot's own speeds and torques; accelerations (rad/s^2) and jerks (rad/s^3) as given."""
         speeds = np.array([joint.limits.velocity for joint in mechanism.primary_joints])
         bends = _each(acceleration, mechanism.dof, "acceleration")
@@ -108,7 +108,7 @@ def _blend(x: Array, rate: float) -> list[Array]:
 
 def exciting_motion(
     mechanism: Mechanism,
-    limits: MotionLimits,
+    limits: RobotLimits,
     *,
     start: ArrayLike | None = None,
     end: ArrayLike | None = None,
@@ -129,7 +129,7 @@ def exciting_motion(
     if not 0.0 < 2.0 * fade < duration:
         raise InputError(f"fade: expected a time up to half of the duration of {duration:g} s, got {fade:g}")
     model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))
-    space = Limits.of(model, share)
+    space = MotionLimits.of(model, share)
     middle = 0.5 * (space.lower + space.upper)
     first, last = (middle if pose is None else checked(pose, mechanism.dof, "pose") for pose in (start, end))
     _require_poses(mechanism, first, last, limits, allowed)
@@ -142,7 +142,7 @@ def exciting_motion(
 
 
 def _require_poses(
-    mechanism: Mechanism, start: Array, end: Array, limits: MotionLimits, allowed: Allowed | None
+    mechanism: Mechanism, start: Array, end: Array, limits: RobotLimits, allowed: Allowed | None
 ) -> None:
     still = np.zeros(mechanism.dof)
     for what, pose in (("start", start), ("end", end)):
@@ -181,7 +181,7 @@ def _smaller(motion: RobotMotion, allowed: Allowed | None) -> RobotMotion:
     raise InputError("no motion between these poses is free of collisions and within the workspace; choose others")
 
 
-def _slowed(motion: RobotMotion, mechanism: Mechanism, limits: MotionLimits) -> RobotMotion:
+def _slowed(motion: RobotMotion, mechanism: Mechanism, limits: RobotLimits) -> RobotMotion:
     """As fast as the limits allow, at most as fast as it is."""
     if _use(motion, mechanism, limits) <= 1.0:
         return motion
@@ -203,7 +203,7 @@ def at_pace(motion: RobotMotion, slower: float) -> RobotMotion:
     return RobotMotion(motion.reference, motion.start, motion.end, motion.period, motion.fade, slower)
 
 
-def _use(motion: RobotMotion, mechanism: Mechanism, limits: MotionLimits) -> float:
+def _use(motion: RobotMotion, mechanism: Mechanism, limits: RobotLimits) -> float:
     """The largest of speeds, accelerations, jerks and torques over their limits."""
     _, p, v, a, jerk = motion.sampled()
     torque = mechanism.inverse_dynamics(p, v, a)

@@ -1,7 +1,18 @@
 """A finished comparison made visible: recording, figures, report, table and summary."""
 
-from adaptctl.recording.artifacts import prepare_folder, write_artifacts
-from adaptctl.recording.comparison import Comparison, Finding, Run, Setting, TickCost
-from adaptctl.recording.result import Result
+from adaptctl.recording.artifacts import prepare_folder, shown, write_artifacts
+from adaptctl.recording.comparison import Comparison, ControllerRun, Finding, Setting, TickCost
+from adaptctl.recording.result import Progress, Result
 
-__all__ = ["Comparison", "Finding", "Result", "Run", "Setting", "TickCost", "prepare_folder", "write_artifacts"]
+__all__ = [
+    "Comparison",
+    "ControllerRun",
+    "Finding",
+    "Progress",
+    "Result",
+    "Setting",
+    "TickCost",
+    "prepare_folder",
+    "shown",
+    "write_artifacts",
+]

@@ -1,16 +1,14 @@
-"""The folder of an experiment: made ready before anything is computed, filled when it is."""
+"""Files of an experiment's folder: the folder made ready before anything is computed, a comparison written into it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from adaptctl.errors import FileError
 from adaptctl.files import replacing
-
-if TYPE_CHECKING:
-    from adaptctl.recording.comparison import Comparison
+from adaptctl.recording.comparison import Comparison
+from adaptctl.recording.result import Progress, Result, silent
+from adaptctl.recording.wording import facts, headline, verdict
 
 RECORDING, SUMMARY, TRACE, REPORT, FIGURES = (
     "recording.rrd",
@@ -22,9 +20,10 @@ RECORDING, SUMMARY, TRACE, REPORT, FIGURES = (
 
 
 def prepare_folder(folder: str | Path, overwrite: bool = False) -> Path:
-    """The folder, made where it is missing. Raises FileError when it holds something or cannot be written.
+    """Path of an empty folder that can be written, made where it is missing.
 
-    This is asked before the work is done, so that nobody waits for a run that cannot be kept.
+    Raises FileError where it holds something, unless `overwrite`, and where it cannot be written. This is asked
+    before the work is done, so that nobody waits for a run that cannot be kept.
     """
     path = Path(folder)
     try:
@@ -43,13 +42,21 @@ def prepare_folder(folder: str | Path, overwrite: bool = False) -> Path:
     return path
 
 
-def write_artifacts(
-    folder: str | Path, comparison: Comparison, progress: Callable[[str, float], object] | None = None
-) -> Path:
+def shown(comparison: Comparison) -> Result:
+    """A comparison as an experiment's result."""
+    return Result(
+        complete=comparison.complete,
+        headline=headline(verdict(comparison), comparison.complete),
+        facts=tuple(facts(comparison)),
+        write=lambda folder, progress: write_artifacts(folder, comparison, progress),
+    )
+
+
+def write_artifacts(folder: str | Path, comparison: Comparison, progress: Progress = silent) -> Path:
     """Write recording, summary, trace, figures and report into a folder that is ready; returns it.
 
     Every file is written whole or not at all. `progress` is called with what is being written, and the share
-    of this that is done.
+    of this that is done. Raises FileError.
     """
     from adaptctl.recording.figures import write_figures
     from adaptctl.recording.report import write_report
@@ -57,20 +64,16 @@ def write_artifacts(
     from adaptctl.recording.summary import write_summary
     from adaptctl.recording.trace import write_trace
 
-    path, told = Path(folder), progress or _untold
-    told("summary", 0.0)
+    path = Path(folder)
+    progress("summary", 0.0)
     write_summary(path / SUMMARY, comparison)
     write_trace(path / TRACE, comparison)
-    told("recording", 0.1)
+    progress("recording", 0.1)
     write_recording(path / RECORDING, comparison)
-    told("figures", 0.3)
+    progress("figures", 0.3)
     (path / FIGURES).mkdir(exist_ok=True)
     figures = write_figures(path / FIGURES, comparison)
-    told("report", 0.95)
+    progress("report", 0.95)
     write_report(path / REPORT, comparison, figures)
-    told("report", 1.0)
+    progress("report", 1.0)
     return path
-
-
-def _untold(what: str, share: float) -> None:
-    """Nobody asked to be told."""

@@ -1,4 +1,4 @@
-"""How a recording is laid out on the screen: what a person sees without a click."""
+"""Layout of a comparison's recording on the screen: its tabs and views."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from adaptctl.recording.viewpoint import Viewpoint
 
 
 @dataclass(frozen=True, eq=False)
-class Layout:
-    """What the layout depends on."""
+class ScreenContents:
+    """Names, units and ranges of what a comparison's recording shows: what its layout depends on."""
 
     viewpoint: Viewpoint
     error_unit: str
@@ -32,51 +32,51 @@ class Layout:
     has_lyapunov: bool
 
 
-def blueprint(layout: Layout) -> rrb.Blueprint:
+def blueprint(shown: ScreenContents) -> rrb.Blueprint:
     """Tabs: everything at a glance, the controllers, tracking, torque, parameters, and the offline stage."""
-    containers = [_overview(layout), _controllers(layout), _tracking(layout), _torques(layout)]
-    if layout.links:
-        containers.append(_parameters(layout))
+    containers = [_overview(shown), _controllers(shown), _tracking(shown), _torques(shown)]
+    if shown.links:
+        containers.append(_parameters(shown))
     return views.tabs(*containers, _offline())
 
 
-def _overview(layout: Layout) -> rrb.Container:
-    left = rrb.Vertical(_arm(layout), views.text("summary", "Summary"), row_shares=[11, 9])
-    curves = [_error(layout, 0), _error(layout, 1)] if len(layout.runs) > 1 else [_error(layout, 0)]
-    curves.append(_lyapunov() if layout.has_lyapunov else _energy())
+def _overview(shown: ScreenContents) -> rrb.Container:
+    left = rrb.Vertical(_arm(shown), views.text("summary", "Summary"), row_shares=[11, 9])
+    curves = [_error(shown, 0), _error(shown, 1)] if len(shown.runs) > 1 else [_error(shown, 0)]
+    curves.append(_lyapunov() if shown.has_lyapunov else _energy())
     curves += [_torque_share(), views.curves("/estimate/most_learnt", "Estimates that moved most · true values pale")]
     right = rrb.Grid(*curves, _spectrum(), grid_columns=2)
     return rrb.Horizontal(left, right, column_shares=[5, 7], name="Overview")
 
 
-def _controllers(layout: Layout) -> rrb.Container:
-    errors = [_error(layout, i) for i in range(len(layout.runs))]
-    together = views.curves("/error_decades", f"All controllers: RMS error, powers of ten of a {layout.error_unit}")
+def _controllers(shown: ScreenContents) -> rrb.Container:
+    errors = [_error(shown, i) for i in range(len(shown.runs))]
+    together = views.curves("/error_decades", f"All controllers: RMS error, powers of ten of a {shown.error_unit}")
     return rrb.Vertical(
         together, rrb.Grid(*errors, grid_columns=min(len(errors), 4)), row_shares=[1, 1], name="Controllers"
     )
 
 
-def _tracking(layout: Layout) -> rrb.Container:
+def _tracking(shown: ScreenContents) -> rrb.Container:
     joints = [
         views.curves(f"/position/{name}", f"{name}: actual and desired position [{unit}]")
-        for name, unit in zip(layout.joints, layout.position_units, strict=True)
+        for name, unit in zip(shown.joints, shown.position_units, strict=True)
     ]
     return rrb.Grid(*joints, grid_columns=3 if len(joints) > 2 else 1, name="Tracking")
 
 
-def _torques(layout: Layout) -> rrb.Container:
+def _torques(shown: ScreenContents) -> rrb.Container:
     joints = [
         views.curves(f"/torque/{name}", f"{name}: torque and limits [{unit}]")
-        for name, unit in zip(layout.joints, layout.torque_units, strict=True)
+        for name, unit in zip(shown.joints, shown.torque_units, strict=True)
     ]
     return rrb.Grid(*joints, grid_columns=3 if len(joints) > 2 else 1, name="Torque")
 
 
-def _parameters(layout: Layout) -> rrb.Container:
+def _parameters(shown: ScreenContents) -> rrb.Container:
     links = [
         views.curves(f"/estimate/{name}", f"{name}: estimates, true values pale [kg, kg m, kg m²]")
-        for name in layout.links
+        for name in shown.links
     ]
     return rrb.Grid(*links, grid_columns=3 if len(links) > 2 else 1, name="Parameters")
 
@@ -87,15 +87,15 @@ def _offline() -> rrb.Container:
     )
 
 
-def _arm(layout: Layout) -> rrb.View:
-    return views.arm(WORLD, "The arm · desired: green ghost · adaptation off: orange ghost", layout.viewpoint)
+def _arm(shown: ScreenContents) -> rrb.View:
+    return views.arm(WORLD, "The arm · desired: green ghost · adaptation off: orange ghost", shown.viewpoint)
 
 
-def _error(layout: Layout, index: int) -> rrb.View:
+def _error(shown: ScreenContents, index: int) -> rrb.View:
     return views.curves(
-        f"/error/{layout.runs[index]}",
-        f"Tracking error [{layout.error_unit}] · {layout.labels[index]}",
-        layout.error_range,
+        f"/error/{shown.runs[index]}",
+        f"Tracking error [{shown.error_unit}] · {shown.labels[index]}",
+        shown.error_range,
     )
 
 

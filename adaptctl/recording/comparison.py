@@ -1,11 +1,9 @@
-"""What an experiment hands over to be shown: several controllers on one arm, one reference, one seed."""
+"""Comparisons as data: runs of several controllers on one arm, one reference, one seed."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,7 +25,7 @@ BEGINNING = 1.0
 
 @dataclass(frozen=True)
 class TickCost:
-    """What one control tick costs."""
+    """Cost of one control tick."""
 
     called: float
     """s, called from Python"""
@@ -38,8 +36,8 @@ class TickCost:
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
-    """One controller in closed loop, and what to call it."""
+class ControllerRun:
+    """Closed-loop run of one controller, with its names."""
 
     name: str
     """short and fit for a file: ``adaptive``"""
@@ -55,7 +53,7 @@ class Run:
 
     @property
     def duration(self) -> float:
-        """s in closed loop."""
+        """Time in closed loop, s."""
         return len(self.rollout.time) * self.rollout.control_period
 
     def rms_error(self, start: float = 0.0, stop: float = np.inf) -> float | None:
@@ -88,7 +86,7 @@ class Run:
 
     @property
     def lyapunov_max_increase(self) -> float | None:
-        """The largest rise of the Lyapunov function from one sample to the next, 0 when it never rises."""
+        """Largest rise of the Lyapunov function from one sample to the next, J; 0 when it never rises."""
         if self.lyapunov is None or len(self.lyapunov) == 0:
             return None
         return max(0.0, float(np.diff(self.lyapunov).max(initial=0.0)))
@@ -96,7 +94,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Setting:
-    """One thing that was chosen, for the record."""
+    """Name, value and meaning of something that was chosen, for the record."""
 
     name: str
     value: str
@@ -105,7 +103,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that was measured besides the runs."""
+    """Name, value, unit and meaning of something that was measured besides the runs."""
 
     name: str
     """the key in summary.json"""
@@ -116,7 +114,7 @@ class Finding:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Runs on one arm, one reference and one seed; the first is the adaptive one, the experiment's subject."""
+    """Runs on one arm, one reference and one seed; the first is the experiment's subject, which adapts."""
 
     experiment: str
     title: str
@@ -124,7 +122,7 @@ class Comparison:
     mechanism: Mechanism
     space: EssentialSpace
     basis: FundamentalBasis
-    runs: tuple[Run, ...]
+    runs: tuple[ControllerRun, ...]
     torque_limits: Array
     """(r,) of the environment, N m or N"""
     settings: tuple[Setting, ...]
@@ -146,18 +144,18 @@ class Comparison:
             raise InputError(f"{self.experiment}: nothing was run, so there is nothing to show")
 
     @property
-    def subject(self) -> Run:
+    def subject(self) -> ControllerRun:
         """The adaptive run."""
         return self.runs[0]
 
     @property
-    def baseline(self) -> Run | None:
+    def baseline(self) -> ControllerRun | None:
         """The subject's controller with adaptation off, where it was run."""
         return next((run for run in self.runs if run.name == self.without_adaptation), None)
 
     @cached_property
     def model(self) -> ReducedModel:
-        """What the subject estimates: the fundamental parameters, and all friction."""
+        """Model whose parameters the subject estimates: the fundamental ones, and all friction."""
         return ReducedModel(self.mechanism, self.basis)
 
     @property
@@ -172,38 +170,20 @@ class Comparison:
 
     @property
     def position_units(self) -> tuple[str, ...]:
-        """rad or m, a joint each."""
+        """Units of position (r,): rad or m."""
         return tuple("rad" if joint.kind.turns else "m" for joint in self.mechanism.primary_joints)
 
     @property
     def torque_units(self) -> tuple[str, ...]:
-        """N m or N, a joint each."""
+        """Units of torque (r,): N m or N."""
         return tuple("N·m" if joint.kind.turns else "N" for joint in self.mechanism.primary_joints)
 
     @property
     def error_unit(self) -> str:
-        """What a thousandth of a joint's position is called."""
+        """Unit of a thousandth of a joint's position: mrad, mm, or both."""
         return ", ".join(f"m{unit}" for unit in sorted(set(self.position_units), reverse=True))
 
     @property
     def peak_torque_shares(self) -> Array:
         """The subject's largest applied torque over the limit, a joint each (r,)."""
         return np.asarray(np.abs(self.subject.rollout.applied).max(axis=0) / self.torque_limits)
-
-    def headline(self) -> str:
-        """The outcome in a sentence or two."""
-        from adaptctl.recording.wording import INCOMPLETE, verdict
-
-        return verdict(self) if self.complete else f"{INCOMPLETE}\n{verdict(self)}"
-
-    def facts(self) -> Iterator[tuple[str, str]]:
-        """What a person asks first, and the answers."""
-        from adaptctl.recording.wording import facts
-
-        return facts(self)
-
-    def write(self, folder: Path, progress: Callable[[str, float], object]) -> None:
-        """Write recording, summary, trace, figures and report into a folder that is ready."""
-        from adaptctl.recording.artifacts import write_artifacts
-
-        write_artifacts(folder, self, progress)

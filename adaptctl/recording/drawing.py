@@ -1,4 +1,4 @@
-"""How a figure of a report is drawn, without a screen, and kept as a file."""
+"""Figures of reports: their style, drawn without a screen and kept as PNG files."""
 
 from __future__ import annotations
 
@@ -55,6 +55,11 @@ class Drawing(NamedTuple):
     name: str
     caption: str
     draw: Callable[[], Figure]
+
+
+def sheet(height: float) -> Figure:
+    """Empty figure of a report's width, and of a height in inches."""
+    return Figure(figsize=(WIDTH, height), dpi=DOTS, layout="constrained")
 
 
 def write_drawings(folder: str | Path, drawings: Iterable[Drawing]) -> dict[str, Path]:

@@ -1,4 +1,4 @@
-"""The figures of a comparison's report."""
+"""Figures of a comparison's report."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from adaptctl.arrays import Array
 from adaptctl.recording.comparison import Comparison
-from adaptctl.recording.drawing import DOTS, WIDTH, Drawing, write_drawings
+from adaptctl.recording.drawing import DOTS, WIDTH, Drawing, sheet, write_drawings
 from adaptctl.recording.palette import MUTED, PAPER, joint_color, run_color
 from adaptctl.recording.series import thinned
 from adaptctl.recording.spectrum import shares, threshold
@@ -31,7 +31,7 @@ def write_figures(folder: str | Path, comparison: Comparison) -> dict[str, Path]
 
 
 def drawings(comparison: Comparison) -> Iterator[Drawing]:
-    """The figures of a comparison, in the order of the report."""
+    """Figures of a comparison, in the order of the report."""
     unit = comparison.error_unit
     yield Drawing(
         "tracking-error",
@@ -68,8 +68,8 @@ def drawings(comparison: Comparison) -> Iterator[Drawing]:
 
 
 def tracking_error(comparison: Comparison) -> Figure:
-    """All controllers' errors over time, on a logarithmic scale."""
-    figure = Figure(figsize=(WIDTH, 4.2), dpi=DOTS, layout="constrained")
+    """Figure of all controllers' errors over time, on a logarithmic scale."""
+    figure = sheet(4.2)
     axes = figure.subplots()
     for i, run in reversed(list(enumerate(comparison.runs))):
         every, foremost = thinned(len(run.rollout.time), SAMPLES), i == 0
@@ -91,9 +91,9 @@ def tracking_error(comparison: Comparison) -> Figure:
 
 
 def joint_errors(comparison: Comparison) -> Figure:
-    """Errors of every joint, with adaptation and without, on one scale."""
+    """Figure of every joint's errors, with adaptation and without, on one scale."""
     runs = [run for run in (comparison.subject, comparison.baseline) if run is not None]
-    figure = Figure(figsize=(WIDTH, 2.3 * len(runs) + 0.4), dpi=DOTS, layout="constrained")
+    figure = sheet(2.3 * len(runs) + 0.4)
     for axes, run in zip(
         figure.subplots(len(runs), 1, sharex=True, sharey=True, squeeze=False)[:, 0], runs, strict=True
     ):
@@ -110,11 +110,11 @@ def joint_errors(comparison: Comparison) -> Figure:
 
 
 def lyapunov(comparison: Comparison) -> Figure:
-    """The Lyapunov function, and its fall at every step."""
+    """Figure of the Lyapunov function, and of its fall at every step."""
     values, time = comparison.subject.lyapunov, comparison.subject.rollout.time
     if values is None:
         raise ValueError("this run has no Lyapunov function")
-    figure = Figure(figsize=(WIDTH, 2.9), dpi=DOTS, layout="constrained")
+    figure = sheet(2.9)
     whole, steps = figure.subplots(1, 2)
     every = thinned(len(time), SAMPLES)
     whole.plot(time[every], values[every], color=run_color(0).hex, linewidth=2.2)
@@ -138,10 +138,10 @@ def lyapunov(comparison: Comparison) -> Figure:
 
 
 def torque(comparison: Comparison) -> Figure:
-    """Every joint's torque between its limits."""
+    """Figure of every joint's torque between its limits."""
     rollout, dof = comparison.subject.rollout, len(comparison.joint_names)
     time = rollout.time
-    grid = _small_multiples(dof, columns=3, height=1.75)
+    grid = _small_multiples(dof, columns=3, height=1.75, bottom=0.48)
     for j, axes in grid.panels:
         limit, name = comparison.torque_limits[j], comparison.joint_names[j]
         axes.plot(time, rollout.applied[:, j], color=joint_color(j).hex, linewidth=1.3)
@@ -157,10 +157,10 @@ def torque(comparison: Comparison) -> Figure:
 
 
 def parameters(comparison: Comparison) -> Figure:
-    """Every estimate against the truth, one small panel each."""
+    """Figure of every estimate against the truth, one small panel each."""
     names, rollout, truth = comparison.model.names, comparison.subject.rollout, comparison.true_parameters
     every = thinned(len(rollout.time), SAMPLES // 6)
-    grid = _small_multiples(len(names), columns=6, height=1.12)
+    grid = _small_multiples(len(names), columns=6, height=1.12, bottom=0.22)
     for i, axes in grid.panels:
         _estimate(axes, rollout.time[every], rollout.estimate[every, i], truth[i])
         axes.set_title(f"{names[i]}", size=7.5, pad=3.0)
@@ -171,9 +171,9 @@ def parameters(comparison: Comparison) -> Figure:
 
 
 def spectrum(comparison: Comparison) -> Figure:
-    """Singular values on a logarithmic scale, with the gap."""
+    """Figure of the singular values on a logarithmic scale, with the gap."""
     values, rank = shares(comparison.space), comparison.space.rank
-    figure = Figure(figsize=(WIDTH, 3.3), dpi=DOTS, layout="constrained")
+    figure = sheet(3.3)
     axes = figure.subplots()
     place, floor = np.arange(1, len(values) + 1), values.min() / 10.0
     colors = [run_color(0).hex if i <= rank else MUTED.faded(0.35, PAPER).hex for i in place]
@@ -197,11 +197,17 @@ class _Grid(NamedTuple):
     panels: list[tuple[int, Axes]]
 
 
-def _small_multiples(count: int, columns: int, height: float) -> _Grid:
-    """Panels in rows, the last row as long as it needs to be."""
+def _small_multiples(count: int, columns: int, height: float, bottom: float) -> _Grid:
+    """Panels in rows, the last row as long as it needs to be; lengths in inches.
+
+    Margins are given, for finding them takes most of the time that dozens of panels take to draw.
+    """
     rows = -(-count // columns)
-    figure = Figure(figsize=(WIDTH, height * rows + 0.3), dpi=DOTS, layout="constrained")
-    axes = figure.subplots(rows, columns, sharex=True, squeeze=False).ravel()
+    tall = height * rows + 0.3
+    figure = Figure(figsize=(WIDTH, tall), dpi=DOTS)
+    margins = {"left": 0.45 / WIDTH, "right": 1.0 - 0.08 / WIDTH, "bottom": bottom / tall, "top": 1.0 - 0.25 / tall}
+    gaps = {"wspace": 0.42, "hspace": 0.42}
+    axes = figure.subplots(rows, columns, sharex=True, squeeze=False, gridspec_kw=margins | gaps).ravel()
     for unused in axes[count:]:
         unused.set_visible(False)
     return _Grid(figure, list(enumerate(axes[:count])))

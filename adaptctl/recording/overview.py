@@ -1,4 +1,4 @@
-"""What the recording says in words."""
+"""Texts of a comparison's recording, in Markdown."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from adaptctl.recording.wording import CONVERGENCE, INCOMPLETE, error, facts, ou
 
 
 def summary_markdown(comparison: Comparison) -> str:
-    """The outcome, the figures that matter, the runs side by side."""
+    """Summary in Markdown: the outcome, the numbers that matter, a table of the runs."""
     warning = "" if comparison.complete else f"**{INCOMPLETE}**\n\n"
     unit = comparison.error_unit
     runs = "\n".join(
@@ -28,7 +28,7 @@ def summary_markdown(comparison: Comparison) -> str:
 
 
 def _paired(answers: list[tuple[str, str]]) -> str:
-    """A table of two questions and answers a row."""
+    """Table with two questions and answers a row."""
     cells = [f"{question} | **{answer}**" for question, answer in answers]
     cells += [" | "] * (len(cells) % 2)
     head, *rows = [f"| {left} | {right} |" for left, right in zip(cells[::2], cells[1::2], strict=True)]
@@ -36,7 +36,7 @@ def _paired(answers: list[tuple[str, str]]) -> str:
 
 
 def equations_markdown(comparison: Comparison) -> str:
-    """Which parameters are kept, and what is regrouped into them."""
+    """Regrouping equations in Markdown: the parameters that are kept, and what is added to them."""
     certificate = f"rank {comparison.space.rank} of {len(comparison.mechanism.parameter_names)}"
     equations = "\n".join(f"    {equation}" for equation in comparison.basis.equations())
     return f"""# Independent parameters: {certificate}

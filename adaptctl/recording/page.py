@@ -1,4 +1,4 @@
-"""A page of HTML that needs nothing else: a template that extends ``page.html``, and the figures inside."""
+"""Pages of HTML that need nothing else: templates that extend ``page.html``, with the figures inside."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ HOME = "adaptctl.recording"
 
 
 class Figure(NamedTuple):
-    """A figure as the page holds it."""
+    """Caption of a figure, and its PNG file in base64."""
 
     caption: str
     data: str
 
 
 def rendered(template: str, package: str = HOME, **content: object) -> str:
-    """The HTML of a template beside the modules of `package`; it may extend or import those of this one."""
+    """HTML of a template beside the modules of `package`; it may extend or import those of this package."""
     homes = dict.fromkeys([package, HOME])
     environment = jinja2.Environment(
         loader=jinja2.ChoiceLoader([jinja2.PackageLoader(home, ".") for home in homes]),
@@ -35,7 +35,7 @@ def rendered(template: str, package: str = HOME, **content: object) -> str:
 
 
 def embedded(drawings: Iterable[Drawing], files: Mapping[str, Path]) -> dict[str, Figure]:
-    """The figures whose files are given, as the page holds them, by name."""
+    """Figures whose files are given, as a page holds them, by name."""
     return {
         drawing.name: Figure(drawing.caption, base64.b64encode(files[drawing.name].read_bytes()).decode("ascii"))
         for drawing in drawings

@@ -1,4 +1,4 @@
-"""One meaning, one colour: in the recording, the figures and the report alike."""
+"""Colours, one for each meaning, in recordings, figures and reports alike."""
 
 from __future__ import annotations
 
@@ -14,17 +14,19 @@ class Color(NamedTuple):
 
     @property
     def hex(self) -> str:
-        """As HTML and Matplotlib write it."""
+        """Hexadecimal form of HTML and Matplotlib: ``#1b6cd6``."""
         return f"#{self.red:02x}{self.green:02x}{self.blue:02x}"
 
     def faded(self, share: float, towards: Color) -> Color:
-        """Mixed with another colour: 0 leaves it, 1 is the other."""
+        """Mixture with another colour: a share of 0 leaves this one, 1 is the other."""
         return Color(*(round(mine + share * (other - mine)) for mine, other in zip(self, towards, strict=True)))
 
 
 INK = Color(28, 34, 48)
 """Text and axes on paper."""
 PAPER = Color(255, 255, 255)
+DARK = Color(13, 13, 13)
+"""The background of curves in a recording."""
 MUTED = Color(120, 129, 146)
 """What is there for comparison only."""
 
@@ -63,10 +65,10 @@ BASE = Color(96, 104, 120)
 
 
 def run_color(index: int) -> Color:
-    """The colour of the index-th run."""
+    """Colour of the index-th run."""
     return RUNS[index % len(RUNS)]
 
 
 def joint_color(index: int) -> Color:
-    """The colour of the index-th joint or curve."""
+    """Colour of the index-th joint or curve."""
     return JOINTS[index % len(JOINTS)]

@@ -1,4 +1,4 @@
-"""A comparison as one HTML page that needs nothing else: text, tables, and the figures inside."""
+"""Report of a comparison: one HTML page with text, tables and the figures inside."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from adaptctl.description.inertia import PARAMETERS
 from adaptctl.files import write_text
-from adaptctl.recording.comparison import Comparison, Finding, Run
+from adaptctl.recording.comparison import Comparison, ControllerRun, Finding
 from adaptctl.recording.figures import drawings
 from adaptctl.recording.page import embedded, rendered
 from adaptctl.recording.palette import run_color
@@ -17,12 +17,12 @@ from adaptctl.recording.wording import CONVERGENCE, INCOMPLETE, error, facts, nu
 
 
 def write_report(path: str | Path, comparison: Comparison, figures: Mapping[str, Path]) -> None:
-    """Write the page with the figures, given as files by name, inside."""
+    """Write the page with the figures, given as files by name, inside. Raises FileError."""
     write_text(path, report(comparison, figures))
 
 
 def report(comparison: Comparison, figures: Mapping[str, Path]) -> str:
-    """The page's HTML."""
+    """HTML of the page."""
     names = [run.name for run in comparison.runs]
     others = [finding for finding in comparison.findings if _owner(finding) not in names]
     return rendered(
@@ -46,7 +46,7 @@ def report(comparison: Comparison, figures: Mapping[str, Path]) -> str:
 
 
 class Measured(NamedTuple):
-    """A column of what was measured of the runs besides their errors."""
+    """Column of a quantity that was measured of the runs besides their errors."""
 
     heading: str
     meaning: str
@@ -55,7 +55,7 @@ class Measured(NamedTuple):
 
 
 def measured(comparison: Comparison) -> list[Measured]:
-    """The findings whose names are `what.run`, a column for each `what`."""
+    """Findings whose names are `what.run`, a column for each `what`."""
     names = [run.name for run in comparison.runs]
     columns: dict[str, dict[str, Finding]] = {}
     for finding in comparison.findings:
@@ -75,7 +75,7 @@ def _owner(finding: Finding) -> str:
     return finding.name.partition(".")[2]
 
 
-def _run_row(index: int, run: Run, comparison: Comparison) -> dict[str, Any]:
+def _run_row(index: int, run: ControllerRun, comparison: Comparison) -> dict[str, Any]:
     unit = comparison.error_unit
     cost = run.cost
     return {
@@ -110,7 +110,7 @@ def _fixed(value: float) -> str:
 
 
 def _grid(comparison: Comparison) -> list[tuple[str, list[bool]]]:
-    """Which of every link's ten are kept, as the paper's tables show it."""
+    """Name of each link, and which of its ten parameters are kept."""
     kept = set(comparison.basis.names)
     names = [link.name for link in comparison.mechanism.links]
     return [(name, [f"{name}.{kind}" in kept for kind in PARAMETERS]) for name in names]

@@ -1,95 +1,62 @@
-"""A comparison as a rerun recording: the arm in motion, and everything else over the same time."""
+"""Recording of a comparison for rerun: the arm in motion, and all curves over the same time."""
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 
 import numpy as np
 import rerun as rr
 
-from adaptctl.recording.bars import log_spectrum
-from adaptctl.recording.blueprint import Layout, blueprint
-from adaptctl.recording.comparison import Comparison, Run
+from adaptctl.recording.blueprint import ScreenContents, blueprint
+from adaptctl.recording.comparison import Comparison, ControllerRun
 from adaptctl.recording.overview import equations_markdown, summary_markdown
-from adaptctl.recording.palette import GOAL, Color, joint_color, run_color
-from adaptctl.recording.scene import GOAL_LOOK, entity, ghost_look, log_arm, log_base, log_path, log_trail, solid_look
+from adaptctl.recording.palette import DARK, GOAL, joint_color, run_color
+from adaptctl.recording.scene import entity
 from adaptctl.recording.series import Style, log_levels, log_series, thinned
-from adaptctl.recording.skeleton import ROOT_RADIUS, skeleton
+from adaptctl.recording.skeleton import skeleton
+from adaptctl.recording.spectrum import log_spectrum
 from adaptctl.recording.stream import log_markdown, saved_stream
+from adaptctl.recording.tracking import (
+    CURVE_SAMPLES,
+    log_curve,
+    log_decades,
+    log_joint_errors,
+    log_limits,
+    log_scene,
+    log_torque_shares,
+)
 from adaptctl.recording.viewpoint import Viewpoint, floor_height
 
-CURVE_SAMPLES, POSE_SAMPLES = 4000, 2000
-"""At most as many samples are shown; the table beside the recording has them all."""
 MOST = 6
 """Parameters shown at a glance."""
 AVERAGE = 0.25
 """s over which errors are averaged where they are shown in powers of ten"""
-SMALLEST_ERROR = 1e-9
-"""rad or m: smaller ones are shown as this, for a logarithm knows no zero"""
-LIMIT = Color(235, 87, 87)
-DARK = Color(13, 13, 13)
 
 
 def write_recording(path: str | Path, comparison: Comparison) -> None:
-    """Write the recording whole or not at all. Raises FileError."""
-    layout = blueprint(_layout(comparison))
-    with saved_stream(path, comparison.experiment, _identifier(comparison), layout) as recording:
-        _log(recording, comparison)
-
-
-def _identifier(comparison: Comparison) -> str:
-    """Equal runs, equal names: two recordings that are opened together must not be mixed up."""
-    digest = hashlib.sha256(np.ascontiguousarray(comparison.subject.rollout.p).tobytes()).hexdigest()
-    return f"{comparison.experiment}-seed{comparison.seed}-{digest[:12]}"
-
-
-def _log(recording: rr.RecordingStream, comparison: Comparison) -> None:
-    recording.send_recording_name(comparison.title)
-    recording.send_property(
-        "adaptctl",
-        rr.AnyValues(experiment=comparison.experiment, seed=comparison.seed, complete=comparison.complete),
-    )
-    log_markdown(recording, "summary", summary_markdown(comparison))
-    _log_scene(recording, comparison)
-    _log_tracking(recording, comparison)
-    _log_torques(recording, comparison)
-    _log_lyapunov(recording, comparison)
-    if comparison.subject.rollout.estimate.shape[1]:
-        _log_estimates(recording, comparison)
-    _log_offline(recording, comparison)
-
-
-def _log_scene(recording: rr.RecordingStream, comparison: Comparison) -> None:
-    mechanism, rollout = comparison.mechanism, comparison.subject.rollout
-    parts = skeleton(mechanism)
-    every = thinned(len(rollout.time), POSE_SAMPLES)
-    time = rollout.time[every]
-    log_base(recording, mechanism, floor_height(mechanism, parts, rollout.p), 1.15 * ROOT_RADIUS * parts.reach)
-    goal = log_arm(recording, "desired", mechanism, parts, time, rollout.reference_p[every], GOAL_LOOK)
-    log_path(recording, "desired", goal, GOAL)
-    tip = log_arm(recording, "adaptive", mechanism, parts, time, rollout.p[every], solid_look(run_color(0)))
-    log_trail(recording, "adaptive", time, tip, run_color(0))
-    if (baseline := comparison.baseline) is not None:
-        color, other = run_color(comparison.runs.index(baseline)), baseline.rollout
-        every = thinned(len(other.time), POSE_SAMPLES)
-        look = ghost_look(color)
-        tip = log_arm(recording, baseline.name, mechanism, parts, other.time[every], other.p[every], look)
-        log_trail(recording, baseline.name, other.time[every], tip, color)
+    """Write a comparison's recording whole or not at all. Raises FileError."""
+    positions = np.ascontiguousarray(comparison.subject.rollout.p).tobytes()
+    with saved_stream(path, comparison, positions, blueprint(_contents(comparison))) as recording:
+        log_markdown(recording, "summary", summary_markdown(comparison))
+        parts = skeleton(comparison.mechanism)
+        floor = floor_height(comparison.mechanism, parts, comparison.subject.rollout.p)
+        log_scene(recording, comparison, parts, floor, run_color(0))
+        _log_tracking(recording, comparison)
+        _log_torques(recording, comparison)
+        _log_energies(recording, comparison.subject)
+        if comparison.subject.rollout.estimate.shape[1]:
+            _log_estimates(recording, comparison)
+        log_spectrum(recording, "basis/spectrum", comparison.space)
+        log_markdown(recording, "basis/equations", equations_markdown(comparison))
 
 
 def _log_tracking(recording: rr.RecordingStream, comparison: Comparison) -> None:
     names, rollout = comparison.joint_names, comparison.subject.rollout
-    every = thinned(len(rollout.time), CURVE_SAMPLES)
-    colors = [joint_color(j) for j in range(len(names))]
-    for run in comparison.runs:
-        kept = thinned(len(run.rollout.time), CURVE_SAMPLES)
-        errors = 1e3 * run.rollout.error[kept]
-        log_series(recording, f"error/{run.name}", run.rollout.time[kept], errors, Style(names, colors))
     for i, run in enumerate(comparison.runs):
-        kept, style = thinned(len(run.rollout.time), CURVE_SAMPLES), Style((run.label,), (run_color(i),), width=2.0)
-        decades_of_error = np.log10(1e3 * np.maximum(run.moving_rms_error(AVERAGE), SMALLEST_ERROR))
-        log_series(recording, f"error_decades/{run.name}", run.rollout.time[kept], decades_of_error[kept, None], style)
+        log_joint_errors(recording, f"error/{run.name}", run, names)
+        style = Style((run.label,), (run_color(i),), width=2.0)
+        log_decades(recording, f"error_decades/{run.name}", run, run.moving_rms_error(AVERAGE), style)
+    every = thinned(len(rollout.time), CURVE_SAMPLES)
     for j, name in enumerate(names):
         both = np.stack([rollout.reference_p[every, j], rollout.p[every, j]], axis=-1)
         style = Style(("desired", "actual"), (GOAL, joint_color(j)))
@@ -97,28 +64,19 @@ def _log_tracking(recording: rr.RecordingStream, comparison: Comparison) -> None
 
 
 def _log_torques(recording: rr.RecordingStream, comparison: Comparison) -> None:
-    names, rollout = comparison.joint_names, comparison.subject.rollout
-    limits, time, applied = comparison.torque_limits, rollout.time, rollout.applied  # no peak must be lost
-    colors = [joint_color(j) for j in range(len(names))]
-    log_series(recording, "torque_share/joints", time, applied / limits, Style(names, colors))
-    bounds = Style(("limit", "limit"), (LIMIT, LIMIT), width=1.0)
-    log_levels(recording, "torque_share/limit", time, np.array([-1.0, 1.0]), bounds)
-    for j, name in enumerate(names):
+    time, applied = comparison.subject.rollout.time, comparison.subject.rollout.applied
+    log_torque_shares(recording, "torque_share", comparison)
+    for j, (name, limit) in enumerate(zip(comparison.joint_names, comparison.torque_limits.tolist(), strict=True)):
         path, style = f"torque/{entity(name)}", Style((name,), (joint_color(j),))
         log_series(recording, f"{path}/applied", time, applied[:, j : j + 1], style)
-        log_levels(recording, f"{path}/limit", time, np.array([-limits[j], limits[j]]), bounds)
+        log_limits(recording, f"{path}/limit", time, limit)
 
 
-def _log_lyapunov(recording: rr.RecordingStream, comparison: Comparison) -> None:
-    for i, run in enumerate(comparison.runs):
-        if run.lyapunov is not None and run is comparison.subject:
-            every = thinned(len(run.lyapunov), CURVE_SAMPLES)
-            style = Style(("V",), (run_color(i),), width=2.5)
-            log_series(recording, f"lyapunov/{run.name}", run.rollout.time[every], run.lyapunov[every, None], style)
-    rollout = comparison.subject.rollout
-    every = thinned(len(rollout.time), CURVE_SAMPLES)
-    style = Style(("energy",), (run_color(0),))
-    log_series(recording, "energy", rollout.time[every], rollout.energy[every, None], style)
+def _log_energies(recording: rr.RecordingStream, subject: ControllerRun) -> None:
+    if subject.lyapunov is not None:
+        style = Style(("V",), (run_color(0),), width=2.5)
+        log_curve(recording, f"lyapunov/{subject.name}", subject, subject.lyapunov, style)
+    log_curve(recording, "energy", subject, subject.rollout.energy, Style(("energy",), (run_color(0),)))
 
 
 def _log_estimates(recording: rr.RecordingStream, comparison: Comparison) -> None:
@@ -148,18 +106,13 @@ def _links(comparison: Comparison) -> list[str]:
     return list(dict.fromkeys(name.rpartition(".")[0] for name in comparison.model.names))
 
 
-def _log_offline(recording: rr.RecordingStream, comparison: Comparison) -> None:
-    log_spectrum(recording, "basis/spectrum", comparison.space)
-    log_markdown(recording, "basis/equations", equations_markdown(comparison))
-
-
-def _layout(comparison: Comparison) -> Layout:
+def _contents(comparison: Comparison) -> ScreenContents:
     parts = skeleton(comparison.mechanism)
     shown = _shown(comparison)
     errors = np.concatenate([run.rollout.error for run in shown[:2]])
     margin = 0.06 * float(np.ptp(errors)) + 1e-9
     has_estimates = comparison.subject.rollout.estimate.shape[1] > 0
-    return Layout(
+    return ScreenContents(
         viewpoint=Viewpoint.of(comparison.mechanism, parts, comparison.subject.rollout.reference_p),
         error_unit=comparison.error_unit,
         error_range=(1e3 * (float(errors.min()) - margin), 1e3 * (float(errors.max()) + margin)),
@@ -173,7 +126,7 @@ def _layout(comparison: Comparison) -> Layout:
     )
 
 
-def _shown(comparison: Comparison) -> list[Run]:
-    """The runs whose errors get a view each: the subject, adaptation off, then the rest."""
+def _shown(comparison: Comparison) -> list[ControllerRun]:
+    """Runs whose errors get a view each: the subject, adaptation off, then the rest."""
     first = [run for run in (comparison.subject, comparison.baseline) if run is not None]
     return first + [run for run in comparison.runs if run not in first]

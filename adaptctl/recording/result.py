@@ -1,27 +1,29 @@
-"""What an experiment hands over, whatever it did."""
+"""Results of experiments: the outcome in words, and the function that writes the folder."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import TypeAlias
+
+Progress: TypeAlias = Callable[[str, float], object]
+"""Called with what is being done, and the share of it (0 to 1) that is done."""
 
 
-class Result(Protocol):
-    """Something that can be told in a few lines, and kept in a folder."""
+def silent(what: str, share: float) -> None:
+    """Progress that is not shown."""
 
-    @property
-    def complete(self) -> bool:
-        """False when it was interrupted: what was computed is kept."""
 
-    def headline(self) -> str:
-        """The outcome in a sentence or two."""
+@dataclass(frozen=True, eq=False)
+class Result:
+    """A finished experiment, as the command line tells it and keeps it."""
 
-    def facts(self) -> Iterator[tuple[str, str]]:
-        """What a person asks first, and the answers."""
-
-    def write(self, folder: Path, progress: Callable[[str, float], object]) -> None:
-        """Write recording, report, figures and all into a folder that is ready, every file whole or not at all.
-
-        `progress` is called with what is being written, and the share of this that is done.
-        """
+    complete: bool
+    """False when it was interrupted: what was computed is kept"""
+    headline: str
+    """the outcome in a sentence or two"""
+    facts: tuple[tuple[str, str], ...]
+    """questions that a person asks first, and the answers"""
+    write: Callable[[Path, Progress], object]
+    """writes recording, report, figures and all into a folder that is ready, every file whole or not at all"""

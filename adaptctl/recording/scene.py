@@ -1,4 +1,4 @@
-"""The arm in three dimensions, in a rerun recording."""
+"""Arms in three dimensions, in a rerun recording."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from adaptctl.description import GROUND
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.recursion.kinematics import LinkPoses, link_poses
 from adaptctl.recording.palette import BASE, BODY, GOAL, Color
-from adaptctl.recording.skeleton import Shape, Skeleton, Solid, tip_path
+from adaptctl.recording.skeleton import ROOT_RADIUS, Shape, Skeleton, Solid, tip_path
 from adaptctl.recording.visuals import log_visuals, visuals
 
 TIMELINE = "sim_time"
@@ -24,7 +24,7 @@ Solids = rr.Capsules3D | rr.Cylinders3D | rr.Ellipsoids3D
 
 @dataclass(frozen=True)
 class Look:
-    """How an arm is drawn: the colour of its links and of its joints, and how much one sees through it."""
+    """Appearance of an arm: the colours of its links and joints, and its opacity (255 for a solid)."""
 
     links: Color
     joints: Color
@@ -32,18 +32,18 @@ class Look:
 
     @property
     def fill_mode(self) -> rr.components.FillMode:
-        """Solid, or translucent with its edges drawn."""
+        """Fill of its solids: whole, or translucent with edges drawn."""
         modes = rr.components.FillMode
         return modes.Solid if self.opacity == 255 else modes.TransparentFillMajorWireframe
 
 
 def solid_look(joints: Color) -> Look:
-    """The arm itself."""
+    """Appearance of the arm itself."""
     return Look(BODY, joints)
 
 
 def ghost_look(color: Color) -> Look:
-    """An arm that is there for comparison."""
+    """Appearance of an arm that is there for comparison."""
     return Look(color, color, opacity=70)
 
 
@@ -76,13 +76,13 @@ def log_arm(
 
 
 def log_trail(recording: rr.RecordingStream, name: str, time: Array, path: Array, color: Color) -> None:
-    """Where the tip has just been: a piece of line a sample, which the view shows for some seconds."""
+    """Draw the path (T, 3) that a tip has just gone: a piece of line a sample, which the view shows for seconds."""
     if len(path) < 2:
         return
     strips = np.stack([path[:-1], path[1:]], axis=1)
     count = len(strips)
     recording.send_columns(
-        f"{WORLD}/trail/{name}",
+        f"{WORLD}/{name}",
         [rr.TimeColumn(TIMELINE, duration=time[1:])],
         rr.LineStrips3D.columns(
             strips=strips.tolist(), radii=np.full(count, 0.0045), colors=np.full((count, 3), color)
@@ -91,15 +91,16 @@ def log_trail(recording: rr.RecordingStream, name: str, time: Array, path: Array
 
 
 def log_path(recording: rr.RecordingStream, name: str, path: Array, color: Color) -> None:
-    """The whole of a tip's path, standing still."""
+    """Draw the whole of a tip's path (T, 3), at all times."""
     line = rr.LineStrips3D([path], radii=[0.002], colors=[(*color, 110)])
-    recording.log(f"{WORLD}/path/{name}", line, static=True)
+    recording.log(f"{WORLD}/{name}", line, static=True)
 
 
 def log_base(
-    recording: rr.RecordingStream, mechanism: Mechanism, floor: float, radius: float, name: str = "base"
+    recording: rr.RecordingStream, mechanism: Mechanism, parts: Skeleton, floor: float, name: str = "base"
 ) -> None:
-    """What stands on the ground, and a pedestal under every link that hangs there, down to the floor (m)."""
+    """Draw what stands on the ground, and a pedestal under every link that hangs there, down to the floor (m)."""
+    radius = 1.15 * ROOT_RADIUS * parts.reach
     feet = np.array([link.near.translation for link in mechanism.links if link.parent == GROUND])
     shown = visuals(mechanism.description)
     if log_visuals(recording, f"{WORLD}/{name}", GROUND, shown, BASE):
@@ -119,7 +120,7 @@ def log_base(
 
 
 def entity(name: str) -> str:
-    """A name as one part of an entity path: what rerun would have to escape becomes an underscore."""
+    """One part of an entity path for a name: what rerun would have to escape becomes an underscore."""
     return "".join(letter if letter.isalnum() or letter in "-_." else "_" for letter in name)
 
 
@@ -165,7 +166,7 @@ def quaternions(rotations: Array) -> Array:
 
 
 def _along(direction: Array) -> Array:
-    """The unit quaternion, x y z w, that turns the z axis into a direction (3,)."""
+    """Unit quaternion, x y z w, that turns the z axis into a direction (3,)."""
     x, y, z = direction / np.linalg.norm(direction)
     if z < -1.0 + 1e-12:
         return np.array([1.0, 0.0, 0.0, 0.0])

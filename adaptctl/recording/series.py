@@ -15,7 +15,7 @@ from adaptctl.recording.scene import TIMELINE
 
 @dataclass(frozen=True)
 class Style:
-    """How the curves of one entity are drawn and called, one entry a curve."""
+    """Names, colours and width of the curves of one entity."""
 
     names: Sequence[str]
     colors: Sequence[Color]
@@ -23,7 +23,7 @@ class Style:
 
 
 def log_series(recording: rr.RecordingStream, path: str, time: Array, values: Array, style: Style) -> None:
-    """Curves (T, n) over times (T,) under one entity."""
+    """Log curves (T, n) over times (T,) under one entity."""
     samples, curves = values.shape
     if curves == 0:
         return
@@ -37,11 +37,11 @@ def log_series(recording: rr.RecordingStream, path: str, time: Array, values: Ar
 
 
 def log_levels(recording: rr.RecordingStream, path: str, time: Array, levels: Array, style: Style) -> None:
-    """Horizontal lines (n,) over the whole of the times (T,): limits and true values."""
+    """Log horizontal lines (n,) over the whole of the times (T,): limits and true values."""
     ends = np.array([time[0], time[-1]])
     log_series(recording, path, ends, np.stack([levels, levels]), style)
 
 
 def thinned(samples: int, most: int) -> slice:
-    """Every so many of the samples, at most `most`: a screen shows no more, and the table has them all."""
+    """Slice of evenly spaced samples, at most `most`: a screen shows no more, and the table has them all."""
     return slice(0, samples, max(1, -(-samples // most)))

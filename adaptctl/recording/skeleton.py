@@ -1,4 +1,4 @@
-"""A mechanism as a person recognises it: capsules along its links, cylinders about its joints."""
+"""Shapes that stand for a mechanism: capsules along its links, cylinders about its joints."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
 from adaptctl.description import GROUND, Description, Link
+from adaptctl.description.reach import chain_reach, joint_line, link_end
 from adaptctl.dynamics import Mechanism
 
 SHORTEST = 1e-6
@@ -20,7 +21,7 @@ ROOT_RADIUS, TIP_RADIUS = 0.062, 0.026
 
 
 class Solid(Enum):
-    """How a shape looks."""
+    """Kinds of shapes: a link's, a joint's, and the tool at the tip."""
 
     LINK = "link"
     JOINT = "joint"
@@ -29,7 +30,7 @@ class Solid(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A round solid fixed to a link, from `start` to `end` (3,) in that link's frame; lengths in m."""
+    """Round solid fixed to a link, from `start` to `end` (3,) in that link's frame; lengths in m."""
 
     link: int
     solid: Solid
@@ -45,7 +46,7 @@ class Shape:
 
 @dataclass(frozen=True, eq=False)
 class Skeleton:
-    """Everything drawn of a mechanism, and the point whose path is of interest."""
+    """Shapes of a mechanism, and the point whose path is of interest."""
 
     shapes: tuple[Shape, ...]
     reach: float
@@ -56,7 +57,7 @@ class Skeleton:
 
 
 def skeleton(mechanism: Mechanism) -> Skeleton:
-    """What to draw of a mechanism: its offsets between joints, and its joints' axes.
+    """Shapes of a mechanism: its offsets between joints, and its joints' axes.
 
     An offset goes along the joint's axis first and square to it then, as an arm's shoulder does.
     """
@@ -64,7 +65,7 @@ def skeleton(mechanism: Mechanism) -> Skeleton:
     ends = attachments(mechanism.description)
     depths = _depths(links)
     tip_link = int(np.argmax(depths))
-    tip, reach = _end(links[tip_link]), _reach(links, tip_link) or 1.0
+    tip, reach = link_end(links[tip_link]), chain_reach(links, tip_link) or 1.0
     slimness = depths / max(float(depths.max()), 1.0)
     radii = reach * (ROOT_RADIUS + slimness * (TIP_RADIUS - ROOT_RADIUS))
     shapes = [shape for i in range(len(links)) for shape in _link_shapes(links, i, ends[i], float(radii[i]))]
@@ -73,7 +74,7 @@ def skeleton(mechanism: Mechanism) -> Skeleton:
 
 
 def with_tip(parts: Skeleton, link: int, tip: Array) -> Skeleton:
-    """The same with another point (3,) of a link as its tip, to which that link then reaches."""
+    """Skeleton with another point (3,) of a link as its tip, to which that link then reaches."""
     start = parts.tip if link == parts.tip_link else np.zeros(3)
     body = [shape for shape in parts.shapes if shape.solid is not Solid.TOOL]
     ball = max(shape.radius for shape in parts.shapes if shape.solid is Solid.TOOL)
@@ -82,24 +83,13 @@ def with_tip(parts: Skeleton, link: int, tip: Array) -> Skeleton:
     return Skeleton((*body, arm, Shape(link, Solid.TOOL, tip, tip, ball)), reach, link, tip)
 
 
-def reach_behind(mechanism: Mechanism) -> Array:
-    """From every link's joint to the farthest end behind it, along the links (N,), m."""
-    links = mechanism.links
-    longest = np.array([float(np.linalg.norm(_end(link) - _joint(link)[0])) for link in links])
-    for i in reversed(range(len(links))):
-        if (parent := links[i].parent) != GROUND:
-            step = float(np.linalg.norm(links[i].near.translation - _joint(links[parent])[0]))
-            longest[parent] = max(longest[parent], step + longest[i])
-    return longest
-
-
 def tip_path(parts: Skeleton, rotations: Array, translations: Array) -> Array:
-    """The tip (..., 3) in the world for link rotations (..., N, 3, 3) and origins (..., N, 3)."""
+    """Positions (..., 3) of the tip in the world for link rotations (..., N, 3, 3) and origins (..., N, 3)."""
     return translations[..., parts.tip_link, :] + rotations[..., parts.tip_link, :, :] @ parts.tip
 
 
 def attachments(description: Description) -> list[list[Array]]:
-    """For every link, where others hang on it or meet it in a loop (3,), in its frame; its end where none do."""
+    """Points (3,) of every link, in its frame, where others hang on it or meet it in a loop; its end without any."""
     points: list[list[Array]] = [[] for _ in description.links]
     for link in description.links:
         if link.parent != GROUND:
@@ -113,11 +103,11 @@ def attachments(description: Description) -> list[list[Array]]:
 
 
 def _with_end(points: list[Array], link: Link) -> list[Array]:
-    """The link's end too, where it reaches beyond all that hangs on it or meets it: a forearm past its elbow.
+    """Points of a link, its end among them where it reaches beyond the others: a forearm past its elbow.
 
     A link all of whose neighbours sit in its own joint is a part of that joint, wherever its mass is.
     """
-    (joint, _), end = _joint(link), _end(link)
+    (joint, _), end = joint_line(link), link_end(link)
     farthest = max((float(np.linalg.norm(point - joint)) for point in points), default=0.0)
     part_of_joint = bool(points) and farthest <= SHORTEST
     beyond = np.linalg.norm(end - joint) > farthest + SHORTEST
@@ -126,7 +116,7 @@ def _with_end(points: list[Array], link: Link) -> list[Array]:
 
 def _link_shapes(links: tuple[Link, ...], index: int, ends: Sequence[Array], radius: float) -> Iterator[Shape]:
     link = links[index]
-    start, axis = _joint(link)
+    start, axis = joint_line(link)
     for goal in ends:
         corner = start + axis * float(axis @ (goal - start))
         for a, b in ((start, corner), (corner, goal)):
@@ -136,31 +126,9 @@ def _link_shapes(links: tuple[Link, ...], index: int, ends: Sequence[Array], rad
     yield Shape(index, Solid.JOINT, start - half, start + half, 1.2 * radius)
 
 
-def _joint(link: Link) -> tuple[Array, Array]:
-    """Where a link's joint is in the link's frame, and its axis there."""
-    return link.far.inverse.translation, link.far.rotation.T @ link.joint.axis
-
-
-def _end(link: Link) -> Array:
-    """Where a link ends: its frame, or its centre of mass when its frame is at the joint."""
-    start, _ = _joint(link)
-    if np.linalg.norm(start) > SHORTEST or link.inertia[0] <= 0.0:
-        return np.zeros(3)
-    return link.inertia[1:4] / link.inertia[0]
-
-
 def _depths(links: tuple[Link, ...]) -> NDArray[np.int64]:
-    """How many links each one has before it; parents come before their children."""
+    """Number of links before each link (N,); parents come before their children."""
     depths = np.zeros(len(links), dtype=np.int64)
     for i, link in enumerate(links):
         depths[i] = 0 if link.parent == GROUND else depths[link.parent] + 1
     return depths
-
-
-def _reach(links: tuple[Link, ...], index: int) -> float:
-    """Length of the chain from its first joint to the end of a link."""
-    length = float(np.linalg.norm(_end(links[index]) - _joint(links[index])[0]))
-    while (parent := links[index].parent) != GROUND:
-        length += float(np.linalg.norm(links[index].near.translation - _joint(links[parent])[0]))
-        index = parent
-    return length

@@ -1,11 +1,13 @@
-"""A rerun recording as a file: written beside its place, read back, and put there."""
+"""Files of rerun recordings: written beside their place, read back, and put there."""
 
 from __future__ import annotations
 
+import hashlib
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Protocol
 
 import rerun as rr
 import rerun.blueprint as rrb
@@ -15,20 +17,45 @@ from adaptctl.errors import FileError
 from adaptctl.files import replacing
 
 
+class Recorded(Protocol):
+    """What names a recording: the experiment it shows, its title and seed, and whether it ran to its end."""
+
+    @property
+    def experiment(self) -> str:
+        """Name of the experiment, as the command line has it."""
+
+    @property
+    def title(self) -> str:
+        """Title, for a person."""
+
+    @property
+    def seed(self) -> int:
+        """Seed of everything random."""
+
+    @property
+    def complete(self) -> bool:
+        """False when it was interrupted."""
+
+
 @contextmanager
 def saved_stream(
-    path: str | Path, experiment: str, identifier: str, blueprint: rrb.Blueprint
+    path: str | Path, shown: Recorded, content: bytes, blueprint: rrb.Blueprint
 ) -> Iterator[rr.RecordingStream]:
-    """A stream to log to, z up; when the block ends it is a readable file in its place. Raises FileError.
+    """Stream to log to, z up, named and titled; when the block ends it is a readable file at `path`.
 
-    Recordings of equal `identifier` are taken for one by a viewer that has both open.
+    Equal `content`, such as the positions that were run, makes recordings equal to a viewer that has both open;
+    others must not be mixed up. Raises FileError where the file cannot be written or read back.
     """
+    identifier = f"{shown.experiment}-seed{shown.seed}-{hashlib.sha256(content).hexdigest()[:12]}"
     with replacing(path) as beside:
-        recording = rr.RecordingStream(f"adaptctl-{experiment}", recording_id=identifier, make_default=False)
+        recording = rr.RecordingStream(f"adaptctl-{shown.experiment}", recording_id=identifier, make_default=False)
         try:
             recording.save(beside)
             recording.send_blueprint(blueprint)
             recording.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+            recording.send_recording_name(shown.title)
+            about = rr.AnyValues(experiment=shown.experiment, seed=shown.seed, complete=shown.complete)
+            recording.send_property("adaptctl", about)
             yield recording
             recording.flush()  # only this tells of a full disk
         finally:
@@ -37,8 +64,13 @@ def saved_stream(
 
 
 def log_markdown(recording: rr.RecordingStream, path: str, text: str) -> None:
-    """Text that stands still."""
+    """Log text in Markdown, the same at all times."""
     recording.log(path, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
+
+
+def log_picture(recording: rr.RecordingStream, path: str, file: Path) -> None:
+    """Log a PNG file's picture, the same at all times."""
+    recording.log(path, rr.EncodedImage(contents=file.read_bytes(), media_type="image/png"), static=True)
 
 
 def _verify(path: Path) -> None:

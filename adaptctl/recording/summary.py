@@ -1,4 +1,4 @@
-"""The figures that matter of a comparison, as JSON."""
+"""Summary of a comparison as JSON: what was run, and the numbers that matter."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from pathlib import Path
 from typing import Any
 
 from adaptctl.files import write_json
-from adaptctl.recording.comparison import Comparison, Run
+from adaptctl.recording.comparison import Comparison, ControllerRun
 
 SCHEMA = "adaptctl/summary/1"
 
 
 def write_summary(path: str | Path, comparison: Comparison) -> None:
-    """Write `summary` as JSON."""
+    """Write `summary` as JSON, whole or not at all. Raises FileError."""
     write_json(path, summary(comparison))
 
 
 def summary(comparison: Comparison) -> dict[str, Any]:
-    """What was run and how it went; SI units and radians, null where something was not run.
+    """Summary in JSON's types: what was run and how it went; SI units and radians, null for what was not run.
 
     `rms_error` is the root mean square over all joints and all control periods of the adaptive run,
     `final_rms_error` over the last two seconds.
@@ -54,8 +54,8 @@ def summary(comparison: Comparison) -> dict[str, Any]:
     }
 
 
-def realtime_factor(run: Run) -> float | None:
-    """Simulated seconds a second of computing."""
+def realtime_factor(run: ControllerRun) -> float | None:
+    """Simulated seconds in a second of computing."""
     return run.duration / run.rollout.wall_time if run.rollout.wall_time > 0.0 else None
 
 
@@ -65,7 +65,7 @@ def _parameters(comparison: Comparison) -> dict[str, dict[str, float]]:
     return {name: {"true": float(true), "estimate": float(estimate)} for name, true, estimate in rows}
 
 
-def _run(run: Run) -> dict[str, Any]:
+def _run(run: ControllerRun) -> dict[str, Any]:
     return {
         "label": run.label,
         "complete": run.rollout.complete,

@@ -1,4 +1,4 @@
-"""A run as a table in a Parquet file: one row a control period, named columns with units."""
+"""Traces: runs as tables in Parquet files, one row a control period, named columns with units."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
 from adaptctl.files import replacing
-from adaptctl.recording.comparison import Comparison, Run
+from adaptctl.recording.comparison import Comparison, ControllerRun
 
 SCHEMA = "adaptctl/trace/1"
 MARKS = {
@@ -29,7 +29,7 @@ MARKS = {
 
 
 class Quantity(NamedTuple):
-    """A column: its name, what it is measured in, what it means, and its values (T,)."""
+    """Column of a table: its name, unit, meaning, and values (T,)."""
 
     name: str
     unit: str
@@ -38,7 +38,7 @@ class Quantity(NamedTuple):
 
 
 def write_trace(path: str | Path, comparison: Comparison) -> None:
-    """Write the subject of a comparison, every control period of it, losslessly compressed."""
+    """Write every control period of a comparison's subject, losslessly compressed. Raises FileError."""
     about = {
         "schema": SCHEMA,
         "experiment": comparison.experiment,
@@ -52,7 +52,7 @@ def write_trace(path: str | Path, comparison: Comparison) -> None:
 
 
 def write_columns(path: str | Path, columns: Sequence[Quantity], about: dict[str, str]) -> None:
-    """Write columns of one length, of numbers or of words, with what is said about all of them."""
+    """Write columns of one length, of numbers or of words, and the table's metadata `about` them."""
     table = _table(columns, about)
     with replacing(path) as beside:
         pq.write_table(
@@ -64,8 +64,8 @@ def write_columns(path: str | Path, columns: Sequence[Quantity], about: dict[str
         )
 
 
-def quantities(run: Run, mechanism: Mechanism, parameters: tuple[str, ...]) -> Iterator[Quantity]:
-    """Every column of a run: ``p.joint1``, ``estimate.link2.mc_x``, ``lyapunov`` ..."""
+def quantities(run: ControllerRun, mechanism: Mechanism, parameters: tuple[str, ...]) -> Iterator[Quantity]:
+    """Columns of a run: ``p.joint1``, ``estimate.link2.mc_x``, ``lyapunov`` ..."""
     rollout = run.rollout
     yield Quantity("time", "s", "time since the start", rollout.time)
     yield from _of_joints(run, mechanism)
@@ -81,7 +81,7 @@ def quantities(run: Run, mechanism: Mechanism, parameters: tuple[str, ...]) -> I
         yield Quantity(f"estimate.{name}", parameter_unit(name), "estimate of the fundamental parameter", values)
 
 
-def _of_joints(run: Run, mechanism: Mechanism) -> Iterator[Quantity]:
+def _of_joints(run: ControllerRun, mechanism: Mechanism) -> Iterator[Quantity]:
     rollout = run.rollout
     kinds = (
         ("p", "", "position", rollout.p),
@@ -101,7 +101,7 @@ def _of_joints(run: Run, mechanism: Mechanism) -> Iterator[Quantity]:
 
 
 def parameter_unit(name: str) -> str:
-    """The unit of a parameter by its name: ``link2.mc_x`` is in kg m. Drives are taken to be of turning joints."""
+    """Unit of a parameter by its name: ``link2.mc_x`` is in kg m. Drives are taken to be of turning joints."""
     kind = name.rsplit(".", 1)[-1]
     units = {"m": "kg", "viscous": "N m s", "square_root": "N m s^1/2"}
     units |= dict.fromkeys(("coulomb", "stribeck", "offset"), "N m")

@@ -1,4 +1,4 @@
-"""Where to stand to see a mechanism move, and the floor under it."""
+"""Viewpoint from which all of a mechanism's motion is seen, and the floor under it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ POSITIONS = 200
 
 @dataclass(frozen=True, eq=False)
 class Viewpoint:
-    """A camera and a floor (m)."""
+    """Positions of a camera and of a floor (m)."""
 
     eye: Array
     """(3,) where the camera stands"""
@@ -28,7 +28,7 @@ class Viewpoint:
 
     @classmethod
     def of(cls, mechanism: Mechanism, parts: Skeleton, p: Array) -> Viewpoint:
-        """From the arm's side, so that all of it is seen along positions p (T, r)."""
+        """Viewpoint from the arm's side, so that all of it is seen along positions p (T, r)."""
         origins = link_poses(mechanism, p[:: max(1, -(-len(p) // POSITIONS))]).translations
         center = (origins.reshape(-1, 3).min(axis=0) + origins.reshape(-1, 3).max(axis=0)) / 2.0
         feet = np.array([link.near.translation for link in mechanism.links if link.parent < 0])
@@ -42,7 +42,7 @@ class Viewpoint:
 
 
 def floor_height(mechanism: Mechanism, parts: Skeleton, p: Array) -> float:
-    """The floor's height: low enough for everything that moves to stay above it."""
+    """Height of the floor (m): low enough for everything that moves to stay above it."""
     heights = link_poses(mechanism, p[:: max(1, -(-len(p) // POSITIONS))]).translations[..., 2]
     lowest = min(float(heights.min()), min(link.near.translation[2] for link in mechanism.links[:1]))
     return 0.0 if lowest > 0.0 else lowest - 0.6 * parts.reach

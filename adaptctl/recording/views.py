@@ -1,4 +1,4 @@
-"""The views of which recordings are laid out: an arm, curves, bars, text, a picture."""
+"""Views of which recordings are laid out: an arm, curves, bars, text, a picture."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TRAIL = 4.0
 
 
 def tabs(*containers: rrb.Container) -> rrb.Blueprint:
-    """Tabs over the whole window, the first one open, time running."""
+    """Blueprint of tabs over the whole window, the first one open, time running."""
     return rrb.Blueprint(
         rrb.Tabs(*containers, active_tab=0),
         rrb.TimePanel(timeline=TIMELINE, state="collapsed", play_state="playing", loop_mode="all"),
@@ -27,7 +27,7 @@ def tabs(*containers: rrb.Container) -> rrb.Blueprint:
 
 
 def arm(origin: str, name: str, viewpoint: Viewpoint) -> rrb.View:
-    """An arm in motion, with its trail, on a grid."""
+    """View of an arm in motion, with its trail, on a grid."""
     window = rr.VisibleTimeRange(
         TIMELINE,
         start=rr.TimeRangeBoundary.cursor_relative(seconds=-TRAIL),
@@ -49,7 +49,7 @@ def arm(origin: str, name: str, viewpoint: Viewpoint) -> rrb.View:
 
 
 def curves(origin: str, name: str, bounds: tuple[float, float] | None = None) -> rrb.View:
-    """Curves over time."""
+    """View of curves over time, on a fixed range if one is given."""
     return rrb.TimeSeriesView(
         origin=origin,
         name=name,
@@ -59,15 +59,15 @@ def curves(origin: str, name: str, bounds: tuple[float, float] | None = None) ->
 
 
 def bars(origin: str, name: str) -> rrb.View:
-    """Bars that stand still."""
+    """View of bars, the same at all times."""
     return rrb.BarChartView(origin=origin, name=name, plot_legend=rrb.Corner2D.RightTop)
 
 
 def text(origin: str, name: str) -> rrb.View:
-    """Text that stands still."""
+    """View of a text, the same at all times."""
     return rrb.TextDocumentView(origin=f"/{origin}", name=name)
 
 
 def picture(origin: str, name: str) -> rrb.View:
-    """A picture that stands still."""
+    """View of a picture, the same at all times."""
     return rrb.Spatial2DView(origin=f"/{origin}", name=name)

@@ -1,4 +1,4 @@
-"""What links look like, in a rerun recording."""
+"""Visuals of links (meshes and solids of robot files), in a rerun recording."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ MOST = 12_000_000
 
 @dataclass(frozen=True)
 class Visuals:
-    """By link, all that is shown of it; the contents of the meshes by path."""
+    """Visuals by link, and the contents of their mesh files by path."""
 
     of_link: Mapping[int, Sequence[Visual]]
     contents: Mapping[Path, bytes]
 
 
 def visuals(description: Description) -> Visuals:
-    """What of a mechanism is shown: nothing where its meshes are too large for a recording.
+    """Visuals of a mechanism; none where its meshes are too large for a recording.
 
     A link one of whose meshes cannot be read shows nothing, and capsules stand for it.
     """

@@ -1,15 +1,15 @@
-"""What is said of a comparison, in the recording and in the report alike."""
+"""Sentences and numbers about a comparison, the same in the recording and in the report."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
-from adaptctl.recording.comparison import Comparison, Run
+from adaptctl.recording.comparison import Comparison, ControllerRun
 from adaptctl.recording.summary import realtime_factor
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """A number as a person reads it, a dash where there is none."""
+    """Text of a number with so many significant digits, powers of ten as superscripts; a dash for None."""
     if value is None:
         return "–"
     if value == 0.0:
@@ -24,12 +24,12 @@ _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def error(value: float | None, unit: str) -> str:
-    """A tracking error (rad or m) in thousandths."""
+    """Text of a tracking error (rad or m) in thousandths, whose unit is given; a dash for None."""
     return "–" if value is None else f"{number(1e3 * value)} {unit}"
 
 
 def verdict(comparison: Comparison) -> str:
-    """The outcome in a sentence or two."""
+    """Outcome of a comparison in a sentence or two: its own answer, or what adaptation is worth."""
     if comparison.answer is not None:
         return comparison.answer
     subject, baseline, unit = comparison.subject, comparison.baseline, comparison.error_unit
@@ -47,8 +47,13 @@ def verdict(comparison: Comparison) -> str:
     )
 
 
-def outcome(run: Run) -> str:
-    """How a run ended."""
+def headline(verdict: str, complete: bool) -> str:
+    """A verdict, after a line of warning where the experiment is incomplete."""
+    return verdict if complete else f"{INCOMPLETE}\n{verdict}"
+
+
+def outcome(run: ControllerRun) -> str:
+    """End of a run in words: to the end, interrupted, or stopped by an error beyond bounds."""
     if not run.rollout.complete:
         return f"interrupted at {run.duration:.2f} s"
     if run.rollout.terminated:
@@ -57,7 +62,7 @@ def outcome(run: Run) -> str:
 
 
 def facts(comparison: Comparison) -> Iterator[tuple[str, str]]:
-    """What a person asks first, and the answers."""
+    """Questions that a person asks first, and the answers."""
     subject, unit = comparison.subject, comparison.error_unit
     yield "RMS error, first second", error(subject.first_rms_error, unit)
     yield "RMS error, last 2 s", error(subject.final_rms_error, unit)

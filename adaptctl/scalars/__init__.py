@@ -1,11 +1,12 @@
 """Numbers of any kind, and the vectors, matrices and columns made of them."""
 
-from adaptctl.scalars.column import Column, column, spread
+from adaptctl.scalars.column import Column, column, each, spread
 from adaptctl.scalars.dual import Dual
 from adaptctl.scalars.scalar import Scalar, absolute, clip, cos, maximum, minimum, sin, sqrt, where
+from adaptctl.scalars.tunable import Structure, Tunable
 from adaptctl.scalars.vector import ZERO, Mat, Vec, cross, dot
 
 __all__ = [
-    "ZERO", "Column", "Dual", "Mat", "Scalar", "Vec", "absolute", "clip", "column", "cos", "cross", "dot",
-    "maximum", "minimum", "sin", "spread", "sqrt", "where",
+    "ZERO", "Column", "Dual", "Mat", "Scalar", "Structure", "Tunable", "Vec", "absolute", "clip", "column", "cos",
+    "cross", "dot", "each", "maximum", "minimum", "sin", "spread", "sqrt", "where",
 ]  # fmt: skip

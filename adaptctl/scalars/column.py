@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-from adaptctl.arrays import Array
+import numpy as np
+
 from adaptctl.scalars.scalar import Scalar
 
 
@@ -52,11 +53,30 @@ class Column:
         return len(self.of)
 
 
-def column(array: Array) -> Column:
-    """The entries along the last axis: floats for one sample, arrays of samples otherwise."""
+def combined(columns: Sequence[Column], weights: Column) -> Column:
+    """The sum of columns (n,), each times its weight: a linear combination."""
+    total = weights[0] * columns[0]
+    for weight, one in zip(weights.of[1:], columns[1:], strict=True):
+        total = total + weight * one
+    return total
+
+
+def column(array: Any) -> Column:
+    """The entries along the last axis: floats for one sample, arrays of samples otherwise. A column as it is."""
+    if isinstance(array, Column):
+        return array
     if array.ndim == 1:
         return Column(array.tolist())
     return Column(array[..., i] for i in range(array.shape[-1]))
+
+
+def each(values: Any, n: int) -> Column:
+    """n scalars, from one for all or from n: a column, or numbers."""
+    if isinstance(values, Column):
+        return values
+    if isinstance(values, np.ndarray | list | tuple):
+        return column(np.broadcast_to(np.asarray(values, dtype=np.float64), (n,)))
+    return Column((values,) * n)
 
 
 def spread(values: Column, columns: Sequence[int], size: int) -> Column:

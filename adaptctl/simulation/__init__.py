@@ -3,8 +3,8 @@
 from adaptctl.simulation.closed_loop import ClosedLoop
 from adaptctl.simulation.episode import Episode
 from adaptctl.simulation.integrator import Acceleration, Integrator, RungeKutta4, SemiImplicitEuler
-from adaptctl.simulation.plant import Plant, PlantState
-from adaptctl.simulation.real_plant import RealPlant, RealPlantState
+from adaptctl.simulation.plant import Plant
+from adaptctl.simulation.plant_state import PlantState
 from adaptctl.simulation.rollout import Rollout, rollout
 from adaptctl.simulation.simulate import simulate
 from adaptctl.simulation.simulate_many import Rollouts, simulate_many
@@ -16,8 +16,6 @@ __all__ = [
     "Integrator",
     "Plant",
     "PlantState",
-    "RealPlant",
-    "RealPlantState",
     "Rollout",
     "Rollouts",
     "RungeKutta4",

@@ -10,20 +10,20 @@ from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
 from adaptctl.control.controller import Reference, ReferencePoint
-from adaptctl.simulation.plant import PlantState
-from adaptctl.simulation.real_plant import RealPlant, RealPlantState
+from adaptctl.simulation.plant import Plant
+from adaptctl.simulation.plant_state import PlantState
 
-Judge: TypeAlias = Callable[[PlantState, ReferencePoint, Array], tuple[Array, NDArray[np.bool_]]]
-"""From states (..., n), the time being that of the last, the reference there and the torques applied before (..., r),
-to rewards (...) and whether the episode ends there (...)."""
+Judge: TypeAlias = Callable[[Array, Array, ReferencePoint, Array], tuple[Array, NDArray[np.bool_]]]
+"""From configurations q (..., n), velocities (..., r), the reference there and the torques applied before (..., r), to
+rewards (...) and whether the episode ends there (...)."""
 
 
 class Episode(NamedTuple):
-    """What `simulate` asks an environment for by `hand_over()`, and gives back to it by `take_back(state, steps,
-    clipped, terminated)`, which returns the info there."""
+    """A running episode: what `simulate` asks an environment for by `hand_over()`, and gives back to it by
+    `take_back(state, steps, clipped, terminated)`, which returns the info there."""
 
-    plant: RealPlant
-    state: RealPlantState
+    plant: Plant
+    state: PlantState
     parameters: Array
     """(P,) the true ones, without what effects load on them"""
     reference: Reference

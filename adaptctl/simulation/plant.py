@@ -1,55 +1,54 @@
-"""The physical arm: equations of motion under a torque held over each control period."""
+"""The physical arm: equations of motion under a torque held over each control period, and what real arms add."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
-from typing import Any, NamedTuple, NoReturn
+from types import MappingProxyType
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from adaptctl.arrays import Array, checked
-from adaptctl.compilation import compile_function, outlined
-from adaptctl.compilation.limits import LARGEST_COMPILED
+from adaptctl.arrays import Array, checked, numbers, per_joint, stacked
+from adaptctl.compilation import Kernel, compile_function
+from adaptctl.compilation.floats import native_or_floats
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.loops.continuation import NEAREST
 from adaptctl.errors import InputError, NonFiniteError
-from adaptctl.scalars import Column, Scalar, clip
-from adaptctl.simulation.effects import JointEffect
+from adaptctl.scalars import Column, Scalar, column
+from adaptctl.simulation.effects import Effect, LoadEffect, PlantEffects
+from adaptctl.simulation.held_motion import held_motion
 from adaptctl.simulation.integrator import Integrator, RungeKutta4
+from adaptctl.simulation.period import ControlPeriod
+from adaptctl.simulation.plant_state import PlantState
 
-
-class PlantState(NamedTuple):
-    """The arm at one time (s): positions (r,) and velocities (r,) of its primary joints, and all its tree's
-    joints q (n,), which are p where there are no loops; of many arms with leading axes."""
-
-    time: float
-    p: Array
-    v: Array
-    q: Array
+_DOUBLE = np.dtype(np.float64)
 
 
 @dataclass(frozen=True, eq=False)
 class Plant:
     """A mechanism driven by torques in N m (N for a prismatic joint), each held over one control period.
 
-    `control_period` is in s and is integrated in `substeps` equal steps; `torque_limits` (r,) bound every
-    joint's effort, infinity meaning none, the mechanism's own when not given. `friction` is what brakes the joints
-    besides the mechanism's own drives. Joints have no stops.
+    `control_period` is in s and is integrated in `substeps` equal steps; `torque_limits`, one number or one a joint,
+    bound every joint's effort, infinity meaning none, the mechanism's own when not given. `effects`, in any order, are
+    what real arms have besides rigid links and drives: between controller and joints, in the joints, and back. Joints
+    have no stops.
 
-    The inertial parameters are an argument of `step`, so one plant serves an arm with any payload. Mechanisms
-    of at most LARGEST_COMPILED links run as native code, longer ones in Python. Equal calls give equal bits.
+    The inertial parameters are an argument of `step`, so one plant serves an arm with any payload; so is the sensors'
+    noise, and equal calls give equal bits. Mechanisms of at most LARGEST_COMPILED links run as native code, longer ones
+    in Python. Raises `InputError` where settings or effects do not fit.
     """
 
     mechanism: Mechanism
     control_period: float
     substeps: int = 1
     integrator: Integrator = RungeKutta4()  # noqa: RUF009  # frozen
-    torque_limits: Array | None = None
-    friction: tuple[JointEffect, ...] = ()
+    torque_limits: ArrayLike | None = None
+    _: KW_ONLY
+    effects: Iterable[Effect] = ()
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.control_period) and self.control_period > 0.0):
@@ -58,73 +57,134 @@ class Plant:
             raise InputError(f"substeps: expected a whole number of at least 1, got {self.substeps}")
         own = self.mechanism.effort_limits if self.torque_limits is None else self.torque_limits
         object.__setattr__(self, "torque_limits", _limits(own, self.mechanism.dof))
+        object.__setattr__(self, "effects", tuple(self.effects))
+        self._effects.require(self.dof, self._links, self.control_period)
+        if self.loads:
+            require_ten_a_link(self.mechanism)
 
     @property
     def dof(self) -> int:
         """Number of joints r."""
         return self.mechanism.dof
 
-    def init(self, p: ArrayLike, v: ArrayLike) -> PlantState:
+    @cached_property
+    def loads(self) -> tuple[LoadEffect, ...]:
+        """The effects that change the inertial parameters in mid-motion."""
+        return self._effects.loads
+
+    @property
+    def marks(self) -> tuple[str, ...]:
+        """Names of the effects that may hold a torque back, as in `PlantState.marks`."""
+        return self._effects.marks
+
+    @cached_property
+    def noise_size(self) -> int:
+        """Number of standard normal numbers that the sensors take a control period: 2r, 0 without sensors."""
+        return 2 * self.dof if self._effects.sensors else 0
+
+    @cached_property
+    def sizes(self) -> dict[str, int]:
+        """Lengths of the columns that `equation` passes from one control period to the next."""
+        still, period = np.zeros(self.dof), self.control_period
+        memories = self._effects.drive_memory(still, period), self._effects.sensor_memory(still, still, period)
+        joints = {"q": self.mechanism.equations.joints, "v": self.dof}
+        return joints | {"drives": len(memories[0]), "sensors": len(memories[1])}
+
+    def parameters(self, own: Array, time: float) -> Array:
+        """The inertial parameters (..., P) at a time (s): `own`, with what the effects load on them."""
+        return self._effects.loaded(own, self._links, time)
+
+    def until(self, time: float) -> float:
+        """The time (s) until which the parameters at a time (s) stay as they are; infinity for ever."""
+        return min((load.until(time) for load in self.loads), default=math.inf)
+
+    def payload(self, time: float) -> float:
+        """The mass that effects load on the arm at a time (s), kg."""
+        return sum(load.mass(time) for load in self.loads)
+
+    def init(
+        self, p: ArrayLike, v: ArrayLike, parameters: ArrayLike | None = None, noise: ArrayLike | None = None
+    ) -> PlantState:
         """The state at time zero, from positions and velocities (..., r), of as many arms as there are.
 
-        Raises `SingularityError` where loops cannot be followed to p.
+        The joints have been held still by the torque that gravity asks for on `parameters` (..., P); `noise` (..., 2r)
+        is that of the first measurement, none unless given. Raises `SingularityError` where loops cannot be followed
+        to p, `InputError` on a wrong shape and `NonFiniteError` on NaN or infinity.
         """
         arrays = (np.atleast_1d(np.asarray(values)) for values in (p, v))
         given = zip(arrays, ("p", "v"), strict=True)
-        positions, velocities = (checked(x, self.dof, f"{self.mechanism.name}: {what}") for x, what in given)
-        positions, velocities = (x.copy() for x in np.broadcast_arrays(positions, velocities))
-        return PlantState(0.0, positions, velocities, self.mechanism.configuration(positions))
+        p, v = np.broadcast_arrays(*(checked(x, self.dof, f"{self.mechanism.name}: {what}") for x, what in given))
+        p, v = p.copy(), v.copy()
+        q, arms = self.mechanism.configuration(p), p.shape[:-1]
+        held = np.zeros_like(p)
+        if self._effects.actuators:
+            held = self._holding(q, self._true(0.0) if parameters is None else parameters)
+        drives = self._effects.drive_memory(held, self.control_period)
+        sensors = self._effects.sensor_memory(p, v, self.control_period)
+        measured = self._measured(p, v, self._silence if noise is None else noise, sensors)
+        marks = np.zeros((*arms, len(self.marks)))
+        return PlantState(0.0, p, v, q, *measured[:2], held, False, marks, drives, measured[2])
 
-    def limited(self, torque: ArrayLike) -> Array:
-        """The torque (r,) clipped to the limits: what the arm feels. Raises as `step` does."""
-        return np.minimum(np.maximum(self._finite(torque), self._lower), self._upper)
+    def step(
+        self,
+        state: PlantState,
+        torque: ArrayLike,
+        parameters: ArrayLike | None = None,
+        noise: ArrayLike | None = None,
+    ) -> PlantState:
+        """The state of one arm a control period later, under a torque (r,), clipped to the limits and held.
 
-    def step(self, state: PlantState, torque: ArrayLike, parameters: ArrayLike | None = None) -> PlantState:
-        """One control period under a torque (r,), clipped to the limits and held.
-
-        `parameters` (P,) are the mechanism's own unless given. Raises `InputError` on a wrong shape and
-        `NonFiniteError` on NaN or infinity in any argument, or when the motion itself runs away.
+        `parameters` (P,) are the true ones in this period; unless given, the mechanism's own with what the effects load
+        on them at the state's time. `noise` (2r,) is standard normal, none unless given. Raises `InputError` on a wrong
+        shape and `NonFiniteError` on NaN or infinity in any argument, or when the motion itself runs away.
         """
-        true = self.mechanism.inertial_parameters if parameters is None else parameters
-        q, v = self._advance(state.q, state.v, self._finite(torque), true)
+        true = self._true(state.time) if parameters is None else parameters
+        moving = state.q, state.v, self._finite(torque), true
+        if self._chained:
+            kept = state.drives, state.sensors, self._silence if noise is None else noise
+            q, v, applied, clipped, *chained = self._advance(*moving, *kept)
+        else:
+            (q, v, applied, clipped), chained = self._advance(*moving), None
         if not math.isfinite(q.dot(q) + v.dot(v)):
             self._blame(state, true)
         p = q if self._primary is None else q[self._primary]
-        return PlantState(state.time + self.control_period, p, v, q)
+        measured_p, measured_v, marks, drives, sensors = chained or (p, v, state.marks, state.drives, state.sensors)
+        time = state.time + self.control_period
+        return PlantState(time, p, v, q, measured_p, measured_v, applied, clipped > 0.0, marks, drives, sensors)
+
+    def limited(self, torque: ArrayLike) -> Array:
+        """The torque (r,) clipped to the limits. Raises as `step` does."""
+        return np.minimum(np.maximum(self._finite(torque), -self._limits), self._limits)
 
     def energy(self, state: PlantState, parameters: ArrayLike | None = None) -> float:
-        """Kinetic plus potential energy, in J."""
-        true = self.mechanism.inertial_parameters if parameters is None else parameters
+        """Kinetic plus potential energy, in J, with parameters (P,) as in `step`."""
+        true = self._true(state.time) if parameters is None else parameters
         (energy,) = self._energy(state.q, state.v, true)
         return float(energy[0])
 
     def compile(self) -> None:
         """Compile now what would else be compiled when first used."""
-        _ = self._advance, self._energy
+        _ = self._advance, self._energy, self._sense
 
-    def may_work(self, state: PlantState) -> NDArray[np.bool_]:
-        """Whether loops are away from singularities and within their conditions, at states (...); always so for a
-        tree."""
+    def positions(self, q: Array) -> Array:
+        """The primary joints' positions (..., r) among the tree's (..., n)."""
+        return q if self._primary is None else q[..., self._primary]
+
+    def may_work(self, q: Array) -> NDArray[np.bool_]:
+        """Whether loops are away from singularities and within their conditions, at configurations (..., n); always so
+        for a tree."""
         if self.mechanism.continuation is None:
-            return np.ones(state.p.shape[:-1], dtype=np.bool_)
-        inside = self.mechanism.description.within_conditions(state.p)
-        return np.asarray(inside & (self.mechanism.continuation.regularity(state.q) >= NEAREST))
+            return np.ones(q.shape[:-1], dtype=np.bool_)
+        inside = self.mechanism.description.within_conditions(self.positions(q))
+        return np.asarray(inside & (self.mechanism.continuation.regularity(q) >= NEAREST))
 
     @cached_property
-    def _advance(self) -> Callable[..., tuple[Array, Array]]:
-        joints = self.mechanism.equations.joints
-        return self._native(self.equation, "plant", q=joints, v=self.dof, torque=self.dof)
-
-    @cached_property
-    def _energy(self) -> Callable[..., tuple[Array]]:
-        def energy(q: Column, v: Column, parameters: Column) -> tuple[Column]:
-            return (Column((self.energy_equation(q, v, parameters),)),)
-
-        return self._native(energy, "energy", q=self.mechanism.equations.joints, v=self.dof)
-
-    def limited_equation(self, torque: Column) -> Column:
-        """The torque (r,) clipped to the limits, over scalars of any kind."""
-        return Column(clip(x, -bound, bound) for x, bound in zip(torque, self._limits, strict=True))
+    def equation(self) -> ControlPeriod:
+        """A control period over scalars of any kind: what `step` evaluates."""
+        settings = self.control_period, self.substeps, self.integrator
+        motion = held_motion(self.mechanism, *settings, self._effects.joints)
+        primary = tuple(self.mechanism.description.primary)
+        return ControlPeriod(motion, self._effects, tuple(self._limits.tolist()), primary, self.control_period)
 
     def energy_equation(self, q: Column, v: Column, parameters: Column) -> Scalar:
         """Kinetic plus potential energy, in J, over scalars of any kind."""
@@ -136,46 +196,85 @@ class Plant:
         return q if self._primary is None else Column(q[i] for i in self._primary)
 
     @cached_property
-    def equation(self) -> Callable[[Column, Column, Column, Column], tuple[Column, Column]]:
-        """A control period over scalars of any kind: from q (n,), v (r,), torque (r,) and parameters (P,) to the q and
-        v at its end. Where an integrator has several stages, they share one body of the forward dynamics.
+    def _advance(self) -> Callable[..., tuple[Any, ...]]:
+        """A control period on arrays; of a plant with nothing between controller and joints, the motion alone."""
+        empty, chained = Column(()), self._chained
 
-        With loops the dependent joints are integrated too, and one Newton step projects them back.
-        """
-        dt, equations = self.control_period / self.substeps, self.mechanism.equations
-        several = self.integrator.stages > 1
+        def period(**columns: Column) -> tuple[Any, ...]:
+            outcome = self.equation({"drives": empty, "sensors": empty, "noise": empty, **columns})
+            after = outcome.measured_p, outcome.measured_v, outcome.marks, outcome.drives, outcome.sensors
+            return outcome.q, outcome.v, outcome.applied, outcome.clipped[0], *(after if chained else ())
 
-        def motion(q: Column, v: Column, torque: Column, parameters: Column) -> tuple[Column, Column]:
-            """How the configuration and the velocities move: together, for loops need their Jacobian for both."""
-            return equations.rates(q, v), equations.forward_dynamics(q, v, torque, parameters)
+        moving = {name: self.sizes[name] for name in ("q", "v")} | {"torque": self.dof}
+        kept = {name: self.sizes[name] for name in ("drives", "sensors")} | {"noise": self.noise_size}
+        return self._native(period, "plant", moving, kept if chained else {})
 
-        moved = outlined(motion) if several else motion
+    @cached_property
+    def _energy(self) -> Callable[..., tuple[Array]]:
+        def energy(q: Column, v: Column, parameters: Column) -> tuple[Column]:
+            return (Column((self.energy_equation(q, v, parameters),)),)
 
-        def substep(q: Column, v: Column, torque: Column, parameters: Column) -> tuple[Column, Column]:
-            def at(q: Column, v: Column) -> tuple[Column, Column]:
-                braked = torque
-                for effect in self.friction:
-                    braked = braked - effect.torque(v)
-                return moved(q, v, braked, parameters)
+        return self._native(energy, "energy", {name: self.sizes[name] for name in ("q", "v")})
 
-            rates = (lambda q, v: at(q, v)[0]) if several else equations.rates
-            q, v = self.integrator.step(lambda q, v: at(q, v)[1], q, v, dt, rates)
-            return equations.projected(q), v
+    @cached_property
+    def _sense(self) -> Kernel | None:
+        """The sensors alone, for the first measurement."""
+        if not self._effects.sensors:
+            return None
 
-        repeated = outlined(substep) if self.substeps > 1 else substep
+        def sense(p: Column, v: Column, noise: Column, memory: Column) -> tuple[Column, Column, Column]:
+            return self._effects.measured(p, v, noise, memory, self.control_period)
 
-        def advance(q: Column, v: Column, torque: Column, parameters: Column) -> tuple[Column, Column]:
-            held = self.limited_equation(torque)
-            for _ in range(self.substeps):
-                q, v = repeated(q, v, held, parameters)
-            return q, v
+        sizes = {"p": self.dof, "v": self.dof, "noise": self.noise_size, "memory": self.sizes["sensors"]}
+        return compile_function(sense, sizes, name="sensors")
 
-        return advance
+    def _native(
+        self,
+        equation: Callable[..., tuple[Any, ...]],
+        name: str,
+        moving: Mapping[str, int],
+        kept: Mapping[str, int] = MappingProxyType({}),
+    ) -> Callable[..., Any]:
+        """An equation on arrays of these lengths, the parameters between them; in Python where code would be long."""
+        sizes = {**moving, "parameters": self.mechanism.equations.parameters, **kept}
+        return native_or_floats(equation, sizes, len(self.mechanism.links), name=name).call
 
-    def _native(self, equation: Callable[..., tuple[Column, ...]], name: str, **sizes: int) -> Callable[..., Any]:
-        if len(self.mechanism.links) > LARGEST_COMPILED:
-            return _on_floats(equation)
-        return compile_function(equation, sizes | {"parameters": self.mechanism.equations.parameters}, name=name).call
+    def _measured(self, p: Array, v: Array, noise: ArrayLike, sensors: Array) -> tuple[Array, Array, Array]:
+        """The first measurement of arms (..., r), and the sensors' memory after it."""
+        if self._sense is None:
+            return p, v, sensors
+        arms = p.shape[:-1]
+        given = p, v, np.broadcast_to(np.asarray(noise, dtype=np.float64), (*arms, self.noise_size)), sensors
+        rows = (x.reshape(math.prod(arms), x.shape[-1]) for x in given)
+        measured_p, measured_v, after = (x.reshape(*arms, x.shape[-1]) for x in self._sense.map(*rows))
+        return measured_p, measured_v, after
+
+    def _holding(self, q: Array, parameters: ArrayLike) -> Array:
+        """The torques (..., r) of gravity on true parameters (..., P)."""
+        still, true = Column.zeros(self.dof), column(np.asarray(parameters, dtype=np.float64))
+        torque = self.mechanism.equations.inverse_dynamics(column(q), still, still, still, true)
+        return stacked(torque.of, q.shape[:-1])
+
+    def _true(self, time: float) -> Array:
+        own = self.mechanism.inertial_parameters
+        return self.parameters(own, time) if self.loads else own
+
+    @cached_property
+    def _effects(self) -> PlantEffects:
+        return PlantEffects.of(self.effects)
+
+    @cached_property
+    def _chained(self) -> bool:
+        """Whether anything stands between controller and joints."""
+        return bool(self._effects.actuators or self._effects.sensors)
+
+    @cached_property
+    def _silence(self) -> Array:
+        return np.zeros(self.noise_size)
+
+    @property
+    def _links(self) -> tuple[str, ...]:
+        return self.mechanism.description.body_names
 
     @cached_property
     def _primary(self) -> list[int] | None:
@@ -183,20 +282,16 @@ class Plant:
         return None if self.mechanism.description.loops is None else list(self.mechanism.description.primary)
 
     @cached_property
-    def _limits(self) -> list[float]:
-        return np.asarray(self.torque_limits).tolist()
+    def _shape(self) -> tuple[int]:
+        return (self.dof,)
 
     @cached_property
-    def _upper(self) -> Array:
-        return np.array(self._limits)
-
-    @cached_property
-    def _lower(self) -> Array:
-        return -self._upper
+    def _limits(self) -> Array:
+        return np.asarray(self.torque_limits, dtype=np.float64)
 
     def _finite(self, torque: ArrayLike) -> Array:
         array = torque if isinstance(torque, np.ndarray) else np.asarray(torque)
-        if array.dtype != np.float64 or array.shape != (self.dof,) or not math.isfinite(array.dot(array)):
+        if array.dtype is not _DOUBLE or array.shape != self._shape or not math.isfinite(array.dot(array)):
             return self._vector(array, "torque")
         return array
 
@@ -215,20 +310,17 @@ class Plant:
         )
 
 
+def require_ten_a_link(mechanism: Mechanism) -> None:
+    """Raise `InputError` for a payload where a link's ten parameters are not the mechanism's own to change."""
+    if len(mechanism.inertial_parameters) < len(mechanism.description.inertial_parameters):
+        raise InputError(
+            f"payload: {mechanism.name} has relations among its parameters, which a payload would not keep to: take "
+            "the mechanism without them as the plant"
+        )
+
+
 def _limits(values: ArrayLike, dof: int) -> Array:
-    limits = np.broadcast_to(np.asarray(values, dtype=np.float64), (dof,)) if np.ndim(values) == 0 else values
-    array = np.array(limits, dtype=np.float64)
-    if array.shape != (dof,) or not np.all(array > 0.0):
-        raise InputError(f"torque_limits: expected {dof} positive numbers, got {array.tolist()}")
-    array.flags.writeable = False
-    return array
-
-
-def _on_floats(equation: Callable[..., tuple[Column, ...]]) -> Callable[..., tuple[Array, ...]]:
-    """The same equation in Python, for mechanisms too long to compile."""
-
-    def on_arrays(*arrays: ArrayLike) -> tuple[Array, ...]:
-        columns = equation(*(Column(np.asarray(array, dtype=np.float64).tolist()) for array in arrays))
-        return tuple(np.array(column.of, dtype=np.float64) for column in columns)
-
-    return on_arrays
+    given = numbers(values, "torque_limits")
+    if given.shape not in ((), (dof,)) or not np.all(given > 0.0):
+        raise InputError(f"torque_limits: expected {dof} positive numbers, got {given.tolist()}")
+    return per_joint(given, dof, "torque_limits")

@@ -1,9 +1,9 @@
-"""What many arms follow: one reference, or one each; in samples, or by formula."""
+"""References of many arms: one for all, or one each; in samples, or sinusoids by their numbers, for native code."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeAlias
 
@@ -14,68 +14,77 @@ from adaptctl.control.controller import Reference, ReferencePoint
 from adaptctl.control.references import SinusoidNumbers, Sinusoids, sinusoids_at
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column, column
-from adaptctl.simulation.closed_loop import REFERENCE, sampled
+from adaptctl.simulation.sampled_references import REFERENCE, sampled
 
 
 @dataclass(frozen=True)
-class Samples:
-    """Points of so many numbers each that come from outside, one for all arms or each its own."""
+class SampledForm:
+    """Points of `size` numbers a part that come from outside, one for all arms or each its own."""
 
     size: int
     each: bool
 
     @property
     def held(self) -> dict[str, int]:
-        """Nothing is kept."""
+        """Lengths of what an arm keeps: nothing."""
         return {}
 
     @property
     def shared(self) -> dict[str, int]:
-        """The point, if it is one for all."""
+        """Lengths of the point's parts, if it is one for all."""
         return {} if self.each else dict.fromkeys(REFERENCE, self.size)
 
     @property
     def driven(self) -> dict[str, int]:
-        """The point, if each has its own."""
+        """Lengths of the point's parts, if each arm has its own."""
         return dict.fromkeys(REFERENCE, self.size) if self.each else {}
 
-    def point(self, columns: dict[str, Column]) -> ReferencePoint:
-        """As it came."""
-        return ReferencePoint(*(columns.pop(name) for name in REFERENCE))
+    def point(self, columns: Mapping[str, Column]) -> ReferencePoint:
+        """The point as it came."""
+        return ReferencePoint(*(columns[name] for name in REFERENCE))
 
 
 @dataclass(frozen=True)
-class Formula:
-    """Sinusoids of each arm's own numbers, so many terms a joint."""
+class SinusoidForm:
+    """Sinusoids of each arm's own numbers, `terms` of them for each of `size` joints."""
 
     size: int
     terms: int
 
     @property
     def held(self) -> dict[str, int]:
-        """What they are made of."""
+        """Lengths of the numbers that make an arm's sinusoids."""
         wave = self.size * self.terms
         return SinusoidNumbers(self.size, wave, wave, wave, 1)._asdict()
 
     @property
     def shared(self) -> dict[str, int]:
-        """The time, s."""
+        """Length of the time, s."""
         return {"time": 1}
 
     @property
     def driven(self) -> dict[str, int]:
-        """Nothing comes from outside."""
+        """Lengths of what comes from outside for each arm: nothing."""
         return {}
 
-    def point(self, columns: dict[str, Column]) -> ReferencePoint:
-        """The sinusoids now."""
-        numbers = SinusoidNumbers(*(columns.pop(name) for name in SinusoidNumbers._fields))
-        return sinusoids_at(columns.pop("time")[0], numbers)
+    def point(self, columns: Mapping[str, Column], ahead: float = 0.0) -> ReferencePoint:
+        """The sinusoids a time `ahead` (s)."""
+        numbers = SinusoidNumbers(*(columns[name] for name in SinusoidNumbers._fields))
+        return sinusoids_at(columns["time"][0] + ahead, numbers)
+
+    def numbers(self, references: Sequence[Reference | None]) -> SinusoidNumbers:
+        """The numbers (M, ...) of references, all `Sinusoids`, filled up with terms of no amplitude."""
+        known: dict[int, SinusoidNumbers] = {}
+        for one in references:
+            if isinstance(one, Sinusoids) and id(one) not in known:
+                known[id(one)] = _filled(one.numbers, self.terms * self.size)
+        rows = [known[id(one)] for one in references]
+        return SinusoidNumbers(*(np.array(values) for values in zip(*rows, strict=True)))
 
 
-ReferenceForm: TypeAlias = Samples | Formula
-"""How a step comes by its reference points: columns that an arm keeps (`held`), of a control period (`shared`), of both
-(`driven`), and the point that they make. Equal forms share native code."""
+ReferenceForm: TypeAlias = SampledForm | SinusoidForm
+"""The way in which a step comes by its reference points: columns that an arm keeps (`held`), of a control period
+(`shared`), of both (`driven`), and the point that they make. Equal forms share native code."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +99,7 @@ class ReferencesOfMany:
     def of(cls, given: Reference | Sequence[Reference], size: int) -> ReferencesOfMany:
         """One reference or a sequence, of so many numbers each. Raises `InputError` where it is none."""
         if callable(given):
-            return cls([given], Samples(size, each=False), size)
+            return cls([given], SampledForm(size, each=False), size)
         references = list(given) if isinstance(given, Sequence) else []
         if not references or not all(map(callable, references)):
             raise InputError(f"reference: expected a Reference or a sequence of them, got {given!r}")
@@ -98,13 +107,17 @@ class ReferencesOfMany:
 
     @property
     def arms(self) -> tuple[int, ...]:
-        """How many arms they are for; () where one is for all."""
-        each = not isinstance(self.form, Samples) or self.form.each
+        """The number of arms (M,) they are for; () where one is for all."""
+        each = not isinstance(self.form, SampledForm) or self.form.each
         return (len(self.references),) if each else ()
+
+    def of_arms(self, arms: slice) -> ReferencesOfMany:
+        """Those of some of the arms, in the same form."""
+        return replace(self, references=self.references[arms]) if self.arms else self
 
     @property
     def held(self) -> Mapping[str, Array]:
-        """What each arm keeps (M, n)."""
+        """Columns (M, n) that each arm keeps."""
         return {} if self._numbers is None else self._numbers._asdict()
 
     def start(self) -> tuple[Array, Array]:
@@ -116,8 +129,8 @@ class ReferencesOfMany:
         return points.p[0], points.v[0]
 
     def signals(self, time: Array) -> Mapping[str, Array]:
-        """What comes from outside at times (T,)."""
-        if isinstance(self.form, Formula):
+        """Columns that come from outside at times (T,), s."""
+        if isinstance(self.form, SinusoidForm):
             return {"time": time[:, None]}
         return dict(zip(REFERENCE, self._points(time), strict=True))
 
@@ -131,16 +144,22 @@ class ReferencesOfMany:
     @cached_property
     def _numbers(self) -> SinusoidNumbers | None:
         """What sinusoids are made of (M, n), where they are followed by formula."""
-        if not isinstance(self.form, Formula):
+        if not isinstance(self.form, SinusoidForm):
             return None
-        numbers = [one.numbers for one in self.references if isinstance(one, Sinusoids)]
-        return SinusoidNumbers(*(np.array(parts) for parts in zip(*numbers, strict=True)))
+        return self.form.numbers(self.references)
 
 
 def _form(references: Sequence[Reference], size: int) -> ReferenceForm:
-    """Formula where all are sinusoids alike, samples else."""
+    """Sinusoids where all are sums of as many, samples else."""
     lengths = {one.amplitude.shape if isinstance(one, Sinusoids) else None for one in references}
     shape = lengths.pop()
     if lengths or shape is None or shape[1] != size:
-        return Samples(size, each=True)
-    return Formula(size, shape[0])
+        return SampledForm(size, each=True)
+    return SinusoidForm(size, shape[0])
+
+
+def _filled(numbers: SinusoidNumbers, size: int) -> SinusoidNumbers:
+    """The numbers of as many terms as make `size` waves."""
+    none = np.zeros(size - len(numbers.amplitude))
+    amplitude, frequency, phase = (np.concatenate((part, none)) for part in numbers[1:4])
+    return SinusoidNumbers(numbers.center, amplitude, frequency, phase, numbers.start_time)

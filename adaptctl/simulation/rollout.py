@@ -12,10 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, frozen
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.errors import FileError, InputError
 from adaptctl.files import replacing
+from adaptctl.simulation.closed_loop import guards
+from adaptctl.simulation.sampled_references import REFERENCE
 
 if TYPE_CHECKING:
     import gymnasium
@@ -134,8 +136,8 @@ OF_JOINTS = {
 }
 """A run's arrays of a column a joint, in the units that they have where joints turn."""
 OF_TIME = {"time": "s", "clipped": "1", "energy": "J", "reward": "1"}
-PARTS = ("p", "v", "reference_p", "reference_v", "reference_a")
-"""What a controller needs of an observation; the environment's `observation_slices` say where it is."""
+PARTS = ("p", "v", *REFERENCE)
+"""The parts of an observation that a controller needs; the environment's `observation_slices` say where they are."""
 
 
 def rollout(
@@ -157,7 +159,7 @@ def rollout(
     Ctrl-C ends the run but keeps what was computed, marked `complete=False`.
     Raises `InputError` for an environment that cannot be driven; what controller and environment raise passes.
     """
-    loop = _ClosedLoop(env, controller, seed, options)
+    loop = _SteppedRun(env, controller, seed, options)
     every = max(1, (loop.steps or 0) // 100)
     complete, started = False, perf_counter()
     try:
@@ -171,8 +173,8 @@ def rollout(
     return loop.result(perf_counter() - started, complete)
 
 
-class _ClosedLoop:
-    """A run in the making: what the environment and the controller remember, and the samples so far."""
+class _SteppedRun:
+    """A run in the making: the memories of environment and controller, and the samples so far."""
 
     def __init__(
         self,
@@ -192,8 +194,8 @@ class _ClosedLoop:
         controller.step(self._state, p, v, reference)  # pure: it is compiled now, before the clock starts
         self.count, self.terminated, self.truncated = 0, False, False
         self._true = "p" in self._info and "v" in self._info
-        self._marks = (*self._info.get("marks", ()), *getattr(_marks(self._state), "_fields", ()))
-        self._samples = _Samples(
+        self._marks = (*self._info.get("marks", ()), *getattr(guards(self._state), "_fields", ()))
+        self._samples = _Record(
             self.steps or 1024, len(self._kept), p.size, _estimate(self._state).size, len(self._marks)
         )
 
@@ -217,14 +219,14 @@ class _ClosedLoop:
             info.get("clipped", 0) != before.get("clipped", 0),
         )
         if self._marks:
-            samples.marks[k] = *info.get("marks", {}).values(), *(float(mark[0]) for mark in _marks(state))
+            samples.marks[k] = *info.get("marks", {}).values(), *(float(mark[0]) for mark in guards(state))
         self._state, self._info = state, info
         self._observation = np.asarray(observation, dtype=np.float64)
         self.terminated, self.truncated = bool(terminated), bool(truncated)
         self.count = k + 1  # last, so that an interrupted sample does not count
 
     def result(self, wall_time: float, complete: bool) -> Rollout:
-        """What happened so far."""
+        """The run so far."""
         samples, n, dof = self._samples, self.count, self._samples.torque.shape[1]
         columns = {name: samples.observation[:n, i * dof : (i + 1) * dof] for i, name in enumerate(PARTS)}
         if self._true:
@@ -233,8 +235,8 @@ class _ClosedLoop:
         columns |= {name: samples.scalars[:n, i] for i, name in enumerate(("time", "energy", "reward", "clipped"))}
         columns |= {name: getattr(samples, name)[:n] for name in ("torque", "applied", "estimate")}
         return Rollout(
-            **{name: _frozen(values) for name, values in columns.items()},
-            marks=MappingProxyType({name: _frozen(samples.marks[:n, i]) for i, name in enumerate(self._marks)}),
+            **{name: frozen(values.copy()) for name, values in columns.items()},
+            marks=MappingProxyType({name: frozen(samples.marks[:n, i].copy()) for i, name in enumerate(self._marks)}),
             control_period=self.control_period,
             wall_time=wall_time,
             complete=complete,
@@ -247,7 +249,7 @@ class _ClosedLoop:
         return p, v, ReferencePoint(*reference)
 
 
-class _Samples:
+class _Record:
     """Memory for the samples of a run, made at once where its length is known."""
 
     def __init__(self, capacity: int, observed: int, dof: int, estimates: int, marks: int) -> None:
@@ -256,8 +258,8 @@ class _Samples:
         self.torque, self.applied = np.empty((capacity, dof)), np.empty((capacity, dof))
         self.estimate, self.scalars = np.empty((capacity, estimates)), np.empty((capacity, 4))
 
-    def with_room_for(self, k: int) -> _Samples:
-        """Itself, twice as large where sample k would not fit."""
+    def with_room_for(self, k: int) -> _Record:
+        """This record, its memory doubled if sample k does not fit."""
         if k >= len(self.scalars):
             for name, old in vars(self).items():
                 setattr(self, name, np.concatenate((old, np.empty_like(old))))
@@ -265,7 +267,8 @@ class _Samples:
 
 
 def interface(env: gymnasium.Env[Any, Any], controller: Controller[Any]) -> tuple[list[slice], float]:
-    """Where the parts of an observation are, and the control period (s)."""
+    """Slices of the parts of an observation, and the control period (s). Raises `InputError` for an environment or a
+    controller that cannot be driven together."""
     slices = getattr(env.unwrapped, "observation_slices", None)
     period = getattr(env.unwrapped, "control_period", None)
     if not isinstance(slices, Mapping) or not isinstance(period, float):
@@ -317,26 +320,14 @@ def _arrays(table: Any) -> dict[str, Any]:
         kind, _, rest = name.partition(".")
         values = table[name].to_numpy()
         if kind == "mark":
-            marks[rest] = _frozen(values)
+            marks[rest] = frozen(values.copy())
         elif rest:
             parts[kind].append(values)
-    gathered = {name: _frozen(np.stack(columns, axis=-1)) for name, columns in parts.items() if columns}
-    single = {name: _frozen(table[name].to_numpy()) for name in OF_TIME}
-    blank = {"estimate": _frozen(np.empty((table.num_rows, 0)))}
+    gathered = {name: frozen(np.stack(columns, axis=-1)) for name, columns in parts.items() if columns}
+    single = {name: frozen(table[name].to_numpy().copy()) for name in OF_TIME}
+    blank = {"estimate": frozen(np.empty((table.num_rows, 0)))}
     return blank | single | gathered | {"marks": MappingProxyType(marks)}
 
 
 def _estimate(state: object) -> Array:
     return np.asarray(getattr(state, "estimate", ()), dtype=np.float64)
-
-
-def _marks(state: object) -> tuple[Any, ...]:
-    """What the guards of a controller tell."""
-    marks = getattr(state, "marks", ())
-    return marks if isinstance(marks, tuple) else ()
-
-
-def _frozen(values: Array) -> Array:
-    array = values.copy()
-    array.flags.writeable = False
-    return array

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, frozen
 from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.errors import NonFiniteError, NotCompiledWarning
-from adaptctl.simulation.closed_loop import REFERENCE, ClosedLoop, Sample, sampled
+from adaptctl.simulation.closed_loop import ClosedLoop, Sample
 from adaptctl.simulation.episode import Episode
-from adaptctl.simulation.plant import PlantState
-from adaptctl.simulation.real_plant import RealPlantState
+from adaptctl.simulation.plant_state import PlantState
 from adaptctl.simulation.rollout import Rollout, interface, known_steps, rollout
+from adaptctl.simulation.sampled_references import REFERENCE, sampled
 
 if TYPE_CHECKING:
     import gymnasium
@@ -51,7 +51,7 @@ def simulate(
         return rollout(env, controller, seed=seed, options=options, progress=progress)
     env.reset(seed=seed, options=options)
     episode: Episode = env.unwrapped.hand_over()  # type: ignore[attr-defined]
-    run = _Run(episode, controller, min(episode.steps, known_steps(env) or episode.steps), period)
+    run = _NativeRun(episode, controller, min(episode.steps, known_steps(env) or episode.steps), period)
     complete, started = False, perf_counter()
     try:
         while not run.over:
@@ -81,7 +81,7 @@ def _obstacle(env: gymnasium.Env[Any, Any], controller: Controller[Any]) -> str:
         return f"{type(controller).__name__} has a step of its own"
     if _home_of(inner, "step") is not _home_of(inner, "hand_over"):
         return f"{type(inner).__name__} has a step of its own"
-    links = len(inner.real_plant.plant.mechanism.links)  # type: ignore[attr-defined]
+    links = len(inner.plant.mechanism.links)  # type: ignore[attr-defined]
     return f"{links} links are too many to compile" if links > LARGEST_COMPILED else ""
 
 
@@ -90,14 +90,14 @@ def _home_of(thing: object, method: str) -> type | None:
     return next((kind for kind in type(thing).__mro__ if method in vars(kind)), None)
 
 
-class _Run:
+class _NativeRun:
     """A run in the making."""
 
     def __init__(self, episode: Episode, controller: Controller[Any], steps: int, period: float) -> None:
         self.loop, self.episode = ClosedLoop(episode.plant, controller), episode
         self.steps, self.period = steps, period
         self.arms = self.loop.compiled().ensemble(1)
-        self.loop.begin(self.arms, episode.state, controller.init(episode.state.p, episode.state.v))
+        self.loop.begin(self.arms, episode.state, controller.init(*_measured(episode.state)))
         self.sample = Sample(*(np.empty((steps, *shape)) for shape in self.arms.stepper.outputs))
         self.reference = ReferencePoint(*np.empty((3, steps, controller.reference_size)))
         self.reward, self.payload = np.empty((2, steps))
@@ -114,7 +114,7 @@ class _Run:
         reference = sampled(self.episode.reference, time, self.loop.controller.reference_size)
         self.arms.held["parameters"] = self._parameters(time[0])
         sample = self._taken(len(time) - 1, reference)
-        reward, over = self._judged(time, sample, reference)
+        reward, over = self._judged(sample, reference)
         count = len(reward)
         if count < len(time) - 1:
             self._return(place)
@@ -132,20 +132,19 @@ class _Run:
         self.reward[new], self.payload[new] = reward, plant.payload(time[0])
         self.payload[new.stop - 1] = plant.payload(time[-1])
 
-    def _reached(self, time: float, sample: Sample) -> RealPlantState:
+    def _reached(self, time: float, sample: Sample) -> PlantState:
         """The plant after the last sample."""
         end, _ = self.loop.now(self.arms, time)
         marks = sample.marks[-1, : len(self.episode.plant.marks)]
         return end._replace(applied=sample.applied[-1], clipped=bool(sample.clipped[-1, 0]), marks=marks)
 
-    def _judged(self, time: Array, sample: Sample, reference: ReferencePoint) -> tuple[Array, bool]:
+    def _judged(self, sample: Sample, reference: ReferencePoint) -> tuple[Array, bool]:
         """The rewards of the control periods until the environment ends the run, which is then told, or until
         something is not finite."""
         q, v = (np.concatenate((getattr(sample, name)[1:], self.arms.state[name])) for name in ("q", "v"))
         sound = _finite(sample.torque, q, v)
-        state = PlantState(float(time[sound]), *(x[:sound] for x in (self.loop.positions(q), v, q)))
         ahead = ReferencePoint(*(part[1 : sound + 1] for part in reference))
-        reward, over = self.episode.judge(state, ahead, sample.applied[:sound])
+        reward, over = self.episode.judge(q[:sound], v[:sound], ahead, sample.applied[:sound])
         return (reward[: int(over.argmax()) + 1], True) if over.any() else (reward, False)
 
     def _times(self) -> Array:
@@ -176,18 +175,18 @@ class _Run:
         """Raise what the controller or the plant raises when they step from here."""
         plant, controller = self.episode.plant, self.loop.controller
         state, memory = self.loop.now(self.arms, time)
-        torque, _ = controller.step(memory, state.p, state.v, reference)
-        plant.step(state, torque, np.zeros(self.loop.noise["noise"]), self._parameters(time))
+        torque, _ = controller.step(memory, *_measured(state), reference)
+        plant.step(state, torque, self._parameters(time))
         raise NonFiniteError(f"the closed loop is not finite after {time:g} s")
 
     def result(self, env: Any, wall_time: float, complete: bool) -> Rollout:
-        """What happened so far; the environment is taken there."""
+        """The run so far; the environment is taken there."""
         sample, reference = Sample(*map(self._kept, self.sample)), ReferencePoint(*map(self._kept, self.reference))
-        clipped, effects = sample.clipped[:, 0], self.episode.plant.effects
-        p = _frozen(self.loop.positions(sample.q))
-        told = (sample.measured_p, sample.measured_v) if effects.sensors else (p, sample.v)
+        clipped, plant = sample.clipped[:, 0], self.episode.plant
+        p = frozen(plant.positions(sample.q))
+        told = (sample.measured_p, sample.measured_v) if plant.noise_size else (p, sample.v)
         return Rollout(
-            time=_frozen(np.asarray(self.period * np.arange(self.count))),
+            time=frozen(np.asarray(self.period * np.arange(self.count))),
             p=p,
             v=sample.v,
             reference_p=reference.p,
@@ -204,20 +203,24 @@ class _Run:
             complete=complete,
             terminated=self.terminated,
             info=env.take_back(self.end, self.count, int(clipped.sum()), self.terminated),
-            measured_p=told[0] if effects else None,
-            measured_v=told[1] if effects else None,
+            measured_p=told[0] if plant.effects else None,
+            measured_v=told[1] if plant.effects else None,
             marks=self._marks(sample.marks),
         )
 
     def _marks(self, values: Array) -> Mapping[str, Array]:
         """By name, in the order in which `rollout` tells them."""
         own, by_name = self.episode.plant, dict(zip(self.loop.marks, values.T, strict=True))
-        loaded = {"payload": self._kept(self.payload)} if own.effects.loads else {}
+        loaded = {"payload": self._kept(self.payload)} if own.loads else {}
         return MappingProxyType({name: by_name[name] for name in own.marks} | loaded | by_name)
 
     def _kept(self, values: Array) -> Array:
-        """What there is so far, and no memory for more."""
-        return _frozen(values if self.count == self.steps else values[: self.count].copy())
+        """The samples so far, and no memory for more."""
+        return frozen(values if self.count == self.steps else values[: self.count].copy())
+
+
+def _measured(state: PlantState) -> tuple[Array, Array]:
+    return state.measured_p, state.measured_v
 
 
 def _finite(torque: Array, q: Array, v: Array) -> int:
@@ -226,8 +229,3 @@ def _finite(torque: Array, q: Array, v: Array) -> int:
         squares = np.vecdot(torque, torque) + np.vecdot(q, q) + np.vecdot(v, v)
     faulty = ~np.isfinite(squares)
     return int(faulty.argmax()) if faulty.any() else len(faulty)
-
-
-def _frozen(values: Array) -> Array:
-    values.flags.writeable = False
-    return values

@@ -10,22 +10,29 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from adaptctl.arrays import Array, checked
+from adaptctl.arrays import Array, checked, frozen, per_joint
 from adaptctl.compilation import Stepper, compile_step
 from adaptctl.compilation.limits import LARGEST_COMPILED
-from adaptctl.control.controller import Controller, Reference, leaves
+from adaptctl.compilation.loop import Source
+from adaptctl.control.controller import Controller, Reference, leaves, like
 from adaptctl.errors import InputError
-from adaptctl.scalars import Column, absolute, maximum
+from adaptctl.scalars import Column
 from adaptctl.simulation.closed_loop import ClosedLoop
-from adaptctl.simulation.effects import PlantEffects
+from adaptctl.simulation.error_sums import LARGEST, SETTLED, ErrorSums, judged_by, sum_sizes, summary, summed
+from adaptctl.simulation.gains_of_many import GainsOfMany
+from adaptctl.simulation.noise import Noise
 from adaptctl.simulation.plant import Plant
-from adaptctl.simulation.real_plant import RealPlant
 from adaptctl.simulation.references_of_many import ReferenceForm, ReferencesOfMany
+from adaptctl.simulation.sampled_references import REFERENCE
 
 MEMORY = 2**23
 """Bytes that a native call may read and write besides the arms' states."""
+HERD = 512
+"""Arms that take a stretch of time together, one herd after the other: what they read and write fits the caches."""
+STRETCH = 2000
+"""Control periods in one native call, at most: in between progress is told, and Ctrl-C heard."""
 RECORDED = ("p", "v", "reference_p", "reference_v", "torque", "applied", "estimate")
 
 
@@ -59,6 +66,15 @@ class Rollouts:
     """(M, r) root mean square of p - reference p"""
     largest_error: Array
     """(M, r) its largest magnitude"""
+    final_rms_error: Array
+    """(M, r) root mean square over the last SETTLED seconds"""
+    return_time: Array
+    """(M,) s after which every error stayed within the bounds asked for; NaN where one was beyond them at the end"""
+    diverged_at: Array
+    """(M,) s at which an error was first not finite, or beyond the bound asked for; NaN where none was. The other
+    numbers are of the time before it."""
+    diverged_joint: NDArray[np.int64]
+    """(M,) the first joint whose error was; -1 where none was"""
     control_period: float
     """s"""
     wall_time: float
@@ -74,11 +90,11 @@ class Rollouts:
     @property
     def finite(self) -> Array:
         """Which runs (M,) stayed finite."""
-        return np.asarray(np.isfinite(self.rms_error).all(axis=-1))
+        return np.asarray(np.isfinite(self.largest_error).all(axis=-1))
 
 
 def simulate_many(
-    plant: Plant | RealPlant,
+    plant: Plant,
     controller: Controller[Any],
     reference: Reference | Sequence[Reference],
     *,
@@ -88,8 +104,11 @@ def simulate_many(
     p: ArrayLike | None = None,
     v: ArrayLike | None = None,
     memory: Any = None,
-    seed: int | None = None,
-    every: int = 1,
+    gains: Mapping[str, ArrayLike] | None = None,
+    seed: int | Sequence[int] | None = None,
+    every: int | None = 1,
+    within: ArrayLike = np.inf,
+    beyond: ArrayLike = np.inf,
     threads: int = 1,
     progress: Callable[[float], object] | None = None,
 ) -> Rollouts:
@@ -99,15 +118,19 @@ def simulate_many(
     memory. `parameters` (P,) or (M, P) are the true ones, the mechanism's own when not given; `p` and `v`, (r,) or
     (M, r), are where the arms start, on their references when not given; `memory` is what the controllers remember,
     changed from what `controller.init` gives for one arm or for M, such as estimates; `members` is M where nothing else
-    tells. `seed` is that of the sensors' noise.
+    tells. `gains` are numbers of the controller by their names in `controller.numbers`, as they are there or with a
+    leading axis of M. `seed` is that of the sensors' noise, one for all or M: with one each, an arm's noise does not
+    depend on who else runs.
 
-    Every `every`-th control period is recorded, the first one included: memory goes with T M over it. `threads` share
+    Every `every`-th control period is recorded, the first one included: memory goes with T M over it; None records
+    nothing but the errors' summaries, which are of all control periods: `within` (rad or m, a number or (r,)) is what
+    `return_time` is about, and `beyond` where a run counts as diverged, besides where it is not finite. `threads` share
     the arms. `progress` is called in between with the share done, and Ctrl-C keeps what was computed. Nothing ends a
     run early. Raises `InputError` where arguments do not fit together, and for more than LARGEST_COMPILED links.
     """
-    real = plant if isinstance(plant, RealPlant) else RealPlant(plant, PlantEffects())
-    run = _Runs(ClosedLoop(real, controller), reference, duration, every, threads)
-    run.begin(members, seed, memory, parameters=parameters, p=p, v=v)
+    run = _Runs(ClosedLoop(plant, controller), reference, duration, every, threads)
+    bounds = {"within": per_joint(within, plant.dof, "within"), "beyond": per_joint(beyond, plant.dof, "beyond")}
+    run.begin(members, seed, memory, gains or {}, bounds, parameters=parameters, p=p, v=v)
     complete, started = False, perf_counter()
     try:
         while run.count < run.steps:
@@ -124,21 +147,19 @@ def simulate_many(
 def _compiled(loop: ClosedLoop, form: ReferenceForm) -> Stepper:
     """A control period of arms in lanes, with the errors summed up."""
 
-    def step(squares: Column, largest: Column, **columns: Column) -> tuple[Any, ...]:
+    def step(clock: Column, **columns: Column) -> tuple[Any, ...]:
         point = form.point(columns)
-        given = dict(zip(loop.reference, point, strict=True))
-        passed_on, sample = loop.equation(**columns, **given)
-        p = loop.plant.plant.primary(sample.q)
-        error = p - point.p
-        summed = squares + error * error, Column(map(maximum, largest, map(absolute, error)))
+        passed_on, sample = loop.equation(**columns | dict(zip(REFERENCE, point, strict=True)))
+        p = loop.plant.primary(sample.q)
+        sums = summed(clock[0], p - point.p, columns)
         done = sample.torque, sample.applied, sample.estimate
-        return (*passed_on, *summed, p, sample.v, point.p, point.v, *done)
+        return (*passed_on, Column((clock[0] + 1.0,)), *sums, p, sample.v, point.p, point.v, *done)
 
-    sums = dict.fromkeys(("squares", "largest"), loop.controller.dof)
+    r = loop.controller.dof
     return compile_step(
         step,
-        state=loop.state | sums,
-        held=loop.held | form.held,
+        state=loop.state | {"clock": 1} | sum_sizes(r),
+        held=loop.held | form.held | judged_by(r),
         shared=form.shared,
         driven=form.driven | loop.noise,
         name=type(loop.controller).__name__,
@@ -153,47 +174,60 @@ class _Runs:
         loop: ClosedLoop,
         reference: Reference | Sequence[Reference],
         duration: float,
-        every: int,
+        every: int | None,
         threads: int,
     ) -> None:
-        self.loop, self.period, self.threads = loop, loop.plant.plant.control_period, threads
+        self.loop, self.period, self.threads = loop, loop.plant.control_period, threads
         if not (np.isfinite(duration) and duration >= self.period):
             raise InputError(f"duration: expected at least a control period of {self.period:g} s, got {duration}")
-        for name, number in (("every", every), ("threads", threads)):
+        for name, number in (("every", 1 if every is None else every), ("threads", threads)):
             _require_count(name, number)
         _require_compilable(loop)
-        self.steps, self.every = round(duration / self.period), int(every)
+        self.steps, self.every = round(duration / self.period), every
         self.references = ReferencesOfMany.of(reference, loop.controller.reference_size)
+        self.final = max(0, self.steps - round(SETTLED / self.period))
 
     @property
     def count(self) -> int:
         """Control periods done."""
         return self._done[0]
 
-    def begin(self, members: int | None, seed: int | None, memory: Any, **given: ArrayLike | None) -> None:
+    def begin(
+        self,
+        members: int | None,
+        seed: int | Sequence[int] | None,
+        memory: Any,
+        gains: Mapping[str, ArrayLike],
+        bounds: Mapping[str, Array],
+        **given: ArrayLike | None,
+    ) -> None:
         """Put every arm where it starts: at `parameters`, `p` and `v`, those of the mechanism and on the reference
         unless given."""
         loop, start = self.loop, self.references.start()
-        own = {"parameters": loop.plant.plant.mechanism.inertial_parameters, "p": start[0], "v": start[1]}
+        own = {"parameters": loop.plant.mechanism.inertial_parameters, "p": start[0], "v": start[1]}
         chosen = own | {name: x for name, x in given.items() if x is not None}
         rows = {name: checked(x, own[name].shape[-1], name) for name, x in chosen.items()}
         if members is not None:
             _require_count("members", members)
         remembered = [] if memory is None else self._remembered(memory)
+        tuned = GainsOfMany.of(loop.controller, gains)
+        seeds = {} if seed is None or isinstance(seed, int | np.integer) else {"seed": np.asarray(seed).shape}
         told = rows | {f"memory {k}": np.asarray(part) for k, part in enumerate(remembered)}
-        count = _members(members, {"reference": self.references.arms} | {k: x.shape[:-1] for k, x in told.items()})
+        axes = {k: x.shape[:-1] for k, x in told.items()} | tuned.arms | seeds
+        count = _members(members, {"reference": self.references.arms} | axes)
         self.parameters, p, v = (np.broadcast_to(x, (count, x.shape[-1])) for x in rows.values())
-        self.rng = np.random.default_rng(seed)
-        state = loop.plant.init(p, v, self._noise(1, count)[0], loop.plant.parameters(self.parameters, 0.0))
-        self.arms = _compiled(loop, self.references.form).ensemble(count)
-        loop.begin(self.arms, state, loop.controller.init(state.p, state.v) if memory is None else memory)
-        self.arms.held["parameters"] = self.parameters
-        for name, values in self.references.held.items():
-            self.arms.held[name] = values
-        shapes = self.arms.stepper.outputs
-        self.longest = max(1, MEMORY // (8 * count * (sum(map(math.prod, shapes)) + 5 * loop.controller.dof)))
+        self.beyond = bounds["beyond"]
+        noise = Noise.of(seed, count, HERD, loop.noise["noise"])
+        self.herds = []
+        for k, first in enumerate(range(0, count, HERD)):
+            arms = slice(first, min(first + HERD, count))
+            herd = _Herd(loop, self.references.of_arms(arms), self.parameters[arms], noise[k], arms)
+            herd.begin(p[arms], v[arms], memory if memory is None else _of_arms(memory, arms), tuned)
+            herd.judge(bounds, self.final)
+            self.herds.append(herd)
+        shapes = self.herds[0].arms.stepper.outputs
         self.records = tuple(np.empty((self._samples(self.steps), count, *shape)) for shape in shapes)
-        self._done = 0, self.arms.state["squares"], self.arms.state["largest"]
+        self._done = 0, self._sums()
 
     def _remembered(self, memory: Any) -> list[Any]:
         """The parts of a memory of this controller."""
@@ -206,54 +240,100 @@ class _Runs:
         return parts
 
     def advance(self) -> None:
-        """One native call: as far as memory allows, and where not all samples are kept, up to the next one that is. It
-        counts when all of it is done."""
+        """A stretch of time: as far as memory allows, and where not all samples are kept, up to the next one that is.
+        It counts when all arms have done it."""
         first, every = self.count, self.every
-        time = self._times(self.steps if every == 1 else min(first + -first % every + 1, self.steps))
-        outputs, last = self._taken(time, record=every == 1), first + len(time)
-        for kept, part in zip(self.records, outputs, strict=True):
-            kept[self._samples(first) : self._samples(last)] = part
-        self._done = last, self.arms.state["squares"], self.arms.state["largest"]
+        end = self.steps if every in (None, 1) else min(first + -first % (every or 1) + 1, self.steps)
+        time = self._times(end)
+        last = first + len(time)
+        kept = slice(self._samples(first), self._samples(last))
+        for herd in self.herds:
+            outputs = herd.taken(time, record=every == 1, threads=self.threads)
+            for record, part in zip(self.records if every is not None else (), outputs, strict=False):
+                record[kept, herd.members] = part
+        self._done = last, self._sums()
 
     def _times(self, end: int) -> Array:
         """The times of the next control periods, at most to this one, in which the true parameters stay as they are."""
-        ahead = np.arange(self.count, min(end, self.count + self.longest)) * self.period
+        longest = min(herd.longest(record=self.every == 1) for herd in self.herds)
+        ahead = np.arange(self.count, min(end, self.count + longest)) * self.period
         return np.asarray(ahead[: max(1, int(np.searchsorted(ahead, self.loop.plant.until(ahead[0]))))])
 
-    def _taken(self, time: Array, *, record: bool) -> tuple[Array, ...]:
-        """The control periods at these times."""
-        if self.loop.plant.effects.loads:
-            self.arms.held["parameters"] = self.loop.plant.parameters(self.parameters, time[0])
-        signals = {**self.references.signals(time), "noise": self._noise(len(time), self.arms.members)}
-        return self.arms.run(len(time), signals, record=record, threads=self.threads)
-
-    def _noise(self, steps: int, members: int) -> Array:
-        return self.rng.standard_normal((steps, members, self.loop.noise["noise"]))
+    def _sums(self) -> ErrorSums:
+        """Of all arms so far."""
+        parts = [[herd.arms.state[name] for name in ErrorSums._fields] for herd in self.herds]
+        return ErrorSums(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
     def _samples(self, count: int) -> int:
         """How many of so many control periods are kept."""
-        return -(-count // self.every)
+        return 0 if self.every is None else -(-count // self.every)
 
     def result(self, wall_time: float, complete: bool) -> Rollouts:
-        """What happened so far."""
-        count, squares, largest = self._done
+        """The runs so far."""
+        count, sums = self._done
         samples = self._samples(count)
-        parts = (_frozen(kept[:samples]) for kept in self.records)
-        columns = dict(zip(RECORDED, parts, strict=True))
+        parts = (frozen(kept[:samples]) for kept in self.records)
+        summaries = summary(sums, count, min(self.final, count), self.period, self.beyond)
+        columns: dict[str, Any] = {name: frozen(values) for name, values in summaries._asdict().items()}
+        columns |= zip(RECORDED, parts, strict=True)
         return Rollouts(
             **columns,
-            time=_frozen(np.asarray(np.arange(0, samples * self.every, self.every) * self.period)),
-            parameters=_frozen(self.parameters.copy()),
-            rms_error=_frozen(np.asarray(np.sqrt(squares / max(count, 1)))),
-            largest_error=_frozen(largest),
+            time=frozen(np.asarray(np.arange(samples) * (self.every or 1) * self.period)),
+            parameters=frozen(self.parameters.copy()),
             control_period=self.period,
             wall_time=wall_time,
             complete=complete,
         )
 
 
+class _Herd:
+    """Arms that take a stretch of time together."""
+
+    def __init__(
+        self, loop: ClosedLoop, references: ReferencesOfMany, parameters: Array, noise: Noise, members: slice
+    ) -> None:
+        self.loop, self.references, self.parameters = loop, references, parameters
+        self.noise, self.members = noise, members
+        self.arms = _compiled(loop, references.form).ensemble(len(parameters))
+
+    def begin(self, p: Array, v: Array, memory: Any, tuned: GainsOfMany) -> None:
+        """Put the arms at positions and velocities (M, r), with a memory, or that of new controllers."""
+        loop, own = self.loop, tuned.of_arms(self.members)
+        state = loop.plant.init(p, v, loop.plant.parameters(self.parameters, 0.0), self.noise.drawn(1)[0])
+        begun = loop.controller.init(state.measured_p, state.measured_v, own) if memory is None else memory
+        loop.begin(self.arms, state, begun)
+        for name in loop.controller.gain_sizes if own else ():
+            self.arms.held[name] = tuned.packed(self.members)
+        for name, values in {"parameters": self.parameters, **self.references.held}.items():
+            self.arms.held[name] = values
+
+    def judge(self, bounds: Mapping[str, Array], final: int) -> None:
+        """Set what errors are judged by."""
+        for name, bound in bounds.items():
+            self.arms.held[name] = np.minimum(bound, LARGEST)
+        self.arms.held["final"] = float(final)
+
+    def longest(self, *, record: bool) -> int:
+        """Control periods in a native call, by the memory that it needs."""
+        shapes, columns = self.arms.stepper.outputs, self.arms.stepper.columns
+        numbers = sum(columns[Source.DRIVEN].values()) + (sum(map(math.prod, shapes)) if record else 0)
+        return max(1, min(STRETCH, MEMORY // (8 * self.arms.members * numbers) if numbers else STRETCH))
+
+    def taken(self, time: Array, *, record: bool, threads: int) -> tuple[Array, ...]:
+        """The control periods at these times."""
+        if self.loop.plant.loads:
+            self.arms.held["parameters"] = self.loop.plant.parameters(self.parameters, time[0])
+        signals = {**self.references.signals(time), "noise": self.noise.drawn(len(time))}
+        return self.arms.run(len(time), signals, record=record, threads=threads)
+
+
+def _of_arms(memory: Any, arms: slice) -> Any:
+    """The memory of some of the arms, where there is one for each."""
+    return like(memory, (part[arms] if np.ndim(part) > 1 else part for part in leaves(memory)))
+
+
 def _require_compilable(loop: ClosedLoop) -> None:
-    if (links := len(loop.plant.plant.mechanism.links)) > LARGEST_COMPILED:
+    if (links := len(loop.plant.mechanism.links)) > LARGEST_COMPILED:
         raise InputError(
             f"simulate_many: {links} links are too many to compile, at most {LARGEST_COMPILED} are not: use `rollout` "
             "for one run after the other"
@@ -279,8 +359,3 @@ def _members(given: int | None, rows: Mapping[str, tuple[int, ...]]) -> int:
         counts = ", ".join(f"{name} {'×'.join(map(str, axes))}" for name, axes in told.items())
         raise InputError(f"members: expected a row for each arm, as many everywhere, got {counts}")
     return next((axes[0] for axes in told.values()), 1)
-
-
-def _frozen(array: Array) -> Array:
-    array.flags.writeable = False
-    return array

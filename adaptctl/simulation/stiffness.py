@@ -1,4 +1,4 @@
-"""How fast friction acts, and how short the integration's steps must be for it."""
+"""The rate at which friction acts, and the integration steps that it needs."""
 
 from __future__ import annotations
 

@@ -14,12 +14,12 @@ from adaptctl.control.controller import Controller, ReferencePoint, leaves, like
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column
-from adaptctl.simulation.plant import Plant, PlantState
+from adaptctl.simulation.effects import JointEffect
+from adaptctl.simulation.plant import Plant
+from adaptctl.simulation.sampled_references import REFERENCE
 
 if TYPE_CHECKING:
     import control
-
-REFERENCE = ("reference_p", "reference_v", "reference_a")
 
 
 def mechanism_system(mechanism: Mechanism, name: str = "mechanism") -> control.NonlinearIOSystem:
@@ -46,14 +46,19 @@ def mechanism_system(mechanism: Mechanism, name: str = "mechanism") -> control.N
 
 
 def plant_system(plant: Plant, name: str = "plant") -> control.NonlinearIOSystem:
-    """The arm sampled under held torques, limits included, as `rollout` drives it; signals as `mechanism_system`."""
+    """The arm sampled under held torques, limits and friction included, as `rollout` drives it; signals as
+    `mechanism_system`.
+
+    Raises `InputError` for a plant with other effects, whose state is more than p and v.
+    """
     import control
 
-    r, mechanism = plant.dof, plant.mechanism
+    r = plant.dof
+    if any(not isinstance(effect, JointEffect) for effect in plant.effects):
+        raise InputError("plant_system: expected a plant whose effects are in the joints, such as Friction, alone")
 
     def update(t: float, x: Array, u: Array, params: Any) -> Array:
-        p, v = np.array(x[:r]), np.array(x[r:])
-        after = plant.step(PlantState(0.0, p, v, mechanism.configuration(p)), np.array(u))
+        after = plant.step(plant.init(np.array(x[:r]), np.array(x[r:])), np.array(u))
         return np.concatenate((after.p, after.v))
 
     return control.nlsys(
@@ -99,7 +104,7 @@ def controller_system(
 
 
 def controller_start(controller: Controller[Any], p: Array, v: Array) -> Array:
-    """What a controller's system starts from, at positions and velocities (r,)."""
+    """The first state of a controller's system, at positions and velocities (r,)."""
     return np.concatenate([*leaves(controller.init(p, v)), np.zeros(0)])
 
 

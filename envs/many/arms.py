@@ -1,4 +1,4 @@
-"""Many arms in their tracking environments: their state in one array of lanes, and what a step makes of it."""
+"""Many arms in their tracking environments: their state in one array of lanes, their steps in native code."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, frozen
 from adaptctl.compilation import Ensemble, Kernel, compile_function
 from adaptctl.envs.many.arm_references import ArmReferences
 from adaptctl.envs.many.options import ArmOptions
@@ -19,8 +19,8 @@ from adaptctl.envs.many.vector_step import Facts, VectorStep
 from adaptctl.envs.random_reference import Trajectory, all_drawn
 from adaptctl.envs.tracking import TrackingEnv
 from adaptctl.errors import NonFiniteError
-from adaptctl.simulation import PlantState
-from adaptctl.simulation.real_plant import require_ten_a_link
+from adaptctl.simulation.plant import require_ten_a_link
+from adaptctl.simulation.references_of_many import SinusoidForm
 
 Numbers = NDArray[np.int64]
 """Which arms (k,), of N."""
@@ -28,8 +28,8 @@ Flags = NDArray[np.bool_]
 
 
 @dataclass(slots=True)
-class Told:
-    """What is told of arms (k, ...) after a step, or at a beginning."""
+class StepResult:
+    """The results of a step, or of a beginning, of some arms (k, ...)."""
 
     observation: Array
     reward: Array
@@ -44,14 +44,14 @@ class Told:
     torque: Array
     """(k, r) N m, what reached the joints"""
     marks: Array
-    """(k, m) of `RealPlant.marks`"""
+    """(k, m) of `Plant.marks`"""
 
-    def copy(self) -> Told:
-        """Arrays of its own."""
-        return Told(*(getattr(self, field.name).copy() for field in fields(self)))
+    def copy(self) -> StepResult:
+        """The same results in arrays of their own."""
+        return StepResult(*(getattr(self, field.name).copy() for field in fields(self)))
 
-    def put(self, arms: Numbers, others: Told) -> None:
-        """Take others' rows for some arms."""
+    def put(self, arms: Numbers, others: StepResult) -> None:
+        """Replace the rows of some arms by those of others (k, ...)."""
         for field in fields(self):
             getattr(self, field.name)[arms] = getattr(others, field.name)
 
@@ -62,11 +62,11 @@ class Arms:
     def __init__(self, single: TrackingEnv, count: int) -> None:
         self.single, self.count = single, count
         r = self._dof = single.plant.dof
-        self._senses, self._loops = bool(single.real_plant.effects.sensors), single.mechanism.continuation is not None
-        self.everyone = np.arange(count)
+        self._loops = single.mechanism.continuation is not None
+        self.all = np.arange(count)
         self.steps, self.clipped = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
         self.references = ArmReferences(count, r, single.control_period, single.look_ahead)
-        self.streams = ArmStreams(count, 2 * r if self._senses else 0)
+        self.streams = ArmStreams(count, single.plant.noise_size)
         self._own = np.tile(single.mechanism.inertial_parameters, (count, 1))
         self.parameters = frozen(self._own.copy())
         """(N, P) true inertial parameters now, payloads included; read-only"""
@@ -75,7 +75,7 @@ class Arms:
         self._ensembles: dict[int, Ensemble] = {}
         self._kernels: dict[int, Kernel] = {}
 
-    def begin(self, arms: Numbers, options: Mapping[str, Any]) -> Told:
+    def begin(self, arms: Numbers, options: Mapping[str, Any]) -> StepResult:
         """Begin an episode of some arms. Raises as `TrackingEnv.reset` does."""
         single, chosen, r = self.single, ArmOptions(self.count, arms), self._dof
         error = chosen.numbers(options.get("initial_error", single.initial_error), r, "initial_error")
@@ -87,17 +87,17 @@ class Arms:
         self.steps[arms], self.clipped[arms] = 0, 0
         parameters, row = self._load(arms), self._row(arms)
         noise = self.streams.normal(arms)
-        state = single.real_plant.init(row[:, :r] + error, row[:, r : 2 * r], noise, parameters)
-        q, p, v = state.arm.q, state.arm.p, state.arm.v
-        for name, values in zip(single.real_plant.sizes, (q, v, state.drives, state.sensors), strict=True):
+        state = single.plant.init(row[:, :r] + error, row[:, r : 2 * r], parameters, noise)
+        q, p, v = state.q, state.p, state.v
+        for name, values in zip(single.plant.sizes, (q, v, state.drives, state.sensors), strict=True):
             self._lanes.state.put(name, arms, values)
-        observation = np.concatenate((state.p, state.v, row), axis=1)
+        observation = np.concatenate((state.measured_p, state.measured_v, row), axis=1)
         energy = self._energy.map(q, v, parameters)
         never, zero, torque = np.zeros(len(arms), dtype=np.bool_), np.zeros(len(arms)), np.zeros_like(v)
-        return Told(observation, zero, never, never, zero, energy, self.clipped[arms], p, v, torque, state.marks)
+        return StepResult(observation, zero, never, never, zero, energy, self.clipped[arms], p, v, torque, state.marks)
 
-    def advance(self, torque: Array, moving: Numbers) -> Told:
-        """One control period under torques (N, r); what is told of arms that are not moving means nothing."""
+    def advance(self, torque: Array, moving: Numbers) -> StepResult:
+        """One control period under torques (N, r); the results of arms that are not moving mean nothing."""
         self.steps += 1
         time = np.asarray(self.single.control_period * self.steps, dtype=np.float64)
         self._give(torque, time, moving)
@@ -106,37 +106,37 @@ class Arms:
         self._require_finite(facts.finite, moving)
         self.clipped += facts.clipped > 0.0
         p, v, applied = (true[:, k * self._dof : (k + 1) * self._dof] for k in range(3))
-        terminated = self._terminated(facts, p, v)
+        terminated = self._terminated(facts)
         judged = self._paid(facts, terminated), terminated, self.steps >= self.single.steps
-        told = Told(observation, *judged, time, facts.energy, self.clipped.copy(), p, v, applied, marks)
-        self._reload(told)
-        return told
+        result = StepResult(observation, *judged, time, facts.energy, self.clipped.copy(), p, v, applied, marks)
+        self._reload(result)
+        return result
 
     def _give(self, torque: Array, time: Array, moving: Numbers) -> None:
         """What a step to a time (N,) needs from outside."""
-        held = self._lanes.held
-        held["action"] = torque
-        if self._senses:
-            noise = np.zeros((self.count, 2 * self._dof))
+        held, noise_size = self._lanes.held, self.single.plant.noise_size
+        held["torque"] = torque
+        if noise_size:
+            noise = np.zeros((self.count, noise_size))
             noise[moving] = self.streams.normal(moving)
             held["noise"] = noise
         if self._terms:
             held["time"] = time[:, None]
         else:
-            held["row"] = self.references.rows(self.everyone, self.steps)
+            held["row"] = self.references.rows(self.all, self.steps)
 
     def _paid(self, facts: Facts, terminated: Flags) -> Array:
         return np.asarray(facts.reward - self.single.reward_weights.termination * terminated, dtype=np.float64)
 
     @property
     def rows(self) -> Array:
-        """Where every arm should be now (N, 3r + r per time ahead)."""
-        return self._row(self.everyone)
+        """The references' rows of all arms now (N, 3r + r per time ahead)."""
+        return self._row(self.all)
 
     @property
     def positions(self) -> Array:
-        """(N, r), as they truly are."""
-        return primary(self.single, self._lanes.state["q"])
+        """True positions (N, r) of the primary joints."""
+        return self.single.plant.positions(self._lanes.state["q"])
 
     def _follow(self, arms: Numbers, trajectories: Sequence[Trajectory]) -> None:
         """Give some arms references, and native code their numbers."""
@@ -146,7 +146,7 @@ class Arms:
         terms = max(needed, self._terms or 0) if needed else 0
         if terms != self._terms:
             self._change_code(terms)
-            arms = self.everyone
+            arms = self.all
         if terms:
             for name, values in self.references.numbers(arms, terms)._asdict().items():
                 self._lanes.held.put(name, arms, values)
@@ -169,8 +169,8 @@ class Arms:
     @property
     def _step(self) -> VectorStep:
         single = self.single
-        bound, weights = single.error_bound, single.reward_weights
-        return VectorStep(single.real_plant, single.look_ahead, bound, weights, self._terms or 0)
+        bound, weights, form = single.error_bound, single.reward_weights, SinusoidForm(self._dof, self._terms or 0)
+        return VectorStep(single.plant, single.look_ahead, bound, weights, form)
 
     def _row(self, arms: Numbers) -> Array:
         """The reference's rows of some arms now."""
@@ -183,9 +183,9 @@ class Arms:
 
     def _load(self, arms: Numbers) -> Array:
         """The true parameters (k, P) of some arms now, with what they hold; others' stay."""
-        plant, rows = self.single.real_plant, self._own[arms]
+        plant, rows = self.single.plant, self._own[arms]
         times = self.single.control_period * self.steps[arms]
-        for time in np.unique(times).tolist() if plant.effects.loads else ():
+        for time in np.unique(times).tolist() if plant.loads else ():
             now = times == time
             rows[now] = plant.parameters(rows[now], time)
             self.payload[arms[now]], self._until[arms[now]] = plant.payload(time), plant.until(time)
@@ -195,19 +195,18 @@ class Arms:
         self._lanes.held.put("parameters", arms, rows)
         return rows
 
-    def _reload(self, told: Told) -> None:
+    def _reload(self, result: StepResult) -> None:
         """Pick up and drop what is due, which counts in the energy already."""
-        due = np.flatnonzero(told.time >= self._until)
+        due = np.flatnonzero(result.time >= self._until)
         if due.size:
-            told.energy[due] = self._energy.map(self._lanes.state["q"][due], told.v[due], self._load(due))
+            result.energy[due] = self._energy.map(self._lanes.state["q"][due], result.v[due], self._load(due))
 
-    def _terminated(self, facts: Facts, p: Array, v: Array) -> Flags:
+    def _terminated(self, facts: Facts) -> Flags:
         """Which arms are lost, and which loops are where they may not work: those in doubt are looked at."""
         terminated: Flags = facts.lost > 0.0
-        doubtful = np.flatnonzero(facts.sure < 1.0) if self._loops else self.everyone[:0]
+        doubtful = np.flatnonzero(facts.sure < 1.0) if self._loops else self.all[:0]
         if doubtful.size:
-            state = PlantState(0.0, p[doubtful], v[doubtful], self._lanes.state["q"][doubtful])
-            terminated[doubtful] |= ~self.single.plant.may_work(state)
+            terminated[doubtful] |= ~self.single.plant.may_work(self._lanes.state["q"][doubtful])
         return terminated
 
     def _require_finite(self, finite: Array, moving: Numbers) -> None:
@@ -225,14 +224,3 @@ class Arms:
         equations = self.single.mechanism.equations
         sizes = {"q": equations.joints, "v": equations.dof, "parameters": equations.parameters}
         return compile_function(self.single.plant.energy_equation, sizes, name="energy")
-
-
-def primary(single: TrackingEnv, q: Array) -> Array:
-    """Positions (k, r) of the primary joints among the tree's (k, n)."""
-    return q[:, list(single.mechanism.description.primary)]
-
-
-def frozen(values: Array) -> Array:
-    """Itself, read-only."""
-    values.flags.writeable = False
-    return values

@@ -1,4 +1,4 @@
-"""Many arms as learners see them that know one kind of end and actions in [-1, 1]."""
+"""A view of many arms for learners that know one kind of end, and actions in [-1, 1]."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from adaptctl.simulation.effects import Payload
 
 @dataclass(frozen=True)
 class ArmOptions:
-    """Which of N arms, k of them, are meant, and what their options are.
+    """The options of k arms chosen among N.
 
     A value is for all N, or there are N of them: arrays with a leading axis, and lists or tuples of what is no array.
     """
@@ -42,7 +42,7 @@ class ArmOptions:
         return rows
 
     def each(self, values: Any, what: str) -> Sequence[Any]:
-        """Values (k), of any kind."""
+        """Values (k), of any kind. Raises `InputError` where there are neither one nor N."""
         if isinstance(values, np.ndarray) and values.ndim == 1:
             values = values.tolist()
         if not isinstance(values, list | tuple):

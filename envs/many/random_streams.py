@@ -29,7 +29,7 @@ class ArmStreams:
         self._used = np.full(arms, BLOCK)
 
     def seed(self, arm: int, seed: int) -> None:
-        """Begin anew. The generator is made when it is first needed."""
+        """Restart an arm's generator from a seed. It is made when it is first needed."""
         self._generators.pop(arm, None)
         self._seeds[arm], self._used[arm] = seed, BLOCK
 

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.arrays import Array
 from adaptctl.compilation.limits import LARGEST_COMPILED
-from adaptctl.envs.many.arms import Arms, Flags, Told
+from adaptctl.envs.many.arms import Arms, Flags, StepResult
 from adaptctl.envs.puma560 import Puma560TrackingEnv
 from adaptctl.envs.semi_direct_drive import SemiDirectDriveTrackingEnv
 from adaptctl.envs.tracking import OPTIONS, TrackingEnv
@@ -126,13 +126,13 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_slices = self.single.observation_slices
         self._arms = Arms(self.single, self.num_envs)
-        self._everyone: Flags = np.ones(self.num_envs, dtype=np.bool_)
-        self._nobody: Flags = np.zeros(self.num_envs, dtype=np.bool_)
-        for flags in (self._everyone, self._nobody):
+        self._all: Flags = np.ones(self.num_envs, dtype=np.bool_)
+        self._none: Flags = np.zeros(self.num_envs, dtype=np.bool_)
+        for flags in (self._all, self._none):
             flags.flags.writeable = False
-        self._over = self._nobody
-        self._told: Told | None = None
-        """what was told last, which is no one else's"""
+        self._over = self._none
+        self._latest: StepResult | None = None
+        """the last results, in arrays of their own"""
         self._renderer: Renderer | None = None
 
     def reset(
@@ -149,38 +149,38 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
             if mask[arm]:
                 self._arms.streams.seed(arm, own)
         begun = self._arms.begin(chosen, {**self.reset_options, **given})
-        if self._told is None or chosen.size == self.num_envs:
-            self._told = begun
+        if self._latest is None or chosen.size == self.num_envs:
+            self._latest = begun
         else:
-            self._told.put(chosen, begun)
+            self._latest.put(chosen, begun)
         self._over = self._over & ~mask
-        told = self._told.copy()
-        return told.observation, self._info(told, mask)
+        result = self._latest.copy()
+        return result.observation, self._info(result, mask)
 
     def step(self, actions: ArrayLike) -> tuple[Array, Array, Flags, Flags, dict[str, Any]]:
         """One control period of all arms under torques (N, r), held.
 
         Raises as `TrackingEnv.step` does, naming the arm; on a bad action nothing has moved.
         """
-        again = self._over if self.autoreset_mode is AutoresetMode.NEXT_STEP else self._nobody
+        again = self._over if self.autoreset_mode is AutoresetMode.NEXT_STEP else self._none
         self._require_running(self._over & ~again)
-        moving = np.flatnonzero(~again) if again.any() else self._arms.everyone
-        told = self._arms.advance(self._torques(actions, again), moving)
-        self._begin(told, again)
-        reward, terminated, truncated = told.reward, told.terminated, told.truncated
+        moving = np.flatnonzero(~again) if again.any() else self._arms.all
+        result = self._arms.advance(self._torques(actions, again), moving)
+        self._begin(result, again)
+        reward, terminated, truncated = result.reward, result.terminated, result.truncated
         self._over = terminated | truncated
         ended: dict[str, Any] = {}
         if self.autoreset_mode is AutoresetMode.SAME_STEP and self._over.any():
-            ended, over, told = self._final(told), self._over, told.copy()
-            self._begin(told, over)
-            self._over = self._nobody
+            ended, over, result = self._final(result), self._over, result.copy()
+            self._begin(result, over)
+            self._over = self._none
         if self.autoreset_mode is AutoresetMode.DISABLED:
-            self._told = told.copy()
-        return told.observation, reward, terminated, truncated, ended | self._info(told, self._everyone)
+            self._latest = result.copy()
+        return result.observation, reward, terminated, truncated, ended | self._info(result, self._all)
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """An image (height, width, 3) of every arm and of where it should be. None without a render mode."""
-        self._require_running(self._nobody)
+        self._require_running(self._none)
         if self.render_mode is None:
             gymnasium.logger.warn("render: choose a mode when making the environment: render_mode='rgb_array'")
             return None
@@ -193,37 +193,37 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         arms = zip(self._arms.positions, goals, times.tolist(), strict=True)
         return tuple(self._renderer.image(p, goal, time) for p, goal, time in arms)
 
-    def _begin(self, told: Told, chosen: Flags) -> None:
+    def _begin(self, result: StepResult, chosen: Flags) -> None:
         """Begin an episode of some arms, of which this is then told."""
         if chosen.any():
             arms = np.flatnonzero(chosen)
-            told.put(arms, self._arms.begin(arms, self.reset_options))
+            result.put(arms, self._arms.begin(arms, self.reset_options))
 
-    def _final(self, told: Told) -> dict[str, Any]:
+    def _final(self, result: StepResult) -> dict[str, Any]:
         """What Gymnasium wants to know of episodes that end in this step."""
         observations = np.full(self.num_envs, None, dtype=object)
         for arm in np.flatnonzero(self._over).tolist():
-            observations[arm] = told.observation[arm].copy()
+            observations[arm] = result.observation[arm].copy()
         return _masked({"final_obs": observations}, self._over) | {
-            "final_info": self._info(told, self._over),
+            "final_info": self._info(result, self._over),
             "_final_info": self._over.copy(),
         }
 
-    def _info(self, told: Told, mask: Flags) -> dict[str, Any]:
+    def _info(self, result: StepResult, mask: Flags) -> dict[str, Any]:
         """Of the arms in the mask; others have zeros."""
         info: dict[str, Any] = {
-            "time": told.time,
+            "time": result.time,
             "parameters": self._arms.parameters,
-            "applied_torque": told.torque,
-            "energy": told.energy,
-            "clipped": told.clipped,
+            "applied_torque": result.torque,
+            "energy": result.energy,
+            "clipped": result.clipped,
         }
-        plant = self.single.real_plant
+        plant = self.single.plant
         if plant.effects:
-            marks = dict(zip(plant.marks, told.marks.T, strict=True))
-            if plant.effects.loads:
+            marks = dict(zip(plant.marks, result.marks.T, strict=True))
+            if plant.loads:
                 marks["payload"] = self._arms.payload.copy()
-            info |= {"p": told.p, "v": told.v, "marks": _masked(marks, mask)}
+            info |= {"p": result.p, "v": result.v, "marks": _masked(marks, mask)}
         return _masked(info, mask)
 
     def _torques(self, actions: ArrayLike, ignored: Flags) -> Array:
@@ -261,7 +261,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
     def _mask(self, given: Any) -> Flags:
         """Which arms are to be reset."""
         if given is None:
-            return self._everyone
+            return self._all
         mask = np.array(given)
         if self.autoreset_mode is not AutoresetMode.DISABLED:
             raise InputError(
@@ -269,12 +269,12 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
             )
         if mask.dtype != np.bool_ or mask.shape != (self.num_envs,) or not mask.any():
             raise InputError(f"reset_mask: expected {self.num_envs} bools, not all False, got {mask.tolist()}")
-        if self._told is None and not mask.all():
+        if self._latest is None and not mask.all():
             raise ResetNeeded("reset_mask: there is no episode yet: reset all arms first")
         return mask
 
     def _require_running(self, over: Flags) -> None:
-        if self._told is None:
+        if self._latest is None:
             raise ResetNeeded("there is no episode yet: call env.reset() first")
         if over.any():
             raise ResetNeeded(

@@ -14,7 +14,7 @@ FAR = np.inf
 
 
 @dataclass(frozen=True, eq=False)
-class Solid:
+class ConvexPart:
     """A cylinder from `start` to `end` (3,) in m, with round ends (a capsule, a sphere) or flat ones."""
 
     start: Array
@@ -26,7 +26,7 @@ class Solid:
 
 
 class Hits(NamedTuple):
-    """What rays meet first: distances (...), infinite where they meet nothing, and unit normals (..., 3)."""
+    """First hits of rays: distances (...), infinite where they meet nothing, and unit normals (..., 3)."""
 
     distance: Array
     normal: Array
@@ -72,7 +72,7 @@ class Camera:
         return _span(y, reach, self.height), _span(x, reach, self.width)
 
 
-def intersect(solid: Solid, origin: Array, rays: Array) -> Hits:
+def intersect(solid: ConvexPart, origin: Array, rays: Array) -> Hits:
     """Where rays (..., 3) of unit length from `origin` (3,) or (..., 3) enter a solid (Quilez 2016)."""
     axis, away = solid.end - solid.start, origin - solid.start
     length = float(axis @ axis)
@@ -94,7 +94,9 @@ def intersect(solid: Solid, origin: Array, rays: Array) -> Hits:
     return Hits(np.where(on_side, distance, ends.distance), np.where(on_side[..., None], side, ends.normal))
 
 
-def _caps(solid: Solid, root: Array, line: tuple[Array, Array, Array, Array, float], rays: tuple[Array, Array]) -> Hits:
+def _caps(
+    solid: ConvexPart, root: Array, line: tuple[Array, Array, Array, Array, float], rays: tuple[Array, Array]
+) -> Hits:
     a, b, along, offset, length = line
     if not solid.flat:
         start, end = (_ball(point, solid.radius, *rays) for point in (solid.start, solid.end))

@@ -1,4 +1,4 @@
-"""A picture of an arm, and of where it should be, that a person recognises."""
+"""Pictures of an arm and of its reference."""
 
 from __future__ import annotations
 
@@ -12,10 +12,9 @@ from adaptctl.description import GROUND
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.recursion.kinematics import link_poses
 from adaptctl.envs.rendering.caption import Caption
-from adaptctl.envs.rendering.raycast import Camera, Solid, intersect
+from adaptctl.envs.rendering.raycast import Camera, ConvexPart, intersect
 from adaptctl.recording.palette import BASE, BODY, GOAL, INK, RUNS, Color
-from adaptctl.recording.skeleton import ROOT_RADIUS, skeleton
-from adaptctl.recording.skeleton import Solid as Part
+from adaptctl.recording.skeleton import ROOT_RADIUS, Solid, skeleton
 
 OVERSAMPLING = 2
 """Rays a pixel in each direction."""
@@ -25,11 +24,11 @@ GHOST_OPACITY, GHOST_SCALE = 0.5, 0.95
 ZENITH, HORIZON = np.array([0.74, 0.81, 0.90]), np.array([0.95, 0.96, 0.98])
 FLOOR, LINE, SHADOW = np.array([0.87, 0.89, 0.91]), np.array([0.70, 0.74, 0.79]), 0.66
 """Colours of the floor and of its lines, and the brightness of a shadow on it."""
-PAINT = {Part.LINK: BODY, Part.JOINT: RUNS[0], Part.TOOL: INK}
+PAINT = {Solid.LINK: BODY, Solid.JOINT: RUNS[0], Solid.TOOL: INK}
 
 
 class Renderer:
-    """Draws one mechanism from one place. What does not move is computed once."""
+    """A renderer of one mechanism, seen from one place. What does not move is computed once."""
 
     def __init__(self, mechanism: Mechanism, width: int = 640, height: int = 480) -> None:
         self._mechanism, self._parts = mechanism, skeleton(mechanism)
@@ -55,20 +54,20 @@ class Renderer:
         picture[seen] += GHOST_OPACITY * (ghost[seen] - picture[seen])
         return self._caption.over(_pixels(picture), time)
 
-    def _arm(self, p: Array, ghost: Color | None = None) -> list[Solid]:
+    def _arm(self, p: Array, ghost: Color | None = None) -> list[ConvexPart]:
         """The mechanism's shapes in the world."""
         rotations, origins = link_poses(self._mechanism, p)
         solids = []
         for shape in self._parts.shapes:
-            flat, scale = shape.solid is Part.JOINT, GHOST_SCALE if ghost else 1.0
+            flat, scale = shape.solid is Solid.JOINT, GHOST_SCALE if ghost else 1.0
             half, middle = 0.5 * (shape.end - shape.start), 0.5 * (shape.end + shape.start)
             shrink = scale if flat else 1.0  # round ends shrink with the radius
             ends = middle + np.outer([-shrink, shrink], half)
             start, end = ends @ rotations[shape.link].T + origins[shape.link]
-            solids.append(Solid(start, end, scale * shape.radius, _rgb(ghost or PAINT[shape.solid]), flat))
+            solids.append(ConvexPart(start, end, scale * shape.radius, _rgb(ghost or PAINT[shape.solid]), flat))
         return solids
 
-    def _paint(self, picture: Array, depth: Array, solids: Iterable[Solid]) -> None:
+    def _paint(self, picture: Array, depth: Array, solids: Iterable[ConvexPart]) -> None:
         """Draw solids into a picture (H, W, 3) where they are nearer than its depth (H, W)."""
         for solid in solids:
             window = self.camera.window(np.stack([solid.start, solid.end]), 1.5 * solid.radius)
@@ -87,7 +86,7 @@ class Renderer:
         light = 0.42 + 0.13 * normal[:, 2] + 0.55 * sun
         return np.asarray(light[:, None] * color + 0.22 * gleam[:, None])
 
-    def _cast_shadows(self, picture: Array, solids: Iterable[Solid]) -> None:
+    def _cast_shadows(self, picture: Array, solids: Iterable[ConvexPart]) -> None:
         """Darken the floor where solids stand between it and the sun."""
         shaded = np.zeros(picture.shape[:2], dtype=bool)
         for solid in solids:
@@ -134,11 +133,11 @@ def _floor_height(feet: Array, reach: float) -> float:
     return 0.0 if lowest > 0.05 * reach else lowest - 0.7 * reach
 
 
-def _pedestals(feet: Array, floor: float, radius: float) -> list[Solid]:
+def _pedestals(feet: Array, floor: float, radius: float) -> list[ConvexPart]:
     """A post on a plate under every link that hangs on the ground."""
     color, up = _rgb(BASE), np.array([0.0, 0.0, 1.0])
-    posts = [Solid(np.append(foot[:2], floor), foot, radius, color, flat=True) for foot in feet]
-    plates = [Solid(post.start, post.start + 0.25 * radius * up, 2.2 * radius, color, flat=True) for post in posts]
+    posts = [ConvexPart(np.append(foot[:2], floor), foot, radius, color, flat=True) for foot in feet]
+    plates = [ConvexPart(post.start, post.start + 0.25 * radius * up, 2.2 * radius, color, flat=True) for post in posts]
     return posts + plates
 
 

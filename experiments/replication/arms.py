@@ -20,8 +20,8 @@ FROM, TO, FASTEST = "position from [rad]", "position to [rad]", "velocity to [ra
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
-    """Positions (T, r) of an arm at times (T,), and its torque regressors Y (T, r, P) there."""
+class StatedMotion:
+    """Positions (T, r) of an arm along the stated sinusoid at times (T,), and its torque regressors Y (T, r, P)."""
 
     time: Array
     p: Array
@@ -29,8 +29,8 @@ class Motion:
 
 
 @dataclass(frozen=True, eq=False)
-class Arm:
-    """A mechanism in a box: p = mixing u with lower < u < upper (rad), and velocities (rad/s) up to a bound.
+class SampledArm:
+    """Mechanism sampled in a box: p = mixing u with lower < u < upper (rad), velocities (rad/s) up to a bound.
 
     For the PUMA u is p. For the semi-direct-drive arm it is p1, p2 and p2 - p3, which is what Table 9 bounds.
     """
@@ -57,7 +57,7 @@ class Arm:
         v = velocity_scale * generator.uniform(-self.fastest, self.fastest, u.shape)
         return u @ self.mixing.T, v
 
-    def sinusoid(self, frequency: float, samples: int) -> Motion:
+    def sinusoid(self, frequency: float, samples: int) -> StatedMotion:
         """One period in which every bound coordinate swings through its whole range, all in phase."""
         time = np.linspace(0.0, 1.0 / frequency, samples)
         rate = 2.0 * np.pi * frequency
@@ -68,10 +68,10 @@ class Arm:
         rows = self.mechanism.equations.torque_regressor(
             column(self._configuration(p)), column(v), column(v), column(a), range(len(self.parameters))
         )
-        return Motion(time, p, stacked_rows(rows, time.shape))
+        return StatedMotion(time, p, stacked_rows(rows, time.shape))
 
     def energies(self, p: Array, v: Array) -> Array:
-        """E (..., P)."""
+        """Energy regressors E (..., P) at positions and velocities (..., r)."""
         E = self.mechanism.equations.energy_regressor(column(self._configuration(p)), column(v))
         return stacked(E.of, p.shape[:-1])
 
@@ -95,20 +95,20 @@ class Arm:
         return bends, self.mechanism.configuration(p)
 
 
-def puma560() -> Arm:
+def puma560() -> SampledArm:
     """The PUMA 560 within Table 1."""
     table = printed().tables["table1"]
     lower, upper, fastest = table.values(FROM, TO, FASTEST)
-    return Arm(load("puma560"), lower, upper, np.eye(6), fastest)
+    return SampledArm(load("puma560"), lower, upper, np.eye(6), fastest)
 
 
-def semi_direct_drive(mechanism: Mechanism | None = None) -> Arm:
+def semi_direct_drive(mechanism: Mechanism | None = None) -> SampledArm:
     """The semi-direct-drive arm within Table 9: the built-in one, or another of its kind."""
     rows = {label: row.split() for label, row in printed().tables["table9"].rows.items()}
     lower, upper = ([float(rows[label][column]) for column in (0, 1, 3)] for label in (FROM, TO))
     mixing = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.0, -1.0]])
     fastest = np.array([float(text) for text in rows[FASTEST][:3]])
-    return Arm(mechanism or load("semi_direct_drive"), np.array(lower), np.array(upper), mixing, fastest)
+    return SampledArm(mechanism or load("semi_direct_drive"), np.array(lower), np.array(upper), mixing, fastest)
 
 
 def near_parallelogram(share: float) -> Mechanism:

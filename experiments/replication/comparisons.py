@@ -1,4 +1,4 @@
-"""Table 13 and the conclusions: the two arms beside each other."""
+"""Items of Table 13 and of the conclusions: the two arms beside each other."""
 
 from __future__ import annotations
 
@@ -8,20 +8,21 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
-from adaptctl.experiments.replication.arms import Arm
+from adaptctl.experiments.replication.arms import SampledArm
 from adaptctl.experiments.replication.printed import printed
 from adaptctl.experiments.replication.puma560_energy import table3
 from adaptctl.experiments.replication.semi_direct_drive_tables import table10
 from adaptctl.experiments.replication.study import Study
 from adaptctl.experiments.replication.verdict import Check, Claim, Item, Verdict, compared, evidence, judged
 from adaptctl.identifiability import essential_space
-from adaptctl.identifiability.numerical_rank import NumericalRank, singular_values
-from adaptctl.identifiability.sampled_regressors import energies
+from adaptctl.identifiability.energy_matrix import energies
+from adaptctl.identifiability.factorisation import singular_values
 from adaptctl.identifiability.sampling import random_states
+from adaptctl.identifiability.scaled_rank import NumericalRank
 
 
 def table13(study: Study) -> Item:
-    """Three joints of each kind."""
+    """Item of Table 13: arms of three joints of each kind."""
     table, rank = printed().tables["table13"], study.arm3_space.rank
     arms = (_counts(study.arm3, rank), _counts(study.five_bar.mechanism, study.five_bar.space.rank))
     counts = dict(zip(table.columns, arms, strict=True))
@@ -56,7 +57,7 @@ def table13(study: Study) -> Item:
 
 
 def conclusions(study: Study) -> Item:
-    """Section 6: the numbers once more, and an eight."""
+    """Item of section 6, the conclusions."""
     sayings, rank = printed().claims, study.arm3_space.rank
     two = essential_space(_first_joints(study.arm3, 2)).rank
     eight, arm = sayings["eight"].numbers.split()
@@ -123,7 +124,7 @@ def _undifferenced(mechanism: Mechanism) -> int:
 
 
 def _loop_undifferenced(study: Study) -> int:
-    arm: Arm = study.five_bar
+    arm: SampledArm = study.five_bar
     E = arm.energies(*arm.states(np.random.default_rng(study.seed), 4 * len(arm.parameters), 1.0))
     return _scaled_rank(E, arm.space.scales)
 
@@ -133,7 +134,7 @@ def _scaled_rank(E: Array, scales: Array) -> int:
 
 
 def _first_joints(mechanism: Mechanism, joints: int) -> Mechanism:
-    """A serial arm without what comes behind some of its joints."""
+    """Serial arm without the links behind its first joints."""
     name, links = f"{mechanism.name} to joint {joints}", mechanism.description.links[:joints]
     return Mechanism(replace(mechanism.description, name=name, links=links))
 

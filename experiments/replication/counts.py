@@ -1,4 +1,4 @@
-"""How many printed entries met which verdict."""
+"""Counts of printed entries by verdict."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Counts:
 
     @classmethod
     def of(cls, checks: Sequence[Check]) -> Counts:
-        """Count."""
+        """Counts of some checks."""
         by = Counter(check.verdict for check in checks)
         done = [check for check in checks if check.verdict is Verdict.REPRODUCED]
         short = [(check.of_digits or 0) - (check.digits or 0) for check in done]
@@ -41,10 +41,10 @@ class Counts:
 
 
 def numbers(items: Sequence[Item]) -> Counts:
-    """Of all printed numbers."""
+    """Counts of all printed numbers."""
     return Counts.of([check for item in items for check in item.checks if not check.is_mark])
 
 
 def marks(items: Sequence[Item]) -> Counts:
-    """Of all crosses and blanks of Tables 5 and 12."""
+    """Counts of all crosses and blanks of Tables 5 and 12."""
     return Counts.of([check for item in items for check in item.checks if check.is_mark])

@@ -1,4 +1,4 @@
-"""What it takes to make the off-diagonal inertias of an arm vanish in every configuration (section 5.3)."""
+"""Relations that make the off-diagonal inertias of an arm vanish in every configuration (section 5.3)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
-from adaptctl.experiments.replication.arms import Arm
+from adaptctl.experiments.replication.arms import SampledArm
 from adaptctl.identifiability import FundamentalBasis
 
 STATES = 200
@@ -29,8 +29,8 @@ class Decoupling:
     """(m, k), reduced: each has a parameter that no other has"""
 
     @classmethod
-    def of(cls, arm: Arm, basis: FundamentalBasis) -> Decoupling:
-        """The relations that make every off-diagonal inertia zero wherever the arm works."""
+    def of(cls, arm: SampledArm, basis: FundamentalBasis) -> Decoupling:
+        """Relations that make every off-diagonal inertia zero wherever the arm works."""
         rows = off_diagonal_rows(arm, basis.columns)
         everything = np.concatenate(list(rows.values()))
         _, values, right = np.linalg.svd(everything, full_matrices=False)
@@ -39,19 +39,19 @@ class Decoupling:
 
     @property
     def left(self) -> int:
-        """Independent parameters that are left under all relations."""
+        """Number of independent parameters left under all relations."""
         return self.basis.rank - len(self.relations)
 
     def lines(self) -> tuple[str, ...]:
-        """The relations as a person writes them, the star marking fundamental parameters."""
+        """Texts of the relations, the star marking fundamental parameters."""
         return tuple(_line(row, self.basis.names) for row in self.relations)
 
     def of_parameters(self) -> Array:
-        """The same relations among all inertial parameters (m, P)."""
+        """Coefficients (m, P) of the same relations among all inertial parameters."""
         return self.relations @ self.basis.regrouping
 
 
-def off_diagonal_rows(arm: Arm, columns: Sequence[int]) -> dict[str, Array]:
+def off_diagonal_rows(arm: SampledArm, columns: Sequence[int]) -> dict[str, Array]:
     """Rows (states, k) whose products with parameters are M12, M13, ... at random positions."""
     weightless = Mechanism(replace(arm.mechanism.description, gravity=np.zeros(3)))
     p, _ = arm.states(np.random.default_rng(0), STATES, 1.0)

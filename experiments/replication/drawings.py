@@ -1,4 +1,4 @@
-"""The figures of the replication: the paper's own, and its tables with all seeds."""
+"""Figures of the replication: the paper's own, and its tables with all seeds."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from adaptctl.arrays import Array
-from adaptctl.experiments.replication.arms import Motion
-from adaptctl.experiments.replication.ensemble import Ensemble
+from adaptctl.experiments.replication.arms import StatedMotion
+from adaptctl.experiments.replication.draws import Draws
 from adaptctl.experiments.replication.printed import Table
-from adaptctl.recording.drawing import DOTS, WIDTH, Drawing
+from adaptctl.recording.drawing import Drawing, sheet
 from adaptctl.recording.palette import INK, MUTED, PAPER, Color, joint_color, run_color
 
 PRINTED = run_color(1)
@@ -23,8 +23,8 @@ LEAST = 1e-10
 """percent, or (N m)^2: what lies below is drawn at the lower edge"""
 
 
-def singular_values(draws: Ensemble, numbers: Array) -> Drawing:
-    """Table 2 with all seeds."""
+def singular_values(draws: Draws, numbers: Array) -> Drawing:
+    """Figure of Table 2 with all seeds."""
     caption = (
         f"Table 2: the {draws.rank} singular values that are not round-off. Line: median of {len(draws.reductions)} "
         "seeds; bands: from the 5th to the 95th percentile, and all; crosses: printed."
@@ -32,8 +32,8 @@ def singular_values(draws: Ensemble, numbers: Array) -> Drawing:
     return Drawing("table-2", caption, partial(_singular_values, draws.singular_values[:, : draws.rank], numbers))
 
 
-def percent_errors(panels: Mapping[str, Ensemble], points: Mapping[str, Mapping[int, float]]) -> Drawing:
-    """Figure 3 with all seeds."""
+def percent_errors(panels: Mapping[str, Draws], points: Mapping[str, Mapping[int, float]]) -> Drawing:
+    """Drawing of Figure 3 with all seeds."""
     caption = (
         "Figure 3: error of the energy over the number of components kept. Line: median of the seeds; bands: from the "
         "5th to the 95th percentile, and all; crosses: printed in Tables 3 and 10; arrows: the text's upper bounds."
@@ -42,7 +42,7 @@ def percent_errors(panels: Mapping[str, Ensemble], points: Mapping[str, Mapping[
 
 
 def torque_errors(name: str, table: Table, errors: Array) -> Drawing:
-    """Tables 3 and 10 with all seeds."""
+    """Figure of Table 3 or 10 with all seeds."""
     caption = (
         f"{name.replace('-', ' ').title()}: mean square torque errors over the number of components kept, a joint "
         "each. Line: median of the seeds; bands: from the 5th to the 95th percentile, and all; crosses: printed."
@@ -50,8 +50,8 @@ def torque_errors(name: str, table: Table, errors: Array) -> Drawing:
     return Drawing(name, caption, partial(_torque_errors, table, errors))
 
 
-def torques(name: str, joint: int, motion: Motion, curves: Mapping[str, Array]) -> Drawing:
-    """Figures 4 and 6: a joint's torque along the stated sinusoid; the first curve is the actual one."""
+def torques(name: str, joint: int, motion: StatedMotion, curves: Mapping[str, Array]) -> Drawing:
+    """Drawing of Figure 4 or 6: a joint's torque along the stated sinusoid; the first curve is the actual one."""
     caption = (
         f"{name.replace('-', ' ').title()}: torque of joint {joint} along the stated sinusoid, with all parameters and "
         "with the largest components of the first seed's draw; mean square errors in the legend."
@@ -60,7 +60,7 @@ def torques(name: str, joint: int, motion: Motion, curves: Mapping[str, Array]) 
 
 
 def two_parameters(c: float, real: Array, essential: Array, independent: Array) -> Drawing:
-    """Figure 1: section 4.2's plane of two parameters."""
+    """Drawing of Figure 1: section 4.2's plane of two parameters."""
     caption = (
         f"Figure 1: two parameters of which only m1 + c m2 matters, c = {c:g}. The real parameters, projected onto the "
         "essential space; a null vector leads from there to the independent parameters, where m2 is zero."
@@ -69,7 +69,7 @@ def two_parameters(c: float, real: Array, essential: Array, independent: Array) 
 
 
 def _singular_values(values: Array, numbers: Array) -> Figure:
-    figure = Figure(figsize=(WIDTH, 3.4), dpi=DOTS, layout="constrained")
+    figure = sheet(3.4)
     axes = figure.subplots()
     place = np.arange(1.0, len(numbers) + 1.0)
     _bands(axes, place, values, run_color(0))
@@ -82,8 +82,8 @@ def _singular_values(values: Array, numbers: Array) -> Figure:
     return figure
 
 
-def _percent_errors(panels: Mapping[str, Ensemble], points: Mapping[str, Mapping[int, float]]) -> Figure:
-    figure = Figure(figsize=(WIDTH, 3.6), dpi=DOTS, layout="constrained")
+def _percent_errors(panels: Mapping[str, Draws], points: Mapping[str, Mapping[int, float]]) -> Figure:
+    figure = sheet(3.6)
     row = figure.subplots(1, len(panels), sharey=True)
     for i, (axes, (title, draws)) in enumerate(zip(row, panels.items(), strict=True)):
         errors = draws.percent_errors
@@ -108,7 +108,7 @@ def _percent_errors(panels: Mapping[str, Ensemble], points: Mapping[str, Mapping
 def _torque_errors(table: Table, errors: Array) -> Figure:
     joints, columns = errors.shape[-1], [int(column) for column in table.columns]
     rows = -(-joints // 3)
-    figure = Figure(figsize=(WIDTH, 2.3 * rows + 0.3), dpi=DOTS, layout="constrained")
+    figure = sheet(2.3 * rows + 0.3)
     for j, axes in enumerate(np.ravel(figure.subplots(rows, 3, sharex=True, sharey=True))):
         numbers = np.array([float(text) for text in table.rows[f"joint{j + 1}"].split()])
         _bands(axes, np.arange(float(errors.shape[1])), np.maximum(errors[..., j], LEAST), joint_color(j))
@@ -122,8 +122,8 @@ def _torque_errors(table: Table, errors: Array) -> Figure:
     return figure
 
 
-def _torques(joint: int, motion: Motion, curves: Mapping[str, Array]) -> Figure:
-    figure = Figure(figsize=(WIDTH, 3.6), dpi=DOTS, layout="constrained")
+def _torques(joint: int, motion: StatedMotion, curves: Mapping[str, Array]) -> Figure:
+    figure = sheet(3.6)
     axes = figure.subplots()
     styles: Sequence[tuple[Color, float, object]] = (
         (INK, 3.2, "-"),
@@ -141,7 +141,7 @@ def _torques(joint: int, motion: Motion, curves: Mapping[str, Array]) -> Figure:
 
 
 def _two_parameters(c: float, real: Array, essential: Array, independent: Array) -> Figure:
-    figure = Figure(figsize=(WIDTH, 4.0), dpi=DOTS, layout="constrained")
+    figure = sheet(4.0)
     axes = figure.subplots()
     reach = 1.35 * float(np.abs(independent).max())
     lines = (((1.0, c), 1.0, "essential space", run_color(0)), ((-c, 1.0), 0.5, "null space", MUTED))

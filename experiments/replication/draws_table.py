@@ -1,4 +1,4 @@
-"""Every draw as a table in a Parquet file: one row for each arm, seed and component."""
+"""Table of all draws in a Parquet file: one row for each arm, seed and component."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
-from adaptctl.experiments.replication.ensemble import Ensemble
+from adaptctl.experiments.replication.draws import Draws
 from adaptctl.experiments.replication.study import Study
 from adaptctl.recording.trace import Quantity, write_columns
 
@@ -18,7 +18,7 @@ SCHEMA = "adaptctl/replication-draws/1"
 
 
 def write_draws(path: str | Path, study: Study) -> None:
-    """Write the draws that were made, losslessly compressed."""
+    """Write the draws that were made, losslessly compressed. Raises FileError."""
     about = {"schema": SCHEMA, "samples": str(study.samples), "velocity_scale": repr(study.velocity_scale)}
     write_columns(path, _columns(study), about)
 
@@ -43,7 +43,7 @@ def _columns(study: Study) -> list[Quantity]:
     ]
 
 
-def _values(draws: Ensemble) -> Array:
+def _values(draws: Draws) -> Array:
     return draws.singular_values[:, : draws.rank]
 
 

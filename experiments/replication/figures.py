@@ -1,4 +1,4 @@
-"""Figures 1, 3, 4 and 6 of the paper."""
+"""Items of Figures 1, 3, 4 and 6 of the paper."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.experiments.replication import drawings
-from adaptctl.experiments.replication.arms import Motion
-from adaptctl.experiments.replication.ensemble import Ensemble
+from adaptctl.experiments.replication.arms import StatedMotion
+from adaptctl.experiments.replication.draws import Draws
 from adaptctl.experiments.replication.printed import Table, printed
 from adaptctl.experiments.replication.study import Study
 from adaptctl.experiments.replication.torque_tables import ENERGY
@@ -18,7 +18,7 @@ SLOPE, REAL = 0.5, np.array([3.0, 2.5])
 
 
 def figure1(study: Study) -> Item:
-    """Section 4.2: real, essential and independent parameters of a plane (equations 27 to 30)."""
+    """Item of Figure 1: real, essential and independent parameters of a plane (equations 27 to 30)."""
     essential, independent, closed_forms = _plane(SLOPE, REAL)
     rng = np.random.default_rng(study.seed)
     worst = max(_plane(float(c), M)[2] for c, M in zip(rng.normal(size=1000), rng.normal(size=(1000, 2)), strict=True))
@@ -42,7 +42,7 @@ def figure1(study: Study) -> Item:
 
 
 def figure3(study: Study) -> Item:
-    """The energy error over the number of components, for both arms."""
+    """Item of Figure 3: the energy error over the number of components, for both arms."""
     panels = {
         "PUMA 560": study.puma_draws,
         "semi-direct-drive, generic": study.five_bar_draws,
@@ -79,18 +79,18 @@ def figure3(study: Study) -> Item:
 
 
 def figure4(study: Study) -> Item:
-    """Torque of the PUMA's first joint."""
+    """Item of Figure 4: torque of the PUMA's first joint."""
     return _torque_figure("figure4", "PUMA 560", study, 1, study.puma_draws, study.puma_motion, (10, 25, 36))
 
 
 def figure6(study: Study) -> Item:
-    """Torque of the semi-direct-drive arm's second joint."""
+    """Item of Figure 6: torque of the semi-direct-drive arm's second joint."""
     draws, motion = study.nearly_parallel_draws, study.nearly_parallel_motion
     return _torque_figure("figure6", "semi-direct-drive arm", study, 2, draws, motion, (10, 20, 26))
 
 
 def _torque_figure(
-    name: str, label: str, study: Study, joint: int, draws: Ensemble, motion: Motion, counts: tuple[int, ...]
+    name: str, label: str, study: Study, joint: int, draws: Draws, motion: StatedMotion, counts: tuple[int, ...]
 ) -> Item:
     actual = motion.Y @ draws.arm.parameters
     torques = {"actual parameters": actual} | {f"{s} components": draws.torque(motion, 0, s) for s in counts}
@@ -131,7 +131,7 @@ def _points(table: Table) -> dict[int, float]:
     return {int(s): float(text) for s, text in texts if float(text) > 0.0}
 
 
-def _puma_energy(draws: Ensemble, checks: tuple[Check, ...]) -> Claim:
+def _puma_energy(draws: Draws, checks: tuple[Check, ...]) -> Claim:
     middle = " and ".join(f"{np.median(draws.percent_errors[:, s]):.2g} %" for s in (30, 34))
     inside = [check.verdict is Verdict.IN_SHAPE for check in checks]
     return Claim(

@@ -1,4 +1,4 @@
-"""What of the paper can be computed again, by the names that the command line takes."""
+"""Items of the paper that can be computed again, by the names that the command line takes."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ ITEMS: dict[str, Callable[[Study], Item]] = {
 
 
 def chosen(names: Iterable[str]) -> tuple[str, ...]:
-    """The names that are asked for, in the paper's order. Raises NotFoundError with those that exist."""
+    """Names of items that are asked for, in the paper's order. Raises NotFoundError with those that exist."""
     asked = set(names)
     for name in sorted(asked - ITEMS.keys() - {ALL}):
         close = get_close_matches(name, ITEMS, n=1)

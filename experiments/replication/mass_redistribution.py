@@ -1,4 +1,4 @@
-"""Section 5.3: what constraints on mass distribution make of the number of independent parameters."""
+"""Item of section 5.3: constraints on mass distribution, and the number of independent parameters they leave."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.description.inertia import from_center_of_mass, inertia_tensor, pseudo_inertia
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.experiments.replication.arms import Arm, semi_direct_drive
+from adaptctl.experiments.replication.arms import SampledArm, semi_direct_drive
 from adaptctl.experiments.replication.decoupling import Decoupling
 from adaptctl.experiments.replication.printed import printed
 from adaptctl.experiments.replication.study import Study
@@ -25,12 +25,12 @@ class _Kind:
     """An arm of the two kinds of linkage, and what decouples it."""
 
     label: str
-    arm: Arm
+    arm: SampledArm
     needs: Decoupling
 
 
 def section53(study: Study) -> Item:
-    """The 23 of section 5.3, and what it can and cannot mean."""
+    """Item of section 5.3: its 23 parameters, and what that can and cannot mean."""
     sayings, table = printed().claims, study.priority("table11", study.five_bar.mechanism)
     parallel = semi_direct_drive(load("semi_direct_drive_parallelogram"))
     generic = _Kind("generic", study.five_bar, Decoupling.of(study.five_bar, study.five_bar_basis))
@@ -82,8 +82,8 @@ def _still_more(study: Study, generic: int, equal: int) -> Claim:
     )
 
 
-def _left_under(arm: Arm, relations: int) -> int:
-    """The rank that is left under random independent relations among the essential parameters."""
+def _left_under(arm: SampledArm, relations: int) -> int:
+    """Rank that is left under random independent relations among the essential parameters."""
     random = np.random.default_rng(0).normal(size=(relations, arm.space.rank))
     _, _, right = np.linalg.svd(random)
     free = arm.space.basis @ right[relations:].T
@@ -160,7 +160,7 @@ def _decoupled(mechanism: Mechanism) -> Array:
 
 
 def _move(ten: Array, place: float) -> None:
-    """Put a body's centre of mass on its link's x axis, its tensor there unchanged."""
+    """Move a body's centre of mass onto its link's x axis, its tensor there unchanged."""
     mass, center = ten[0], ten[1:4] / ten[0]
     tensor = inertia_tensor(ten) - mass * (center @ center * np.eye(3) - np.outer(center, center))
     ten[:] = from_center_of_mass(mass, np.array([place, 0.0, 0.0]), tensor)
@@ -172,11 +172,11 @@ def _planar_moment(place: float) -> Array:
 
 
 def _length(mechanism: Mechanism, behind: str) -> float:
-    """From the joint before a link's joint to it (m)."""
+    """Distance (m) from the joint before a link's joint to it."""
     return float(next(link for link in mechanism.links if link.name == behind).near.translation[0])
 
 
 def _elbow(mechanism: Mechanism) -> float:
-    """Where the elbow sits on link 5 (m)."""
+    """Position of the elbow on link 5 (m)."""
     loops = mechanism.description.loops
     return float(loops.closures[0].second_frame.translation[0]) if loops else 0.0

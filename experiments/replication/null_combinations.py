@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.experiments.replication.arms import Arm
+from adaptctl.experiments.replication.arms import SampledArm
 from adaptctl.experiments.replication.paper_layout import index, sign
 
 NULL_COMBINATIONS = (
@@ -18,15 +18,15 @@ STATES = 500
 
 
 def combination(text: str, links: int = 6) -> Array:
-    """The coefficients (10 N,) of a sum like the above."""
+    """Coefficients (10 N,) of a sum like the above."""
     out = np.zeros(10 * links)
     for factor, term in _terms(text):
         out[index(term[:-1], term[-1])] = factor * sign(term[:-1])
     return out
 
 
-def torque_share(arm: Arm, text: str) -> float:
-    """The largest torque of a combination at random states, over the largest that one of its terms makes."""
+def torque_share(arm: SampledArm, text: str) -> float:
+    """Largest torque of a combination at random states, over the largest that one of its terms makes."""
     vector = combination(text)
     p, v, a = np.random.default_rng(0).normal(size=(3, STATES, arm.mechanism.dof))
     Y = arm.mechanism.torque_regressor(p, v, a)

@@ -15,17 +15,17 @@ PRODUCTS = ("I_xy", "I_xz", "I_yz")
 
 
 def index(row: str, link: str) -> int:
-    """Where the parameter of a row, of link "1", "2", ..., stands among all."""
+    """Index among all parameters of that of a row, of link "1", "2", ..."""
     return 10 * (int(link) - 1) + PARAMETERS.index(NAMES.get(row, row))
 
 
 def sign(row: str) -> float:
-    """-1 for products of inertia."""
+    """Sign of a row's parameters in the paper: -1 for products of inertia."""
     return -1.0 if row in PRODUCTS else 1.0
 
 
 def parameters(table: Table) -> Array:
-    """A table's numbers as inertial parameters (10 N,), blanks as zeros."""
+    """Inertial parameters (10 N,) from a table's numbers, blanks as zeros."""
     out = np.zeros(10 * len(table.columns))
     for row, link, text in table.entries():
         if text != BLANK:
@@ -34,11 +34,11 @@ def parameters(table: Table) -> Array:
 
 
 def kept(table: Table) -> tuple[int, ...]:
-    """The parameters that a table marks with a cross, or prints at all."""
+    """Indices of the parameters that a table marks with a cross, or prints at all."""
     entries = table.entries()
     return tuple(sorted(index(row, link) for row, link, text in entries if text == MARK or text != BLANK))
 
 
 def name(row: str, link: str) -> str:
-    """``link3.I_xx``."""
+    """Name of a parameter here, such as ``link3.I_xx``."""
     return f"link{link}.{NAMES.get(row, row)}"

@@ -13,12 +13,12 @@ THRESHOLD = float(np.sqrt(np.finfo(np.float64).eps))
 
 
 def paper_rank(singular_values: Array) -> Array:
-    """How many of the singular values (..., P), falling, count."""
+    """Number of the falling singular values (..., P) that count."""
     return np.count_nonzero(singular_values > THRESHOLD * singular_values[..., :1], axis=-1)
 
 
 def rank_claim(claim: str, singular_values: Array, certified: int) -> Claim:
-    """How often, over singular values (seeds, P), the paper's threshold finds the paper's rank."""
+    """Claim on how often, over singular values (seeds, P), the paper's threshold finds the paper's rank."""
     saying = printed().claims[claim]
     share = float(np.mean(paper_rank(singular_values) == int(saying.numbers)))
     return Claim(

@@ -1,4 +1,4 @@
-"""What the paper prints: its tables and sayings, from ``printed.toml``, digits and all."""
+"""Contents of the paper: its tables and sayings, from ``printed.toml``, digits and all."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ BLANK, MARK = ".", "x"
 
 
 class Table(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """A table as printed: rows by label, entries apart by spaces, a dot for a blank."""
+    """Table as printed: rows by label, entries apart by spaces, a dot for a blank."""
 
     title: str
     columns: list[str]
@@ -38,7 +38,7 @@ class Table(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
                 yield label, column, text
 
     def values(self, *labels: str) -> Array:
-        """The numbers of some rows, all if none is named (rows, columns); a blank is not a number."""
+        """Numbers (rows, columns) of some rows, all if none is named; a blank is not a number."""
         rows = [self.rows[label].split() for label in labels or self.rows]
         return np.array([[float(text) for text in row] for row in rows])
 
@@ -52,7 +52,7 @@ class Saying(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 
 class Printed(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """All that the paper prints and that can be computed."""
+    """Tables and sayings of the paper that can be computed."""
 
     schema: Literal["adaptctl/printed/1"]
     tables: dict[str, Table]
@@ -61,7 +61,7 @@ class Printed(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 @cache
 def printed() -> Printed:
-    """The paper's numbers."""
+    """Contents of the paper, read once."""
     with as_file(files("adaptctl.experiments.replication") / "printed.toml") as path:
         return read_toml(path, Printed)
 
@@ -81,7 +81,7 @@ class Number:
 
     @classmethod
     def of(cls, text: str) -> Number:
-        """Read one: ``-0.0805``, ``4.4E+04``."""
+        """Number of a text: ``-0.0805``, ``4.4E+04``."""
         mantissa, _, exponent = text.upper().partition("E")
         decimals = len(mantissa.partition(".")[2])
         significant = len(mantissa.lstrip("+-").replace(".", "").lstrip("0")) or 1
@@ -92,13 +92,13 @@ class Number:
             raise InputError(f"{text!r} is not a printed number") from error
 
     def digits_met(self, computed: float) -> int:
-        """How many of the printed digits a computed value has when it is rounded like it."""
+        """Number of printed digits that a computed value has when it is rounded like it."""
         off = abs(computed - self.value) / self.unit
         lost = 0 if off <= 0.5 + 1e-9 else math.ceil(math.log10(2.0 * off) - 1e-12)
         return max(self.digits - lost, 0)
 
     def styled(self, computed: float) -> str:
-        """A computed value in the same style."""
+        """Text of a computed value in the same style."""
         decimals = len(self.text.upper().partition("E")[0].partition(".")[2])
         if "E" in self.text.upper():
             return f"{computed:.{decimals}E}"

@@ -1,4 +1,4 @@
-"""Whether one printed table follows from another once the digits that neither prints are allowed for."""
+"""Bounds on whether one printed table follows from another, the digits that neither prints allowed for."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def half_units(table: Table) -> Array:
 
 
 def excess(space: EssentialSpace, real: Table, essential: Table, free: Array) -> float:
-    """By how much V1 V1' D must miss the printed essential parameters, in half units of their last digits.
+    """Least distance of V1 V1' D from the printed essential parameters, in half units of their last digits.
 
     D may be anything that rounds to the printed real parameters where `free` (P,), and is as printed elsewhere. At
     most 1 means that the two tables agree. A linear program.

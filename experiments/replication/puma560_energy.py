@@ -1,4 +1,4 @@
-"""Tables 1 to 3: where the PUMA 560 is sampled, its singular values, and what fewer components make of torques."""
+"""Items of Tables 1 to 3: the PUMA 560's ranges, its singular values, and torque errors of fewer components."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.experiments.replication import drawings
 from adaptctl.experiments.replication.arms import FASTEST, FROM, TO
-from adaptctl.experiments.replication.ensemble import Ensemble
+from adaptctl.experiments.replication.draws import Draws
 from adaptctl.experiments.replication.paper_rank import THRESHOLD, rank_claim
 from adaptctl.experiments.replication.printed import Number, printed
 from adaptctl.experiments.replication.study import Study
@@ -30,7 +30,7 @@ FIRST = 34
 
 
 def table1(study: Study) -> Item:
-    """The ranges: an input."""
+    """Item of Table 1, the ranges: an input."""
     table, limits = printed().tables["table1"], [joint.limits for joint in study.puma.mechanism.primary_joints]
     used = {
         FROM: [x.lower for x in limits],
@@ -59,7 +59,7 @@ def table1(study: Study) -> Item:
 
 
 def table2(study: Study) -> Item:
-    """The singular values: one draw of 101 states, drawn many times."""
+    """Item of Table 2, the singular values: one draw of 101 states, drawn many times."""
     table, draws = printed().tables["table2"], study.puma_draws
     k, values = draws.rank, draws.singular_values
     texts = [text for _, _, text in table.entries()]
@@ -68,7 +68,7 @@ def table2(study: Study) -> Item:
     for i, (row, column, text) in enumerate(table.entries()):
         beyond = vanishing(row, column, text, float(np.median(values[:, i])), bound)
         checks.append(drawn(row, column, text, values[:, i]) if i < k else beyond)
-    literal = Ensemble.of(study.puma, range(study.seed, study.seed + study.seeds), study.samples, 1.0)
+    literal = Draws.of(study.puma, range(study.seed, study.seed + study.seeds), study.samples, 1.0)
     numbers = np.array([float(text) for text in texts[:k]])
     return Item(
         "table2",
@@ -96,7 +96,7 @@ def table2(study: Study) -> Item:
 
 
 def table3(study: Study) -> Item:
-    """Torque errors along a sinusoid that the paper does not state."""
+    """Item of Table 3: torque errors along a sinusoid that the paper does not state."""
     table, draws = printed().tables["table3"], study.puma_draws
     checks = checked_torque_errors(table, draws.percent_errors, study.puma_torque_errors)
     return Item(
@@ -123,8 +123,8 @@ def table3(study: Study) -> Item:
     )
 
 
-def _first_34(draws: Ensemble) -> Claim:
-    """Whether 34 directions stand apart: by singular values they do, by weights they do not."""
+def _first_34(draws: Draws) -> Claim:
+    """Claim that 34 directions stand apart: by singular values they do, by weights they do not."""
     values, weights = draws.singular_values[:, : draws.rank], draws.weights
     ratios = values[:, :-1] / values[:, 1:]
     apart = (ratios.argmax(axis=1) == FIRST - 1) & (ratios[:, FIRST - 1] > 10.0)

@@ -1,4 +1,4 @@
-"""Tables 4 to 8: the parameters of the PUMA 560, real, essential and independent."""
+"""Items of Tables 4 to 8: the parameters of the PUMA 560, real, essential and independent."""
 
 from __future__ import annotations
 
@@ -22,16 +22,17 @@ from adaptctl.experiments.replication.verdict import (
     judged,
     marked,
 )
-from adaptctl.identifiability.numerical_rank import NumericalRank, singular_values
-from adaptctl.identifiability.sampled_regressors import energy_differences
+from adaptctl.identifiability.energy_matrix import energy_differences
+from adaptctl.identifiability.factorisation import singular_values
 from adaptctl.identifiability.sampling import random_states
+from adaptctl.identifiability.scaled_rank import NumericalRank
 
 REPORTED = "3.14159/2"
 """The rounded right angle whose vector stands beside Table 8."""
 
 
 def table4(study: Study) -> Item:
-    """The priority table: an input."""
+    """Item of Table 4, the priorities: an input."""
     table, names = printed().tables["table4"], study.puma.mechanism.parameter_names
     order = study.priority("table4", study.puma.mechanism).indices(names)
     places = {names[j]: i + 1 for i, j in enumerate(order)}
@@ -46,7 +47,7 @@ def table4(study: Study) -> Item:
 
 
 def table5(study: Study) -> Item:
-    """The set of independent parameters, which is not independent."""
+    """Item of Table 5: the set of independent parameters, which is not independent."""
     table, space, basis = printed().tables["table5"], study.puma.space, study.puma_basis
     columns, priority = kept(table), study.priority("table4", study.puma.mechanism)
     states = random_states(study.puma.mechanism, 4 * len(space.parameter_names), np.random.default_rng(study.seed))
@@ -100,7 +101,7 @@ def table5(study: Study) -> Item:
 
 
 def table6(study: Study) -> Item:
-    """The "true" parameters: an input that no rigid bodies have."""
+    """Item of Table 6, the "true" parameters: an input that no rigid bodies have."""
     table, D, space = printed().tables["table6"], study.puma.parameters, study.puma.space
     checks = tuple(given(row, link, text, sign(row) * D[index(row, link)]) for row, link, text in table.entries())
     lowest = [float(np.linalg.eigvalsh(pseudo_inertia(ten))[0]) for ten in D.reshape(-1, 10)]
@@ -134,7 +135,7 @@ UNPHYSICAL = "I_x4 + I_y4 - I_z4 + I_x5 - I_y5 + I_z5"
 
 
 def table7(study: Study) -> Item:
-    """The essential parameters, D_E = V1 V1' D."""
+    """Item of Table 7: the essential parameters, D_E = V1 V1' D."""
     table, space = printed().tables["table7"], study.puma.space
     real, D = printed().tables["table6"], study.puma.parameters
     essential = space.project(D)
@@ -164,7 +165,7 @@ def table7(study: Study) -> Item:
 
 
 def table8(study: Study) -> Item:
-    """The independent parameters' values, on Table 5's set."""
+    """Item of Table 8: the independent parameters' values, on Table 5's set."""
     table, essential = printed().tables["table8"], parameters(printed().tables["table7"])
     mechanism, space, vector = study.puma.mechanism, study.puma.space, parameters(table)
     rounded = rounded_set(mechanism, QUARTERS[REPORTED], study.priority("table4", mechanism)).independent

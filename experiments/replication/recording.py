@@ -1,27 +1,24 @@
-"""The replication as a rerun recording: both arms along the stated sinusoids, the verdicts, the figures."""
+"""Recording of the replication for rerun: both arms along the stated sinusoids, the verdicts, the figures."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from adaptctl.experiments.replication.report import label
+from adaptctl.experiments.replication.result import Replication
 from adaptctl.experiments.replication.verdict import Item, Scene
+from adaptctl.experiments.replication.wording import facts, headline
 from adaptctl.recording import views
 from adaptctl.recording.palette import MUTED, Color, run_color
 from adaptctl.recording.scene import WORLD, entity, log_arm, log_base, solid_look
 from adaptctl.recording.series import Style, log_series
-from adaptctl.recording.skeleton import ROOT_RADIUS, skeleton
-from adaptctl.recording.stream import log_markdown, saved_stream
+from adaptctl.recording.skeleton import skeleton
+from adaptctl.recording.stream import log_markdown, log_picture, saved_stream
 from adaptctl.recording.viewpoint import Viewpoint
-
-if TYPE_CHECKING:
-    from adaptctl.experiments.replication.result import Replication
 
 CURVES = (Color(235, 238, 245), MUTED, run_color(2), run_color(1))
 """The actual torque, and those of more and more components."""
@@ -31,45 +28,38 @@ WIDTHS = (4.0, 1.2, 1.5, 1.5)
 def write_recording(path: str | Path, replication: Replication, figures: Mapping[str, Path]) -> None:
     """Write the recording whole or not at all. Raises FileError."""
     scenes = [item.scene for item in replication.items if item.scene is not None]
-    names = ",".join(item.name for item in replication.items)
-    identifier = f"{replication.experiment}-seed{replication.study.seed}-{replication.study.seeds}-{names}"
-    with saved_stream(path, replication.experiment, identifier, _layout(scenes, figures)) as recording:
-        recording.send_recording_name(replication.title)
-        recording.send_property(
-            "adaptctl", rr.AnyValues(experiment=replication.experiment, seed=replication.study.seed)
-        )
+    content = ",".join((str(replication.study.seeds), *(item.name for item in replication.items))).encode()
+    with saved_stream(path, replication, content, _layout(scenes, figures)) as recording:
         log_markdown(recording, "verdicts", verdicts_markdown(replication))
         log_markdown(recording, "evidence", evidence_markdown(replication.items))
         for scene in scenes:
             _log_scene(recording, scene)
         for name, file in figures.items():
-            image = rr.EncodedImage(contents=file.read_bytes(), media_type="image/png")
-            recording.log(f"figure/{name}", image, static=True)
+            log_picture(recording, f"figure/{name}", file)
 
 
 def verdicts_markdown(replication: Replication) -> str:
-    """The outcome, and a verdict for every item."""
-    facts = "\n".join(f"| {question} | **{answer}** |" for question, answer in replication.facts())
-    verdicts = "\n".join(f"- **{label(item)}**, {item.verdict.value}: {item.summary}" for item in replication.items)
-    return f"{replication.headline()}\n\n| | |\n|---|---|\n{facts}\n\n{verdicts}\n"
+    """Outcome and verdicts of all items, in Markdown."""
+    answers = "\n".join(f"| {question} | **{answer}** |" for question, answer in facts(replication))
+    verdicts = "\n".join(f"- **{item.label}**, {item.verdict.value}: {item.summary}" for item in replication.items)
+    return f"{headline(replication)}\n\n| | |\n|---|---|\n{answers}\n\n{verdicts}\n"
 
 
 def evidence_markdown(items: Sequence[Item]) -> str:
-    """Claims and evidence of every item that has some."""
+    """Claims and evidence of every item that has some, in Markdown."""
     parts = []
     for item in items:
         claims = [f"- “{claim.saying.quote}”: **{claim.verdict.value}**. {claim.found}." for claim in item.claims]
         lines = [*claims, *(f"- {one}" for one in item.evidence)]
         if lines:
-            parts.append("\n".join([f"## {label(item)}", *lines]))
+            parts.append("\n".join([f"## {item.label}", *lines]))
     return "\n\n".join(parts) or "Nothing was asked for that has evidence."
 
 
 def _log_scene(recording: rr.RecordingStream, scene: Scene) -> None:
     parts, name = skeleton(scene.mechanism), entity(scene.label)
     viewpoint = Viewpoint.of(scene.mechanism, parts, scene.p)
-    radius = 1.15 * ROOT_RADIUS * parts.reach
-    log_base(recording, scene.mechanism, viewpoint.floor, radius, f"{name}/base")
+    log_base(recording, scene.mechanism, parts, viewpoint.floor, f"{name}/base")
     log_arm(recording, name, scene.mechanism, parts, scene.time, scene.p, solid_look(run_color(0)))
     for j, joint in enumerate(scene.mechanism.primary_joints):
         for i, (key, torque) in enumerate(scene.torques.items()):

@@ -1,18 +1,17 @@
-"""The replication as one HTML page that needs nothing else."""
+"""Report of the replication: one HTML page that needs nothing else."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from adaptctl.experiments.replication.printed import printed
-from adaptctl.experiments.replication.verdict import Check, Item, Verdict
+from adaptctl.experiments.replication.result import Replication
+from adaptctl.experiments.replication.verdict import Check, Verdict
+from adaptctl.experiments.replication.wording import INCOMPLETE, facts, headline
 from adaptctl.files import write_text
 from adaptctl.recording.page import embedded, rendered
-
-if TYPE_CHECKING:
-    from adaptctl.experiments.replication.result import Replication
 
 STYLES = {
     Verdict.GIVEN: "given",
@@ -24,31 +23,30 @@ STYLES = {
 
 
 class Grid(NamedTuple):
-    """Checks as the paper's table has them; None where it has a blank that was not checked."""
+    """Checks in the rows and columns of the paper's table; None where a blank was not checked."""
 
     columns: list[str]
     rows: list[tuple[str, list[Check | None]]]
 
 
 def write_report(path: str | Path, replication: Replication, figures: Mapping[str, Path]) -> None:
-    """Write the page with the figures, given as files by name, inside."""
+    """Write the page with the figures, given as files by name, inside. Raises FileError."""
     write_text(path, report(replication, figures))
 
 
 def report(replication: Replication, figures: Mapping[str, Path]) -> str:
-    """The page's HTML."""
-    from adaptctl.experiments.replication.result import INCOMPLETE
-
+    """HTML of the page."""
     drawings = [drawing for item in replication.items for drawing in item.drawings]
     return rendered(
         "replication.html",
         __package__ or "",
         replication=replication,
+        headline=headline(replication),
         incomplete=INCOMPLETE,
-        facts=list(replication.facts()),
+        facts=list(facts(replication)),
         items=replication.items,
         grids={item.name: grid(item.name, item.checks) for item in replication.items},
-        labels={item.name: label(item) for item in replication.items},
+        labels={item.name: item.label for item in replication.items},
         styles=STYLES,
         verdicts=[(verdict.value, STYLES[verdict], MEANINGS[verdict]) for verdict in Verdict],
         figures=embedded(drawings, figures),
@@ -67,16 +65,8 @@ MEANINGS = {
 }
 
 
-def label(item: Item) -> str:
-    """``Table 7``."""
-    for kind in ("table", "figure", "section"):
-        if item.name.startswith(kind):
-            return f"{kind.capitalize()} {item.name.removeprefix(kind)}"
-    return item.name.capitalize()
-
-
 def grid(name: str, checks: Sequence[Check]) -> Grid:
-    """Rows and columns in the order of the printed table, or else in that in which they come."""
+    """Checks in the order of the printed table, or else in that in which they come."""
     table = printed().tables.get(name)
     present = dict.fromkeys(check.column for check in checks)
     columns = [column for column in (table.columns if table else present) if column in present]

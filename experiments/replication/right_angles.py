@@ -1,4 +1,4 @@
-"""What a rounded right angle does: the PUMA with pi/2 replaced by a number near it, and the paper's own rule."""
+"""Effect of rounded right angles: the PUMA with pi/2 replaced by a number near it, and the paper's own rule."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ TURNS = (-1, 0, 1, -1, 1, 0)
 
 @dataclass(frozen=True, eq=False)
 class RoundedSet:
-    """What theorem 4.1 keeps with right angles rounded, and equation 25's vector on it."""
+    """Parameters that theorem 4.1 keeps with right angles rounded, and equation 25's vector on them."""
 
     kept: tuple[int, ...]
     condition: float
@@ -54,7 +54,7 @@ def with_base_tilt(mechanism: Mechanism, quarter: float) -> Mechanism:
 
 
 def papers_rule(space: EssentialSpace, parameters: Array, priority: Priority) -> RoundedSet:
-    """Theorem 4.1 on the unscaled V2, rows counting as independent above a tight tolerance, and equation 25."""
+    """Set of theorem 4.1 on the unscaled V2, rows independent above a tight tolerance, and equation 25's vector."""
     removed = list(removable(space.null_basis, priority.indices(space.parameter_names), TIGHT))
     kept = tuple(sorted(set(range(len(parameters))) - set(removed)))
     essential, square = space.project(parameters), space.null_basis[removed]
@@ -63,5 +63,5 @@ def papers_rule(space: EssentialSpace, parameters: Array, priority: Priority) ->
 
 
 def rounded_set(mechanism: Mechanism, quarter: float, priority: Priority) -> RoundedSet:
-    """The paper's rule on the PUMA with right angles rounded."""
+    """Set of the paper's rule on the PUMA with right angles rounded."""
     return papers_rule(essential_space(with_twists(mechanism, quarter)), mechanism.inertial_parameters, priority)

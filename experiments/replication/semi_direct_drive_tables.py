@@ -1,4 +1,4 @@
-"""Tables 9 to 12: the semi-direct-drive arm, of which the paper prints ranges but neither lengths nor inertias."""
+"""Items of Tables 9 to 12: the semi-direct-drive arm, whose lengths and inertias the paper does not print."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.dynamics import load
 from adaptctl.experiments.replication import drawings
-from adaptctl.experiments.replication.arms import Arm, near_parallelogram, semi_direct_drive
+from adaptctl.experiments.replication.arms import SampledArm, near_parallelogram, semi_direct_drive
 from adaptctl.experiments.replication.paper_layout import index, name
 from adaptctl.experiments.replication.paper_rank import paper_rank, rank_claim
 from adaptctl.experiments.replication.printed import BLANK, printed
@@ -33,7 +33,7 @@ INEQUALITIES = (1e-3, 1e-5, 1e-7, 1e-9)
 
 
 def table9(study: Study) -> Item:
-    """The ranges: an input."""
+    """Item of Table 9, the ranges: an input."""
     table, arm = printed().tables["table9"], study.five_bar
     checks = tuple(given(*entry, _limit(arm, *entry[:2])) for entry in table.entries() if entry[2] != BLANK)
     bends = np.linspace(arm.lower[2], arm.upper[2], 200)
@@ -66,7 +66,7 @@ def table9(study: Study) -> Item:
 
 
 def table10(study: Study) -> Item:
-    """Torque errors of an arm that is not printed, along a sinusoid that is not printed."""
+    """Item of Table 10: torque errors of an arm and along a sinusoid that are not printed."""
     table = printed().tables["table10"]
     near, generic = study.nearly_parallel_draws, study.five_bar_draws
     checks = checked_torque_errors(table, near.percent_errors, study.nearly_parallel_torque_errors)
@@ -111,7 +111,7 @@ def table10(study: Study) -> Item:
 
 
 def table11(study: Study) -> Item:
-    """The priority table: an input."""
+    """Item of Table 11, the priorities: an input."""
     table, names = printed().tables["table11"], study.five_bar.mechanism.parameter_names
     order = study.priority("table11", study.five_bar.mechanism).indices(names)
     places = {names[j]: i + 1 for i, j in enumerate(order)}
@@ -120,7 +120,7 @@ def table11(study: Study) -> Item:
 
 
 def table12(study: Study) -> Item:
-    """The independent parameters of the arm with a loop."""
+    """Item of Table 12: the independent parameters of the arm with a loop."""
     table, basis, draws = printed().tables["table12"], study.five_bar_basis, study.five_bar_draws
     checks = tuple(
         marked(row, link, text, index(row, link) in basis.columns, Verdict.NOT_REPRODUCED)
@@ -162,7 +162,7 @@ def table12(study: Study) -> Item:
 TILT = "3.14159/2"
 
 
-def _limit(arm: Arm, row: str, column: str) -> float:
+def _limit(arm: SampledArm, row: str, column: str) -> float:
     """The built-in arm's limit that an entry of Table 9 gives."""
     end = "upper" if " to " in row else "lower"
     if column == "p2 - p3":
@@ -174,19 +174,19 @@ def _limit(arm: Arm, row: str, column: str) -> float:
     return float(getattr(limits, end))
 
 
-def _regularity(arm: Arm, p: Array) -> float:
+def _regularity(arm: SampledArm, p: Array) -> float:
     """How near to locking the loop comes."""
     continuation = arm.mechanism.continuation
     return float(continuation.regularity(arm.mechanism.configuration(p)).min()) if continuation else 1.0
 
 
-def _differences(study: Study, arm: Arm) -> Array:
+def _differences(study: Study, arm: SampledArm) -> Array:
     """H of one draw."""
     generator = np.random.default_rng(study.seed)
     return np.diff(arm.energies(*arm.states(generator, study.samples, study.velocity_scale)), axis=0)
 
 
-def _rank(study: Study, arm: Arm) -> int:
+def _rank(study: Study, arm: SampledArm) -> int:
     """The rank that the paper's threshold finds in one draw."""
     return int(paper_rank(np.asarray(np.linalg.svd(_differences(study, arm), compute_uv=False))))
 

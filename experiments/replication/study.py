@@ -1,4 +1,4 @@
-"""What the tables share, computed when first asked for: so that one table alone costs no more than it needs."""
+"""Arms, draws and torques that the tables share, computed when first asked for."""
 
 from __future__ import annotations
 
@@ -7,8 +7,14 @@ from functools import cached_property
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.experiments.replication.arms import Arm, Motion, near_parallelogram, puma560, semi_direct_drive
-from adaptctl.experiments.replication.ensemble import Ensemble
+from adaptctl.experiments.replication.arms import (
+    SampledArm,
+    StatedMotion,
+    near_parallelogram,
+    puma560,
+    semi_direct_drive,
+)
+from adaptctl.experiments.replication.draws import Draws
 from adaptctl.experiments.replication.paper_layout import index
 from adaptctl.experiments.replication.printed import printed
 from adaptctl.identifiability import (
@@ -22,7 +28,7 @@ from adaptctl.identifiability import (
 
 @dataclass(frozen=True)
 class Study:
-    """The experiment's choices, and the arms, draws and torques that follow from them."""
+    """Choices of the experiment, and the arms, draws and torques that follow from them."""
 
     seed: int
     seeds: int
@@ -33,63 +39,63 @@ class Study:
     unequal: float
 
     @cached_property
-    def puma(self) -> Arm:
+    def puma(self) -> SampledArm:
         """The PUMA 560 of Tables 1 and 6."""
         return puma560()
 
     @cached_property
     def arm3(self) -> Mechanism:
-        """Its first three joints."""
+        """First three joints of the PUMA."""
         return load("puma560_arm3")
 
     @cached_property
     def arm3_space(self) -> EssentialSpace:
-        """Theirs, alone."""
+        """Essential space of the first three joints."""
         return essential_space(self.arm3)
 
     @cached_property
-    def five_bar(self) -> Arm:
+    def five_bar(self) -> SampledArm:
         """The semi-direct-drive arm with generic lengths."""
         return semi_direct_drive()
 
     @cached_property
-    def nearly_parallel(self) -> Arm:
-        """The same with sides that are equal but for a small share."""
+    def nearly_parallel(self) -> SampledArm:
+        """Semi-direct-drive arm with sides that are equal but for a small share."""
         return semi_direct_drive(near_parallelogram(self.unequal))
 
     @cached_property
-    def puma_draws(self) -> Ensemble:
-        """Table 2 and Figure 3, many times."""
+    def puma_draws(self) -> Draws:
+        """Draws of Table 2 and Figure 3."""
         return self._draws(self.puma)
 
     @cached_property
-    def five_bar_draws(self) -> Ensemble:
-        """Figure 3's other arm, many times."""
+    def five_bar_draws(self) -> Draws:
+        """Draws of Figure 3's other arm."""
         return self._draws(self.five_bar)
 
     @cached_property
-    def nearly_parallel_draws(self) -> Ensemble:
-        """The same for nearly equal sides."""
+    def nearly_parallel_draws(self) -> Draws:
+        """Draws of the arm with nearly equal sides."""
         return self._draws(self.nearly_parallel)
 
     @cached_property
-    def puma_motion(self) -> Motion:
+    def puma_motion(self) -> StatedMotion:
         """The stated sinusoid of the PUMA."""
         return self.puma.sinusoid(self.frequency, self.motion_samples)
 
     @cached_property
-    def five_bar_motion(self) -> Motion:
+    def five_bar_motion(self) -> StatedMotion:
         """The stated sinusoid of the semi-direct-drive arm."""
         return self.five_bar.sinusoid(self.frequency, self.motion_samples)
 
     @cached_property
-    def nearly_parallel_motion(self) -> Motion:
-        """The same of the one with nearly equal sides."""
+    def nearly_parallel_motion(self) -> StatedMotion:
+        """The stated sinusoid of the arm with nearly equal sides."""
         return self.nearly_parallel.sinusoid(self.frequency, self.motion_samples)
 
     @cached_property
     def puma_torque_errors(self) -> Array:
-        """(seeds, 37, 6), (N m)^2."""
+        """Mean square torque errors (seeds, 37, 6) of the PUMA, (N m)^2."""
         return self.puma_draws.torque_errors(self.puma_motion)
 
     @cached_property
@@ -104,23 +110,23 @@ class Study:
 
     @cached_property
     def puma_basis(self) -> FundamentalBasis:
-        """What Table 4 yields with exact right angles."""
+        """Basis that Table 4's priorities yield with exact right angles."""
         return fundamental_basis(self.puma.space, self.priority("table4", self.puma.mechanism))
 
     @cached_property
     def five_bar_basis(self) -> FundamentalBasis:
-        """What Table 11 yields."""
+        """Basis that Table 11's priorities yield."""
         return fundamental_basis(self.five_bar.space, self.priority("table11", self.five_bar.mechanism))
 
     def priority(self, table: str, mechanism: Mechanism) -> Priority:
-        """A priority table of the paper."""
+        """Priorities of a table of the paper, for a mechanism."""
         entries = list(printed().tables[table].entries())
         order = sorted(entries, key=lambda entry: int(entry[2]))
         return Priority(tuple(mechanism.parameter_names[index(row, link)] for row, link, _ in order))
 
     @property
-    def drawn(self) -> dict[str, Ensemble]:
-        """The draws that were made, by arm."""
+    def drawn(self) -> dict[str, Draws]:
+        """Draws that were made, by arm."""
         labels = {
             "puma_draws": "puma560",
             "five_bar_draws": "semi_direct_drive",
@@ -130,7 +136,7 @@ class Study:
 
     @property
     def choices(self) -> tuple[str, ...]:
-        """How the draws were made, in words."""
+        """Choices behind the draws, in words."""
         return (
             f"{self.seeds} draws of {self.samples} states, positions uniform within the table's ranges",
             f"velocities uniform up to {self.velocity_scale:.4g} times the table's bound, so that their root mean "
@@ -147,5 +153,5 @@ class Study:
             f"the table; errors are means over one period of {self.motion_samples} samples"
         )
 
-    def _draws(self, arm: Arm) -> Ensemble:
-        return Ensemble.of(arm, range(self.seed, self.seed + self.seeds), self.samples, self.velocity_scale)
+    def _draws(self, arm: SampledArm) -> Draws:
+        return Draws.of(arm, range(self.seed, self.seed + self.seeds), self.samples, self.velocity_scale)

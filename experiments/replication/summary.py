@@ -1,27 +1,25 @@
-"""The replication as JSON: every printed entry beside the computed one, with its verdict."""
+"""Summary of the replication as JSON: every printed entry beside the computed one, with its verdict."""
 
 from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from adaptctl.experiments.replication.result import Replication
 from adaptctl.experiments.replication.verdict import Check, Claim, Item, Verdict
 from adaptctl.files import write_json
-
-if TYPE_CHECKING:
-    from adaptctl.experiments.replication.result import Replication
 
 SCHEMA = "adaptctl/replication/1"
 
 
 def write_summary(path: str | Path, replication: Replication) -> None:
-    """Write `summary` as JSON."""
+    """Write `summary` as JSON, whole or not at all. Raises FileError."""
     write_json(path, summary(replication))
 
 
 def summary(replication: Replication) -> dict[str, Any]:
-    """What was computed and what came of it."""
+    """Summary in JSON's types: counts, and every item with its checks and claims."""
     items = replication.items
     return {
         "schema": SCHEMA,

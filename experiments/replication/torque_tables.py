@@ -1,12 +1,12 @@
-"""Tables 3 and 10: how far torques are off when only some components are kept."""
+"""Torque errors of Tables 3 and 10, when only some components are kept."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.experiments.replication.arms import Motion
-from adaptctl.experiments.replication.ensemble import Ensemble
+from adaptctl.experiments.replication.arms import StatedMotion
+from adaptctl.experiments.replication.draws import Draws
 from adaptctl.experiments.replication.printed import Table, printed
 from adaptctl.experiments.replication.verdict import Check, Claim, Relations, Verdict, drawn, percent, vanishing
 
@@ -20,7 +20,7 @@ CLOSE = (0.05, 0.01, 0.001)
 
 
 def checked_torque_errors(table: Table, percent: Array, errors: Array) -> tuple[Check, ...]:
-    """Every entry against percent errors (seeds, k + 1) and torque errors (seeds, k + 1, r)."""
+    """Checks of every entry against percent errors (seeds, k + 1) and torque errors (seeds, k + 1, r)."""
     last = percent.shape[1] - 1
     checks = []
     for row, column, text in table.entries():
@@ -40,8 +40,8 @@ def medians(percent: Array, errors: Array) -> Relations:
     return Relations("Medians over the seeds: energy errors, and mean square torque errors in (N·m)²", tuple(lines))
 
 
-def fewest_components(claim: str, printed_count: int, draws: Ensemble, errors: Array, motion: Motion) -> Claim:
-    """How many components a very close torque needs, on every joint."""
+def fewest_components(claim: str, printed_count: int, draws: Draws, errors: Array, motion: StatedMotion) -> Claim:
+    """Claim on the number of components that a very close torque needs, on every joint."""
     needed = {share: _needed(draws, errors, motion, share) for share in CLOSE}
     judged = float(np.mean(needed[CLOSE[0]] >= printed_count))
     middle = ", ".join(f"{np.median(count):.0f} within {percent(share)}" for share, count in needed.items())
@@ -55,7 +55,7 @@ def fewest_components(claim: str, printed_count: int, draws: Ensemble, errors: A
     )
 
 
-def _needed(draws: Ensemble, errors: Array, motion: Motion, share: float) -> Array:
+def _needed(draws: Draws, errors: Array, motion: StatedMotion, share: float) -> Array:
     """Components (seeds,) from which on every joint's error stays within a share of its torque."""
     torque = motion.Y @ draws.arm.parameters
     fine = (errors <= share**2 * np.mean(torque**2, axis=0)).all(axis=-1)

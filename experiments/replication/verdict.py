@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class Verdict(Enum):
-    """What became of something printed."""
+    """Verdicts on something printed."""
 
     GIVEN = "given"
     """an input of the paper, used as printed"""
@@ -67,7 +67,7 @@ class Check:
 
 @dataclass(frozen=True)
 class Claim:
-    """A saying of the text: what was measured to judge it, what came out, and on which share of the seeds it holds."""
+    """Saying of the text, what was measured to judge it, what came out, and the share of seeds on which it holds."""
 
     saying: Saying
     measured: str
@@ -96,7 +96,7 @@ def evidence(sentence: str, *values: float, digits: int = 3) -> Evidence:
 
 
 def percent(share: float) -> str:
-    """``0.5 %``."""
+    """Text of a share in percent: ``0.5 %``."""
     return f"{100.0 * share:.3g}\N{NO-BREAK SPACE}%"
 
 
@@ -122,7 +122,7 @@ class Scene:
 
 @dataclass(frozen=True, eq=False)
 class Item:
-    """A table, a figure or a passage of the paper, and what was made of it."""
+    """Table, figure or passage of the paper, with its checks, claims and evidence."""
 
     name: str
     """as the command line has it: ``table7``"""
@@ -139,20 +139,28 @@ class Item:
     scene: Scene | None = None
     """an arm in motion, for the recording"""
 
+    @property
+    def label(self) -> str:
+        """Name as the text has it: ``Table 7``."""
+        for kind in ("table", "figure", "section"):
+            if self.name.startswith(kind):
+                return f"{kind.capitalize()} {self.name.removeprefix(kind)}"
+        return self.name.capitalize()
+
     def count(self, *verdicts: Verdict) -> int:
-        """How many printed entries have one of these verdicts."""
+        """Number of printed entries that have one of these verdicts."""
         return sum(check.verdict in verdicts for check in self.checks)
 
 
 def given(row: str, column: str, text: str, used: float) -> Check:
-    """An input: used to the printed digit, or else not reproduced."""
+    """Check of an input: used to the printed digit, or else not reproduced."""
     number = Number.of(text)
     same = number.digits_met(used) == number.digits
     return Check(row, column, text, number.styled(used), Verdict.GIVEN if same else Verdict.NOT_REPRODUCED)
 
 
 def compared(row: str, column: str, text: str, computed: float) -> Check:
-    """A number that can be computed as it stands: reproduced when at least its first digit is met."""
+    """Check of a number that can be computed as it stands: reproduced when at least its first digit is met."""
     number = Number.of(text)
     digits = number.digits_met(computed)
     verdict = Verdict.REPRODUCED if digits else Verdict.NOT_REPRODUCED
@@ -160,7 +168,7 @@ def compared(row: str, column: str, text: str, computed: float) -> Check:
 
 
 def drawn(row: str, column: str, text: str, computed: Array) -> Check:
-    """A number that depends on a random draw (seeds,): in shape when it lies among the seeds' values."""
+    """Check of a number that depends on a random draw (seeds,): in shape when it lies among the seeds' values."""
     number, low, high = Number.of(text), float(computed.min()), float(computed.max())
     inside = low - 0.5 * number.unit <= number.value <= high + 0.5 * number.unit
     verdict = Verdict.IN_SHAPE if inside else Verdict.NOT_REPRODUCED
@@ -169,20 +177,20 @@ def drawn(row: str, column: str, text: str, computed: Array) -> Check:
 
 
 def vanishing(row: str, column: str, text: str, computed: float, bound: float) -> Check:
-    """A number that is zero but for round-off: in shape when both are below a bound."""
+    """Check of a number that is zero but for round-off: in shape when both are below a bound."""
     number = Number.of(text)
     verdict = Verdict.IN_SHAPE if max(abs(number.value), abs(computed)) < bound else Verdict.NOT_REPRODUCED
     return Check(row, column, text, f"{computed:.1E}", verdict)
 
 
 def marked(row: str, column: str, text: str, kept: bool, unlike: Verdict = Verdict.ERRATUM) -> Check:
-    """A cross or a blank of a table of crosses."""
+    """Check of a cross or a blank of a table of crosses."""
     printed, computed = (MARK if text == MARK else ""), (MARK if kept else "")
     return Check(row, column, printed, computed, Verdict.REPRODUCED if printed == computed else unlike)
 
 
 def judged(checks: Sequence[Check]) -> Verdict:
-    """What checks come to: an erratum if one is; else what the greater part of those that are no inputs is."""
+    """Verdict on several checks: an erratum if one is; else the most frequent of those that are no inputs."""
     verdicts = [check.verdict for check in checks if check.verdict is not Verdict.GIVEN]
     if not verdicts:
         return Verdict.GIVEN

@@ -1,25 +1,35 @@
-"""The folder of an experiment with several arms, filled."""
+"""Files of the arms side by side, written into an experiment's folder."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
-from adaptctl.experiments.serial_versus_graph.figures import drawings, side_color
-from adaptctl.experiments.serial_versus_graph.recording import write_recording
 from adaptctl.experiments.serial_versus_graph.result import SideBySide
 from adaptctl.experiments.serial_versus_graph.summary import write_summary
-from adaptctl.experiments.serial_versus_graph.wording import WHY_NOT_16, facts, rows, verdict
-from adaptctl.files import write_text
+from adaptctl.experiments.serial_versus_graph.wording import facts, verdict
 from adaptctl.recording.artifacts import FIGURES, RECORDING, REPORT, SUMMARY
-from adaptctl.recording.drawing import write_drawings
-from adaptctl.recording.page import embedded, rendered
-from adaptctl.recording.trace import write_trace
-from adaptctl.recording.wording import INCOMPLETE
+from adaptctl.recording.result import Progress, Result
+from adaptctl.recording.wording import headline
 
 
-def write_artifacts(folder: Path, result: SideBySide, progress: Callable[[str, float], object]) -> None:
-    """Write everything, every file whole or not at all."""
+def shown(result: SideBySide) -> Result:
+    """Arms side by side as an experiment's result."""
+    return Result(
+        complete=result.complete,
+        headline=headline(verdict(result), result.complete),
+        facts=tuple(facts(result)),
+        write=lambda folder, progress: write_artifacts(folder, result, progress),
+    )
+
+
+def write_artifacts(folder: Path, result: SideBySide, progress: Progress) -> None:
+    """Write recording, summary, traces, figures and report, every file whole or not at all. Raises FileError."""
+    from adaptctl.experiments.serial_versus_graph.figures import drawings
+    from adaptctl.experiments.serial_versus_graph.recording import write_recording
+    from adaptctl.experiments.serial_versus_graph.report import trace_name, write_report
+    from adaptctl.recording.drawing import write_drawings
+    from adaptctl.recording.trace import write_trace
+
     progress("summary", 0.0)
     write_summary(folder / SUMMARY, result)
     for side in result.sides:
@@ -30,29 +40,5 @@ def write_artifacts(folder: Path, result: SideBySide, progress: Callable[[str, f
     (folder / FIGURES).mkdir(exist_ok=True)
     figures = write_drawings(folder / FIGURES, drawings(result))
     progress("report", 0.9)
-    write_text(folder / REPORT, report(result, figures))
+    write_report(folder / REPORT, result, figures)
     progress("report", 1.0)
-
-
-def trace_name(side: str) -> str:
-    """The file of an arm's adaptive run."""
-    return f"trace-{side}.parquet"
-
-
-def report(result: SideBySide, figures: dict[str, Path]) -> str:
-    """The page's HTML."""
-    return rendered(
-        "report.html",
-        package="adaptctl.experiments.serial_versus_graph",
-        result=result,
-        verdict=verdict(result),
-        incomplete=INCOMPLETE,
-        why_not_16=WHY_NOT_16,
-        facts=list(facts(result)),
-        rows=rows(result),
-        colors=[side_color(i).hex for i in range(len(result.sides))],
-        traces={
-            trace_name(side.name): "Every control period of an arm's adaptive run, with units." for side in result.sides
-        },
-        figures=embedded(drawings(result), figures),
-    )

@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from adaptctl.control import Gains, PriorRanges, Sinusoids, SlotineLi, Spline, adaptation_gain
+from adaptctl.control import SlotineLi
 from adaptctl.dynamics import Mechanism, equation_costs, load
 from adaptctl.dynamics.inverse_kinematics import Tip
-from adaptctl.errors import InputError
 from adaptctl.experiments.contest import Contender, Outcome, contest
-from adaptctl.experiments.experiment import ClosedLoop, Progress, setting, settings, text
+from adaptctl.experiments.experiment import ClosedLoopExperiment, require_count, setting, stated
 from adaptctl.experiments.learning import ADAPTATION_OFF, ADAPTIVE, FULL, numbers
+from adaptctl.experiments.serial_versus_graph.artifacts import shown
 from adaptctl.experiments.serial_versus_graph.result import OperationCounts, Side, SideBySide
+from adaptctl.experiments.tip_path import ARMS, ArmWithTip, TipPath
 from adaptctl.identifiability import (
     EssentialSpace,
     FundamentalBasis,
@@ -24,44 +25,15 @@ from adaptctl.identifiability import (
     essential_space,
     fundamental_basis,
 )
-from adaptctl.recording import Comparison, Setting
+from adaptctl.recording import Comparison, Progress, Result, Setting
 
 if TYPE_CHECKING:
     import gymnasium
 
-KNOT = 0.02
-"""s between the samples that inverse kinematics turns into joints"""
-AHEAD = 1.0
-"""s beyond the end that a reference is asked for"""
-
 
 @dataclass(frozen=True)
-class Arm:
-    """One of the two, the point that is its tip, and where inverse kinematics starts."""
-
-    name: str
-    label: str
-    robot: str
-    link: str
-    tip: tuple[float, float, float]
-    """m, in that link's frame"""
-    start: tuple[float, float, float]
-    """rad, on the branch that is meant: elbow up, forearm ahead"""
-    printed_rank: int
-    """Table 13 of the paper"""
-
-
-ARMS = (
-    # The forearm to the flange, with the wrist held straight: d4 + d6 of the PUMA 560, along link 3's z axis.
-    Arm("serial", "Three-joint PUMA", "puma560_arm3", "link3", (0.0, 0.0, 0.48935), (0.0, -1.5, 3.0), 16),
-    # The forearm's end: 0.5 m past the elbow, which is 0.41 m from its frame.
-    Arm("graph", "Five-bar", "semi_direct_drive", "link5", (0.91, 0.0, 0.0), (0.0, -1.5, -3.1), 26),
-)
-
-
-@dataclass(frozen=True)
-class SerialVersusGraph(ClosedLoop):
-    """The three-joint PUMA and the semi-direct-drive arm: parameters, operations and tracking on one path in space.
+class SerialVersusGraph(TipPath, ClosedLoopExperiment):
+    """Comparison of the three-joint PUMA and the five-bar: parameters, operations, tracking on one path in space.
 
     Both tips follow one path, turned into joints by inverse kinematics, and start off it by the same way. Both are
     driven by Slotine and Li's controller from zero, on the independent parameters and on all, and with adaptation
@@ -94,13 +66,11 @@ class SerialVersusGraph(ClosedLoop):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("center", "amplitude", "frequency", "phase", "start_off"):
-            if (count := len(getattr(self, name))) != 3:
-                raise InputError(f"{name}: expected 3 numbers, x, y and z, got {count}")
+        require_count(self, ("center", "amplitude", "frequency", "phase", "start_off"), 3, "x, y and z")
 
     @property
     def purpose(self) -> str:
-        """What is asked."""
+        """Question that the experiment answers, in a paragraph."""
         return (
             "Sheu and Walker compare two arms whose end points move with three degrees of freedom: the PUMA's first "
             "three joints, and the semi-direct-drive arm, whose forearm follows through a closed loop. How much does "
@@ -108,19 +78,12 @@ class SerialVersusGraph(ClosedLoop):
             "same distance off it. The PUMA's wrist is held straight, its tip is the flange."
         )
 
-    @property
-    def path(self) -> Sinusoids:
-        """Where both tips should be, in the world, m."""
-        return Sinusoids(
-            np.array(self.center),
-            np.array(self.amplitude),
-            np.array(self.frequency),
-            np.array(self.phase),
-            start_time=self.start_time,
-        )
+    def run(self, progress: Progress) -> Result:
+        """Result of the arms side by side."""
+        return shown(self.compare(progress))
 
     def compare(self, progress: Progress) -> SideBySide:
-        """One arm after the other. Interrupted, those that were begun."""
+        """Runs of one arm after the other; of those that were begun when it is interrupted."""
         sides: list[Side] = []
         complete = True
         for arm in ARMS:
@@ -143,11 +106,11 @@ class SerialVersusGraph(ClosedLoop):
             complete=complete,
         )
 
-    def side(self, arm: Arm, progress: Progress) -> Side:
-        """One arm's offline stage and runs."""
+    def side(self, arm: ArmWithTip, progress: Progress) -> Side:
+        """Offline stage and runs of one arm."""
         progress("independent parameters from energies", 0.0)
         mechanism = load(arm.robot)
-        tip = Tip(mechanism, arm.link, np.array(arm.tip))
+        tip = arm.on(mechanism)
         space = essential_space(mechanism, seed=self.seed)
         basis = fundamental_basis(space)
         env = self._environment(tip, arm)
@@ -167,19 +130,10 @@ class SerialVersusGraph(ClosedLoop):
             printed_rank=arm.printed_rank,
         )
 
-    def reference(self, tip: Tip, arm: Arm) -> Spline:
-        """The path in joints."""
-        times = np.arange(0.0, self.duration + AHEAD + KNOT, KNOT)
-        return Spline(tip.joints(self.path(times).p, np.array(arm.start)), times)
-
-    def gains(self, mechanism: Mechanism) -> Gains:
-        """Lambda as set, K by one rule for both."""
-        return Gains.from_bandwidth(mechanism, self.bandwidth, self.stiffness)
-
-    def _environment(self, tip: Tip, arm: Arm) -> gymnasium.Env[Any, Any]:
+    def _environment(self, tip: Tip, arm: ArmWithTip) -> gymnasium.Env[Any, Any]:
         import gymnasium
 
-        reference = self.reference(tip, arm)
+        reference = self.in_joints(tip, arm)
         first = reference(0.0).p
         off = tip.joints(tip.at(first) + np.array(self.start_off), first) - first
         return gymnasium.make(
@@ -192,12 +146,11 @@ class SerialVersusGraph(ClosedLoop):
         )
 
     def _contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Learning on the independent parameters first; then the same with adaptation off, and on all."""
+        """Contenders: learning on the independent parameters, with adaptation off, and on all parameters."""
         model, full, gains = ReducedModel(mechanism, basis), ReducedModel.full(mechanism), self.gains(mechanism)
-        ranges = PriorRanges(self.mass_range, self.first_moment_range, self.inertia_range)
 
         def slotine_li(on: ReducedModel, adapts: bool = True) -> SlotineLi:
-            gain = adaptation_gain(on, ranges, self.rate) if adapts else None
+            gain = self.adaptation(on) if adapts else None
             return SlotineLi(on, gains.bandwidth, gains.damping, gain, period=self.control_period)
 
         k, everything = len(model.columns), len(full.columns)
@@ -236,14 +189,8 @@ class SerialVersusGraph(ClosedLoop):
             for own in side.comparison.settings:
                 yield Setting(f"{own.name}, {side.name}", own.value, own.meaning)
         yield Setting("first estimate", "0", "of every parameter")
-        yield Setting(
-            "path", "x(t) = centre + fade(t) · amplitude · sin(2π · frequency · t + phase)", "of the tip, in the world"
-        )
-        yield Setting("reference", f"spline of degree 5, knots every {KNOT:g} s", "in joints, by inverse kinematics")
-        for entry in settings(self):
-            yield Setting(
-                f"--{entry.name.replace('_', '-')}", text(getattr(self, entry.name)), entry.metadata["meaning"]
-            )
+        yield from self.path_settings("tip")
+        yield from stated(self)
 
 
 def _told(progress: Progress, arm: str, what: str, share: float) -> None:
@@ -251,5 +198,5 @@ def _told(progress: Progress, arm: str, what: str, share: float) -> None:
 
 
 def regressor_counts(mechanism: Mechanism, basis: FundamentalBasis) -> OperationCounts:
-    """What the Slotine-Li regressor costs, compiled, at a configuration that closes the loops."""
+    """Operations of the compiled Slotine-Li regressor at a configuration that closes the loops."""
     return OperationCounts(equation_costs(mechanism, basis.columns).regressor, equation_costs(mechanism).regressor)

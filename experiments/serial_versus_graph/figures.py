@@ -1,4 +1,4 @@
-"""The figures of a report on arms side by side."""
+"""Figures of the report on arms side by side."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from functools import partial
 from matplotlib.figure import Figure
 
 from adaptctl.experiments.serial_versus_graph.result import Side, SideBySide
-from adaptctl.recording.comparison import Run
-from adaptctl.recording.drawing import DOTS, WIDTH, Drawing
+from adaptctl.recording.comparison import ControllerRun
+from adaptctl.recording.drawing import Drawing, sheet
 from adaptctl.recording.palette import GOAL, RUNS, Color
 from adaptctl.recording.series import thinned
 
@@ -20,12 +20,12 @@ AXES = "xyz"
 
 
 def side_color(index: int) -> Color:
-    """The colour of the index-th arm."""
+    """Colour of the index-th arm."""
     return (RUNS[0], RUNS[3], RUNS[2])[index % 3]
 
 
 def drawings(result: SideBySide) -> Iterator[Drawing]:
-    """The figures, in the order of the report."""
+    """Figures of arms side by side, in the order of the report."""
     if all(side.comparison.subject.cost for side in result.sides):
         yield Drawing(
             "operations",
@@ -50,8 +50,8 @@ def drawings(result: SideBySide) -> Iterator[Drawing]:
 
 
 def operations(result: SideBySide) -> Figure:
-    """Bars of the regressor and of the adaptive tick, reduced and full."""
-    figure = Figure(figsize=(WIDTH, 2.7), dpi=DOTS, layout="constrained")
+    """Figure of the operations of the regressor and of the adaptive tick, reduced and full."""
+    figure = sheet(2.7)
     panels = figure.subplots(1, 2)
     for axes, title, counts in zip(
         panels, ("Slotine-Li regressor", "Adaptive tick"), (_regressors(result), _ticks(result)), strict=True
@@ -70,8 +70,8 @@ def operations(result: SideBySide) -> Figure:
 
 
 def tip_path(result: SideBySide) -> Figure:
-    """The tips' paths in three views."""
-    figure = Figure(figsize=(WIDTH, 3.4), dpi=DOTS, layout="constrained")
+    """Figure of the tips' paths in three views."""
+    figure = sheet(3.4)
     for axes, (across, up, view) in zip(figure.subplots(1, 3), VIEWS, strict=True):
         for i, side in enumerate(result.sides):
             tip = side.tips[side.comparison.subject.name]
@@ -87,8 +87,8 @@ def tip_path(result: SideBySide) -> Figure:
 
 
 def tip_error(result: SideBySide) -> Figure:
-    """Both arms' tip errors over time."""
-    figure = Figure(figsize=(WIDTH, 3.6), dpi=DOTS, layout="constrained")
+    """Figure of both arms' tip errors over time."""
+    figure = sheet(3.6)
     axes = figure.subplots()
     for i, side in enumerate(result.sides):
         for run, label, width, line in _shown(side):
@@ -104,8 +104,8 @@ def tip_error(result: SideBySide) -> Figure:
 
 
 def lyapunov(result: SideBySide) -> Figure:
-    """V over V(0) of the adaptive runs."""
-    figure = Figure(figsize=(WIDTH, 2.6), dpi=DOTS, layout="constrained")
+    """Figure of V over V(0) of the adaptive runs."""
+    figure = sheet(2.6)
     axes = figure.subplots()
     for i, side in enumerate(result.sides):
         run = side.comparison.subject
@@ -129,11 +129,11 @@ def _ticks(result: SideBySide) -> list[tuple[int, int]]:
     return [(_flops(reduced), _flops(full)) for reduced, full in runs]
 
 
-def _flops(run: Run | None) -> int:
+def _flops(run: ControllerRun | None) -> int:
     return run.cost.flops or 0 if run is not None and run.cost else 0
 
 
-def _shown(side: Side) -> Iterator[tuple[Run, str, float, object]]:
+def _shown(side: Side) -> Iterator[tuple[ControllerRun, str, float, object]]:
     yield side.comparison.subject, "learning", 1.8, "-"
     if side.comparison.baseline is not None:
         yield side.comparison.baseline, "adaptation off", 1.2, (0, (4, 3))

@@ -1,16 +1,15 @@
-"""What an experiment with several arms on one task hands over."""
+"""Data of several arms on one task: each one's runs, and the paths of its tip."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.errors import InputError
-from adaptctl.recording.comparison import BEGINNING, SETTLED, Comparison, Run, Setting
+from adaptctl.recording.comparison import BEGINNING, SETTLED, Comparison, ControllerRun, Setting
 
 
 @dataclass(frozen=True)
@@ -25,7 +24,7 @@ class OperationCounts:
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """One of the arms: its runs, and where its tip was."""
+    """Runs of one of the arms, and the path of its tip."""
 
     name: str
     """short and fit for a file: ``serial``"""
@@ -45,38 +44,38 @@ class Side:
     """the number of independent parameters that the paper prints"""
 
     @property
-    def full(self) -> Run | None:
-        """The adaptive run on all parameters."""
+    def full(self) -> ControllerRun | None:
+        """Adaptive run on all parameters; None where it was not run."""
         return next((run for run in self.comparison.runs if run.name == "adaptive-full"), None)
 
     @property
     def joints(self) -> int:
-        """Joints of the mechanism, those that were cut among them."""
+        """Number of the mechanism's joints, those that were cut among them."""
         return len(self.comparison.mechanism.links) + self.closures
 
-    def tip_errors(self, run: Run) -> Array:
+    def tip_errors(self, run: ControllerRun) -> Array:
         """Distance (T,) of the tip from where it should be, m."""
         return np.asarray(np.linalg.norm(self.tips[run.name] - self.desired[run.name], axis=-1))
 
-    def tip_rms(self, run: Run | None, start: float = 0.0, stop: float = np.inf) -> float | None:
-        """Root mean square of that distance over a stretch of time; None without samples."""
+    def tip_rms(self, run: ControllerRun | None, start: float = 0.0, stop: float = np.inf) -> float | None:
+        """Root mean square of `tip_errors` over a stretch of time, m; None without samples."""
         if run is None:
             return None
         inside = (run.rollout.time >= start) & (run.rollout.time < stop)
         return float(np.sqrt(np.mean(self.tip_errors(run)[inside] ** 2))) if inside.any() else None
 
-    def first_tip_rms(self, run: Run | None) -> float | None:
-        """Over the first second."""
+    def first_tip_rms(self, run: ControllerRun | None) -> float | None:
+        """`tip_rms` over the first second, m."""
         return self.tip_rms(run, stop=BEGINNING)
 
-    def final_tip_rms(self, run: Run | None) -> float | None:
-        """Over the last two seconds that were run."""
+    def final_tip_rms(self, run: ControllerRun | None) -> float | None:
+        """`tip_rms` over the last two seconds that were run, m."""
         return None if run is None else self.tip_rms(run, start=run.duration - SETTLED)
 
 
 @dataclass(frozen=True, eq=False)
 class SideBySide:
-    """Arms on one task; of the second and later ones only those that were begun when it was interrupted."""
+    """Runs of several arms on one task; of those only that were begun when it was interrupted."""
 
     experiment: str
     title: str
@@ -90,22 +89,3 @@ class SideBySide:
     def __post_init__(self) -> None:
         if not self.sides:
             raise InputError(f"{self.experiment}: nothing was run, so there is nothing to show")
-
-    def headline(self) -> str:
-        """The outcome in a sentence or two."""
-        from adaptctl.experiments.serial_versus_graph.wording import verdict
-        from adaptctl.recording.wording import INCOMPLETE
-
-        return verdict(self) if self.complete else f"{INCOMPLETE}\n{verdict(self)}"
-
-    def facts(self) -> Iterator[tuple[str, str]]:
-        """What a person asks first, and the answers."""
-        from adaptctl.experiments.serial_versus_graph.wording import facts
-
-        return facts(self)
-
-    def write(self, folder: Path, progress: Callable[[str, float], object]) -> None:
-        """Write recording, summary, traces, figures and report into a folder that is ready."""
-        from adaptctl.experiments.serial_versus_graph.artifacts import write_artifacts
-
-        write_artifacts(folder, self, progress)

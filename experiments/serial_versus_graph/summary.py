@@ -1,4 +1,4 @@
-"""The figures that matter of arms side by side, as JSON."""
+"""Summary of arms side by side as JSON."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ SCHEMA = "adaptctl/side-by-side/1"
 
 
 def write_summary(path: str | Path, result: SideBySide) -> None:
-    """Write `summary` as JSON."""
+    """Write `summary` as JSON, whole or not at all. Raises FileError."""
     write_json(path, summary(result))
 
 
 def summary(result: SideBySide) -> dict[str, Any]:
-    """What was run and how it went; under `arms` what one arm's experiment tells, and its tip's errors in m."""
+    """Summary in JSON's types; under `arms` each arm's own comparison, and its tip's errors in m."""
     return {
         "schema": SCHEMA,
         "complete": result.complete,

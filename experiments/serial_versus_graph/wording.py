@@ -1,4 +1,4 @@
-"""What is said of arms side by side, in the recording and in the report alike."""
+"""Sentences and rows about arms side by side, the same in the recording and in the report."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 from adaptctl.experiments.serial_versus_graph.result import Side, SideBySide
-from adaptctl.recording.comparison import Run
+from adaptctl.recording.comparison import ControllerRun
 from adaptctl.recording.wording import error, number
 
 WHY_NOT_16 = (
@@ -17,7 +17,7 @@ WHY_NOT_16 = (
 
 
 class Row(NamedTuple):
-    """A line of the table: what, and a value for each arm."""
+    """Row of the table: what it tells, and a value for each arm."""
 
     what: str
     values: tuple[str, ...]
@@ -25,7 +25,7 @@ class Row(NamedTuple):
 
 
 def verdict(result: SideBySide) -> str:
-    """The outcome in a sentence or two."""
+    """Outcome in a sentence or two."""
     ranks = " and ".join(f"{side.label} {side.comparison.space.rank}" for side in result.sides)
     said = f"Independent parameters: {ranks}. "
     ticks = [_flops(side.comparison.subject) for side in result.sides]
@@ -41,20 +41,20 @@ def verdict(result: SideBySide) -> str:
 
 
 def facts(result: SideBySide) -> Iterator[tuple[str, str]]:
-    """What a person asks first, and the answers, one for each arm."""
+    """Questions that a person asks first, and the answers, one for each arm."""
     for what in FACTS:
         yield what, " · ".join(next(row for row in rows(result) if row.what == what).values)
 
 
 def rows(result: SideBySide) -> list[Row]:
-    """The paper's Table 13, and what it stands for: operations, time, tracking."""
+    """Rows of the table: those of the paper's Table 13, then operations, time and tracking."""
     found = []
     for what, told in QUESTIONS:
         found.append(Row(what, ()) if told is None else Row(what, tuple(told(side) for side in result.sides)))
     return [row._replace(section=not row.values) for row in found]
 
 
-def _flops(run: Run | None) -> int | None:
+def _flops(run: ControllerRun | None) -> int | None:
     return run.cost.flops if run is not None and run.cost else None
 
 
@@ -66,11 +66,11 @@ def _millimetres(value: float | None) -> str:
     return error(value, "mm")
 
 
-def _native(run: Run | None) -> str:
+def _native(run: ControllerRun | None) -> str:
     return f"{1e9 * run.cost.native:.0f} ns" if run is not None and run.cost and run.cost.native else "–"
 
 
-def _called(run: Run | None) -> str:
+def _called(run: ControllerRun | None) -> str:
     return f"{1e6 * run.cost.called:.1f} µs" if run is not None and run.cost else "–"
 
 
@@ -79,7 +79,7 @@ def _rises(side: Side) -> str:
     return "–" if rise is None else "never" if rise == 0.0 else f"by {number(rise)} J"
 
 
-def _subject(told: Callable[[Side, Run], str]) -> Callable[[Side], str]:
+def _subject(told: Callable[[Side, ControllerRun], str]) -> Callable[[Side], str]:
     return lambda side: told(side, side.comparison.subject)
 
 

@@ -1,4 +1,4 @@
-"""Adaptation laws: how estimates move, whatever control law uses them."""
+"""Adaptation laws, whatever control law uses them."""
 
 from adaptctl.lazily import imported_lazily
 

@@ -10,10 +10,11 @@ from adaptctl.arrays import Array
 from adaptctl.control.adaptation.gain import Descent
 from adaptctl.control.adaptation.law import Period
 from adaptctl.control.adaptation.prediction import Filtered, TorqueFilter, require_cutoff
-from adaptctl.control.gains.gains import per_joint
+from adaptctl.control.gains.gains import positive_per_joint
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, Scalar
+from adaptctl.scalars import Column, Scalar, each
+from adaptctl.scalars.column import combined
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,30 +36,32 @@ class Composite(Descent[Filtered]):
     each parameter.
     """
 
+    tunable = ("gain", "weight", "cutoff")
+
     weight: Array = 1.0  # type: ignore[assignment]  # a number becomes an array for the model's joints
     cutoff: float = 20.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        per_joint(self.weight, np.size(self.weight), "composite: weight")
+        positive_per_joint(self.weight, np.size(self.weight), "composite: weight")
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """A gain for each parameter, a weight for each joint, and a filter that the period carries."""
+        """Raise `InputError` unless gain, weight and cutoff fit the parameters, the joints and the period (s)."""
         super().require(model, initial, period)
-        per_joint(self.weight, model.mechanism.dof, "composite: weight")
+        positive_per_joint(self.weight, model.mechanism.dof, "composite: weight")
         require_cutoff(self.cutoff, period)
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Filtered:
-        """The filters, at rest."""
+        """The memory before the first tick: the filters at rest."""
         return TorqueFilter(self.cutoff, period).start(model, q, v)
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Filtered) -> tuple[Column, Filtered]:
-        """The trapezium for the tracking error, then the implicit rule for the prediction error."""
+        """The estimate after a trapezium step for the tracking error, then an implicit one for the prediction error."""
         moved = estimate - self.applied(period.gradient(period.integral))
         rows, torque, after = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory)
         loaded = [self.applied(row) for row in rows]
-        firm = 1.0 / (per_joint(self.weight, model.mechanism.dof, "composite: weight") * period.length)
-        force = solve_symmetric(_products(rows, loaded, firm.tolist()), residual(rows, moved, torque))
+        firm = Column(1.0 / (weight * period.length) for weight in each(self.weight, model.mechanism.dof))
+        force = solve_symmetric(_products(rows, loaded, firm), residual(rows, moved, torque))
         return moved - period.share * combined(loaded, force), after
 
 
@@ -67,15 +70,7 @@ def residual(rows: list[Column], estimate: Column, torque: Column) -> Column:
     return Column(row @ estimate for row in rows) - torque
 
 
-def combined(columns: list[Column], weights: Column) -> Column:
-    """The sum of columns, each times its weight."""
-    total = weights[0] * columns[0]
-    for weight, column in zip(weights.of[1:], columns[1:], strict=True):
-        total = total + weight * column
-    return total
-
-
-def _products(rows: list[Column], loaded: list[Column], firm: list[float]) -> list[list[Scalar]]:
+def _products(rows: list[Column], loaded: list[Column], firm: Column) -> list[list[Scalar]]:
     """W Gamma W' + (R T_c)^-1 (r, r), each entry of the symmetric matrix once."""
     r = len(rows)
     lower = [[rows[i] @ loaded[j] for j in range(i + 1)] for i in range(r)]

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array
-from adaptctl.control.adaptation.gain import Descent, numbers
+from adaptctl.control.adaptation.gain import Descent
 from adaptctl.control.adaptation.law import NoMemory, Period
-from adaptctl.control.gains.gains import per_joint
+from adaptctl.control.gains.gains import positive_per_joint
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, where
+from adaptctl.scalars import Column, each, where
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,31 +28,32 @@ class DeadZone(Descent[NoMemory]):
     out: s may leave the zone with more kinetic energy than it came in with. `Projection` of this law has one.
     """
 
+    tunable = ("gain", "width")
+
     width: Array = 0.05  # type: ignore[assignment]  # a number becomes an array for the model's joints
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        per_joint(self.width, np.size(self.width), "dead zone: width")
+        positive_per_joint(self.width, np.size(self.width), "dead zone: width")
 
     @classmethod
     def against(cls, gain: ArrayLike, damping: ArrayLike, torque: ArrayLike) -> DeadZone:
         """The zone for disturbance torques of at most `torque` (r,) N m under a damping K (r,)."""
         d = np.atleast_1d(np.asarray(torque, dtype=np.float64))
-        K = per_joint(damping, len(d), "damping")
+        K = positive_per_joint(damping, len(d), "damping")
         return cls(np.asarray(gain), np.sqrt((d**2 / K).sum() / K))
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """A gain for each parameter, a width for each joint."""
+        """Raise `InputError` without a gain for each parameter and a width for each joint."""
         super().require(model, initial, period)
-        per_joint(self.width, model.mechanism.dof, "dead zone: width")
+        positive_per_joint(self.width, model.mechanism.dof, "dead zone: width")
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
-        """Nothing."""
+        """No memory."""
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """One step down the gradient, or none."""
-        width = per_joint(self.width, model.mechanism.dof, "dead zone: width")
-        scaled = numbers(1.0 / width) * period.mean
+        """The estimate a step down the gradient, or where it was within the zone."""
+        scaled = Column(1.0 / width for width in each(self.width, model.mechanism.dof)) * period.mean
         outside = where(scaled @ scaled > 1.0, 1.0, 0.0)
         return estimate - self.applied(period.gradient(outside * period.integral)), memory

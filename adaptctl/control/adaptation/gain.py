@@ -1,10 +1,9 @@
-"""The gain of a descent, and the distance it defines."""
+"""Gradient descent with a constant gain, and the distance that the gain defines."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,12 +13,12 @@ from adaptctl.control.adaptation.law import AdaptationLaw
 from adaptctl.control.controller import Memory
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column
+from adaptctl.scalars import Column, column
 
 
 @dataclass(frozen=True, eq=False)
 class Descent(AdaptationLaw[Memory]):
-    """A law that goes down Y's with a constant gain Gamma: its diagonal (k,) or whole (k, k)."""
+    """Gradient descent along Y's with a constant gain Gamma: its diagonal (k,) or whole (k, k)."""
 
     gain: Array
 
@@ -27,7 +26,7 @@ class Descent(AdaptationLaw[Memory]):
         object.__setattr__(self, "gain", checked_gain(self.gain))
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """The gain is for as many parameters as the model has."""
+        """Raise `InputError` where the gain is for another number of parameters than the model's."""
         require_size(self.gain, model, "adaptation gain")
 
     @property
@@ -44,19 +43,15 @@ class Descent(AdaptationLaw[Memory]):
         return 0.5 * np.asarray(error * weighed).sum(axis=-1)
 
     def applied(self, gradient: Column) -> Column:
-        """Gamma times a gradient."""
-        if isinstance(self._gain, Column):
-            return self._gain * gradient
-        return Column(row @ gradient for row in self._gain)
-
-    @cached_property
-    def _gain(self) -> Column | list[Column]:
-        rows = self.gain.tolist()
-        return Column(rows) if self.gain.ndim == 1 else [Column(row) for row in rows]
+        """Gamma times a gradient (k,)."""
+        rows: Any = self.gain
+        if getattr(rows, "ndim", 1 + isinstance(rows, tuple)) == 2:  # an array, or a tuple of columns
+            return Column(column(row) @ gradient for row in rows)
+        return column(rows) * gradient
 
 
 def checked_gain(gain: ArrayLike) -> Array:
-    """An adaptation gain (k,) or (k, k), refused unless it is symmetric and positive definite."""
+    """A read-only adaptation gain (k,) or (k, k). Raises `InputError` unless symmetric and positive definite."""
     array = np.asarray(gain, dtype=np.float64)
     k = array.shape[:1]
     array = frozen_array(array, (*k, *k) if array.ndim == 2 else k, "adaptation gain")
@@ -67,7 +62,7 @@ def checked_gain(gain: ArrayLike) -> Array:
 
 
 def require_size(values: Array, model: ReducedModel, what: str) -> None:
-    """One row for each parameter of the model."""
+    """Raise `InputError` unless there is one row for each parameter of the model."""
     k, given = len(model.columns), len(values)
     if given == k:
         return
@@ -75,11 +70,6 @@ def require_size(values: Array, model: ReducedModel, what: str) -> None:
     if given == len(model.mechanism.parameter_names):
         hint = f"; these are for all {given} parameters, of which the basis keeps {k}: take model.columns of them"
     raise InputError(f"{what}: expected {k} numbers, one a parameter of the model, got {given}{hint}")
-
-
-def numbers(values: Sequence[float] | ArrayLike) -> Column:
-    """Constants as a column."""
-    return Column(np.asarray(values, dtype=np.float64).tolist())
 
 
 def _is_positive_definite(matrix: Array) -> bool:

@@ -24,13 +24,15 @@ class Gradient(Descent[NoMemory]):
     drifts without bound; it need not become the true one; and nothing keeps it physically consistent.
     """
 
+    tunable = ("gain",)
+
     euler: bool = False
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
-        """Nothing."""
+        """No memory."""
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """One step down the gradient."""
+        """The estimate a step down the gradient, by the trapezium or by Euler's rule."""
         s = period.elapsed * period.before if self.euler else period.integral
         return estimate - self.applied(period.gradient(s)), memory

@@ -1,4 +1,4 @@
-"""What every adaptation law is: an equation for the estimate after a control period, and its memory."""
+"""The interface of adaptation laws: an equation for the estimate after a control period, and its memory."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any, Generic, NamedTuple
 from adaptctl.arrays import Array
 from adaptctl.control.controller import Memory
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column
+from adaptctl.scalars import Column, Tunable
 
 
 class NoMemory(NamedTuple):
-    """What a law remembers that needs no more than the estimate: nothing."""
+    """The empty memory of a law that needs no more than the estimate."""
 
 
 class Period(NamedTuple):
@@ -52,11 +52,12 @@ class Period(NamedTuple):
         return (0.5 * self.elapsed) * (self.before + self.after)
 
 
-class AdaptationLaw(ABC, Generic[Memory]):
-    """How the estimate of the k parameters of a model moves, whatever control law uses it.
+class AdaptationLaw(Tunable, ABC, Generic[Memory]):
+    """An adaptation law: how the estimate of a model's k parameters moves, whatever control law uses it.
 
     A subclass is a frozen dataclass of configuration. `law` is an equation over scalars of any kind, traced
-    into the control law's own native code. What changes over time, besides the estimate, is the memory.
+    into the control law's own native code, to which the numbers that the class names in `tunable` are arguments. What
+    changes over time, besides the estimate, is the memory.
     """
 
     @abstractmethod
@@ -77,6 +78,6 @@ class AdaptationLaw(ABC, Generic[Memory]):
         return False
 
     def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array | None:
-        """How far estimates (..., k) are from the truth (k,), in J: the parameters' term (...) of the law's
-        Lyapunov function. None where it depends on more than the estimate."""
+        """Distance (...) of estimates (..., k) from the truth (k,), in J: the parameters' term of the law's Lyapunov
+        function. None where it depends on more than the estimate."""
         return None

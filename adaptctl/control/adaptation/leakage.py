@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from adaptctl.arrays import Array, frozen_array
-from adaptctl.control.adaptation.gain import Descent, numbers, require_size
+from adaptctl.control.adaptation.gain import Descent, require_size
 from adaptctl.control.adaptation.law import NoMemory, Period
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, sqrt
+from adaptctl.scalars import Column, column, sqrt
 
 
 @dataclass(frozen=True, eq=False)
 class _Leaking(Descent[NoMemory]):
-    """What both have: a rate, and the prior (k,) that is leaked to, zero when not given."""
+    """Gradient descent that leaks, at a `rate`, to a `prior` (k,), zero when not given."""
 
     rate: float = 0.1
     prior: Array | None = None
@@ -31,24 +30,20 @@ class _Leaking(Descent[NoMemory]):
         object.__setattr__(self, "prior", frozen_array(prior, (len(self.gain),), "leakage: prior"))
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Gain and prior are for as many parameters as the model has."""
+        """Raise `InputError` where gain or prior is for another number of parameters than the model's."""
         super().require(model, initial, period)
         require_size(np.asarray(self.prior), model, "leakage: prior")
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
-        """Nothing."""
+        """No memory."""
         return NoMemory()
 
     def leaked(self, estimate: Column, period: Period, rate: Any) -> Column:
-        """A step down the gradient by the trapezium, and of the leak by the implicit rule, so that no rate is
-        too large for the period."""
+        """The estimate after a step down the gradient by the trapezium, and of the leak by the implicit rule, so that
+        no rate (1/s) is too large for the period."""
         share = period.elapsed * rate
         moved = estimate - self.applied(period.gradient(period.integral))
-        return (1.0 / (1.0 + share)) * (moved + share * self._prior)
-
-    @cached_property
-    def _prior(self) -> Column:
-        return numbers(np.asarray(self.prior))
+        return (1.0 / (1.0 + share)) * (moved + share * column(self.prior))
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,8 +60,10 @@ class SigmaModification(_Leaking):
     goes on when s is zero, and bursts may follow (Hsu and Costa 1987).
     """
 
+    tunable = ("gain", "rate", "prior")
+
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """One step."""
+        """The estimate leaking at sigma."""
         return self.leaked(estimate, period, self.rate), memory
 
 
@@ -81,7 +78,9 @@ class EModification(_Leaking):
     where s is small, so the bound is looser than sigma-modification's.
     """
 
+    tunable = ("gain", "rate", "prior")
+
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """One step."""
+        """The estimate leaking at nu |s|, s the mean over the period."""
         s = period.mean
         return self.leaked(estimate, period, self.rate * sqrt(s @ s)), memory

@@ -8,14 +8,13 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from adaptctl.arrays import Array
-from adaptctl.control.adaptation.gain import numbers
+from adaptctl.arrays import Array, frozen
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
 from adaptctl.description.inertia import pseudo_inertia
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, Scalar, sqrt
+from adaptctl.scalars import Column, Scalar, each, sqrt
 
 Matrix: TypeAlias = list[list[Any]]
 """Rows of a small matrix of scalars."""
@@ -44,17 +43,18 @@ class Natural(AdaptationLaw[NoMemory]):
     loaded from a load that is plausible.
     """
 
+    tunable = ("rate",)
+
     rate: float | Array
 
     def __post_init__(self) -> None:
         rate = np.array(self.rate, dtype=np.float64)
         if rate.ndim > 1 or not (np.isfinite(rate).all() and np.all(rate > 0.0)):
             raise InputError(f"natural adaptation: rate: expected positive numbers in 1/J, got {self.rate}")
-        rate.flags.writeable = False
-        object.__setattr__(self, "rate", rate)
+        object.__setattr__(self, "rate", frozen(rate))
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """All parameters, and a first estimate that rigid bodies can have."""
+        """Raise `InputError` unless all parameters are adapted, from a first estimate that rigid bodies can have."""
         if model.basis is not None:
             raise InputError(
                 f"natural adaptation: moves the pseudo-inertia of whole links, and {len(model.columns)} fundamental "
@@ -62,7 +62,7 @@ class Natural(AdaptationLaw[NoMemory]):
                 "with ReducedModel.full(mechanism), from a consistent estimate; "
                 "adaptctl.identifiability.nearest_consistent finds one with given fundamental parameters)"
             )
-        self._rates(model)
+        self._require_rates(model)
         links = [model.mechanism.links[i] for i in model.mechanism.description.bodies]
         for i, link in enumerate(links):
             smallest = float(np.linalg.eigvalsh(pseudo_inertia(initial[10 * i : 10 * i + 10]))[0])
@@ -78,12 +78,12 @@ class Natural(AdaptationLaw[NoMemory]):
                 )
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
-        """Nothing."""
+        """No memory."""
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """One step along the geodesic of every link."""
-        slope = numbers(self._each(model)) * period.gradient(period.integral)
+        """The estimate a step along the geodesic of every link's pseudo-inertia."""
+        slope = self._each(model) * period.gradient(period.integral)
         links = 10 * len(model.mechanism.description.bodies)
         entries: list[Any] = []
         for i in range(0, links, 10):
@@ -96,9 +96,9 @@ class Natural(AdaptationLaw[NoMemory]):
         return Column(entries), memory
 
     def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array:
-        """The Bregman divergences over the rate; infinite where the truth is no rigid bodies'."""
+        """Sum (...) of Bregman divergences over their rates, J; infinite where the truth is no rigid bodies'."""
         bodies = 10 * len(model.mechanism.description.bodies)
-        rates, total = self._each(model), np.zeros(estimate.shape[:-1])
+        rates, total = np.array(self._each(model).of), np.zeros(estimate.shape[:-1])
         for i in range(0, bodies, 10):
             total += divergence(pseudos(true[i : i + 10]), pseudos(estimate[..., i : i + 10])) / rates[i]
         ratio = true[bodies:] / estimate[..., bodies:]
@@ -106,41 +106,46 @@ class Natural(AdaptationLaw[NoMemory]):
             total += ((ratio - np.log(ratio) - 1.0) / rates[bodies:]).sum(axis=-1)
         return total
 
-    def _rates(self, model: ReducedModel) -> Array:
-        """The rate of each link with a body, then of each drive's parameter."""
-        bodies = len(model.mechanism.description.bodies)
-        count = bodies + len(model.mechanism.parameter_names) - 10 * bodies
+    def _require_rates(self, model: ReducedModel) -> None:
+        """Raise `InputError` without a rate for each link with a body and each drive's parameter."""
+        bodies, count = _bodies_and_rates(model)
         if np.shape(self.rate) not in ((), (count,)):
             raise InputError(
                 f"natural adaptation: rate: expected a number, or {count} of them, one for each of {bodies} links and "
                 f"{count - bodies} parameters of drives, got {np.size(self.rate)}"
             )
-        return np.broadcast_to(np.asarray(self.rate), (count,))
 
-    def _each(self, model: ReducedModel) -> Array:
+    def _each(self, model: ReducedModel) -> Column:
         """The rate of each parameter (P,)."""
-        rates, bodies = self._rates(model), len(model.mechanism.description.bodies)
-        return np.concatenate((np.repeat(rates[:bodies], 10), rates[bodies:]))
+        bodies, count = _bodies_and_rates(model)
+        rates = each(self.rate, count).of
+        return Column((*(rate for rate in rates[:bodies] for _ in range(10)), *rates[bodies:]))
+
+
+def _bodies_and_rates(model: ReducedModel) -> tuple[int, int]:
+    """How many links have a body, and how many rates there are: theirs, and those of drives' parameters."""
+    bodies = len(model.mechanism.description.bodies)
+    return bodies, len(model.mechanism.parameter_names) - 9 * bodies
 
 
 def moved_body(ten: Sequence[Scalar], slope: Sequence[Scalar]) -> list[Any]:
     """A link's ten after one step: G Q Q G' for its pseudo-inertia G G'."""
     root = cholesky(pseudo(ten))
-    X = product(transposed(root), product(weights(slope), root))
-    half = product(root, _decay(X))
-    return the_ten(product(half, transposed(half)))
+    X = matrix_product(transposed(root), matrix_product(slope_matrix(slope), root))
+    half = matrix_product(root, _decay(X))
+    return the_ten(matrix_product(half, transposed(half)))
 
 
 def _decay(X: Matrix) -> Matrix:
     """exp(-X/2) of a symmetric X: (1 - Y/2 + Y^2/12)(1 + Y/2 + Y^2/12)^-1 for Y = X/2, both factors positive."""
-    square = product(X, X)
+    square = matrix_product(X, X)
 
     def factor(sign: float) -> Matrix:
         return [[float(i == j) + sign * 0.25 * X[i][j] + square[i][j] / 48.0 for j in range(4)] for i in range(4)]
 
     below = factor(1.0)
-    columns = [solve_symmetric(below, Column(column)).of for column in transposed(factor(-1.0))]
-    return transposed([list(column) for column in columns])
+    columns = [solve_symmetric(below, Column(entries)).of for entries in transposed(factor(-1.0))]
+    return transposed([list(entries) for entries in columns])
 
 
 def pseudo(ten: Sequence[Scalar]) -> Matrix:
@@ -156,7 +161,7 @@ def the_ten(P: Matrix) -> list[Any]:
     return [m, x, y, z, yy + zz, -xy, xx + zz, -xz, -yz, xx + yy]
 
 
-def weights(slope: Sequence[Scalar]) -> Matrix:
+def slope_matrix(slope: Sequence[Scalar]) -> Matrix:
     """L with tr(L P) = slope' (the ten of P)."""
     m, x, y, z, xx, xy, yy, xz, yz, zz = (0.5 * g for g in slope)
     row = (2.0 * (yy + zz), -xy, -xz, x), (2.0 * (xx + zz), -yz, y), (2.0 * (xx + yy), z), (2.0 * m,)
@@ -173,15 +178,15 @@ def cholesky(P: Matrix) -> Matrix:
     return G
 
 
-def product(A: Matrix, B: Matrix) -> Matrix:
-    """A B."""
+def matrix_product(A: Matrix, B: Matrix) -> Matrix:
+    """The product A B."""
     return [
         [sum((a * b for a, b in zip(row, column, strict=True)), 0.0) for column in zip(*B, strict=True)] for row in A
     ]
 
 
 def transposed(A: Matrix) -> Matrix:
-    """A'."""
+    """The transpose A'."""
     return [list(column) for column in zip(*A, strict=True)]
 
 

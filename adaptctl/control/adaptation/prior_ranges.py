@@ -1,4 +1,4 @@
-"""How fast each parameter may learn: adaptation gains from what is known beforehand."""
+"""Adaptation gains from prior ranges of the parameters."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from adaptctl.identifiability import ReducedModel
 
 @dataclass(frozen=True)
 class PriorRanges:
-    """How far each kind of parameter may plausibly be from its first guess.
+    """Prior ranges: how far each kind of parameter may plausibly be from its first guess.
 
     A kilogram and a kilogram square metre are not alike: one gain for both would learn one of them far too
     slowly or far too fast.

@@ -5,18 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
-from functools import cached_property
-from typing import Any
 
 import numpy as np
 
-from adaptctl.arrays import Array
-from adaptctl.control.adaptation.gain import numbers, require_size
+from adaptctl.arrays import Array, frozen
+from adaptctl.control.adaptation.gain import require_size
 from adaptctl.control.adaptation.law import AdaptationLaw, Period
 from adaptctl.control.controller import Memory
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, maximum, minimum
+from adaptctl.scalars import Column, clip, column
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +31,8 @@ class Projection(AdaptationLaw[Memory]):
     definite mass matrix: the consistent set is a cone, not a box.
     """
 
+    tunable = ("lower", "upper")
+
     of: AdaptationLaw[Memory]
     lower: Array
     upper: Array
@@ -42,8 +42,7 @@ class Projection(AdaptationLaw[Memory]):
             bound = np.array(getattr(self, name), dtype=np.float64)
             if bound.ndim != 1 or np.isnan(bound).any():
                 raise InputError(f"projection: {name}: expected numbers (k,), infinite where there is no bound")
-            bound.flags.writeable = False
-            object.__setattr__(self, name, bound)
+            object.__setattr__(self, name, frozen(bound))
         if self.lower.shape != self.upper.shape or not np.all(self.lower < self.upper):
             raise InputError("projection: expected lower < upper for every parameter")
         if not self.of.by_parameter:
@@ -53,7 +52,7 @@ class Projection(AdaptationLaw[Memory]):
             )
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """One bound a parameter, and a first estimate within."""
+        """Raise `InputError` without two bounds a parameter, and for a first estimate outside them."""
         self.of.require(model, initial, period)
         require_size(self.lower, model, "projection: bounds")
         outside = np.flatnonzero((initial < self.lower) | (initial > self.upper))
@@ -66,29 +65,21 @@ class Projection(AdaptationLaw[Memory]):
 
     @property
     def by_parameter(self) -> bool:
-        """Always."""
+        """True: each parameter is clipped by itself."""
         return True
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Memory:
-        """That of the law."""
+        """The memory of the law that is projected, before the first tick."""
         return self.of.start(model, initial, q, v, period)
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Memory) -> tuple[Column, Memory]:
-        """A step of the law, clipped."""
+        """The estimate after a step of the law, clipped."""
         moved, after = self.of.law(model, estimate, period, memory)
-        return Column(map(_clipped, moved, self._lower, self._upper)), after
+        return Column(map(clip, moved, column(self.lower), column(self.upper))), after
 
     def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array | None:
-        """That of the law."""
+        """Distance (...) by the law that is projected."""
         return self.of.distance(model, estimate, true)
-
-    @cached_property
-    def _lower(self) -> Column:
-        return numbers(self.lower)
-
-    @cached_property
-    def _upper(self) -> Column:
-        return numbers(self.upper)
 
 
 def limits(model: ReducedModel, bounds: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:
@@ -114,8 +105,3 @@ def _unknown(model: ReducedModel, name: str) -> str:
     close = get_close_matches(name, model.names, n=1)
     guess = f"; did you mean {close[0]!r}?" if close else ""
     return f"bounds: {model.mechanism.name} has no parameter {name!r}{guess}"
-
-
-def _clipped(x: Any, low: float, high: float) -> Any:
-    x = maximum(x, low) if low > -np.inf else x
-    return minimum(x, high) if high < np.inf else x

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from adaptctl.arrays import Array, frozen_array
-from adaptctl.control.adaptation.gain import numbers, require_size
+from adaptctl.control.adaptation.gain import require_size
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column
+from adaptctl.scalars import Column, column
 
 INDEPENDENT = 1e-10
 """Smallest singular value of the directions over their largest."""
@@ -31,6 +30,8 @@ class Subspace(AdaptationLaw[NoMemory]):
     excitation, a drift.
     """
 
+    tunable = ("gain",)
+
     gain: Array
     directions: Array
 
@@ -47,25 +48,21 @@ class Subspace(AdaptationLaw[NoMemory]):
             raise InputError("subspace: the directions are not independent: leave out what others combine to")
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """One entry of each direction for each parameter."""
+        """Raise `InputError` unless the directions have one entry for each parameter."""
         require_size(self.directions, model, "subspace: directions")
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
-        """Nothing."""
+        """No memory."""
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """One step down the gradient, by the trapezium."""
+        """The estimate a step down the gradient along every direction, by the trapezium."""
         gradient = period.gradient(period.integral)
-        for step, direction in zip(self.gain.tolist(), self._directions, strict=True):
+        for step, direction in zip(column(self.gain), map(column, self.directions.T), strict=True):
             estimate = estimate - (step * (direction @ gradient)) * direction
         return estimate, memory
 
     def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array:
-        """That of the numbers which are adapted: what is beyond the span does not count."""
+        """Distance (...) of the numbers that are adapted: what is beyond the span does not count."""
         along = (estimate - true) @ np.linalg.pinv(self.directions).T
         return 0.5 * np.asarray(along**2 / self.gain).sum(axis=-1)
-
-    @cached_property
-    def _directions(self) -> list[Column]:
-        return [numbers(direction) for direction in self.directions.T]

@@ -1,1 +1,1 @@
-"""How well a motion excites the parameters, and motions made to excite them."""
+"""Persistent excitation of a motion, measured, and references made to excite the parameters."""

@@ -18,21 +18,23 @@ from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
 
 SAMPLES = 40
-"""A period of the highest harmonic: how densely limits are looked at is this over the harmonics."""
+"""Samples in a period of the highest harmonic, at which limits are held."""
 FULL = 3.0
-"""Of a logistic that stands for a share: where a search begins, with 95 % of what is allowed."""
+"""Argument of a logistic that stands for a share, where a search begins: 95 % of what is allowed."""
 RANDOM = 10
 """references at random, to compare with"""
 SMALL_PRODUCT = 200_000
 """multiplications below which OpenBLAS starts no threads"""
+FARTHEST = 30.0
+"""Argument of a logistic that stands for a share, beyond which it is 0 or 1 to 1e-13; it would overflow at -710."""
 BISECTIONS = 20
 PENALTY = 30.0
-"""of the square of a torque beyond its limit, against the logarithm of the condition number"""
+"""Weight of the square of a torque beyond its limit, against the logarithm of the condition number."""
 
 
 @dataclass(frozen=True, eq=False)
 class ExcitingReference:
-    """A reference that was optimised, and what it is worth."""
+    """An optimised reference, and how well it conditions the regressor."""
 
     reference: Sinusoids
     condition: float
@@ -47,13 +49,13 @@ class ExcitingReference:
 
     @property
     def gain(self) -> float:
-        """How many times better conditioned it is than the median of the random ones."""
+        """Median condition number of the random ones over its own."""
         return float(np.median(self.random_conditions)) / self.condition
 
 
 @dataclass(frozen=True, eq=False)
-class Limits:
-    """What a reference may use: positions (r,) from `lower` to `upper`, greatest speeds and torques (r,)."""
+class MotionLimits:
+    """Limits of a reference: positions (r,) from `lower` to `upper`, greatest speeds and torques (r,)."""
 
     lower: Array
     upper: Array
@@ -61,8 +63,8 @@ class Limits:
     torque: Array
 
     @classmethod
-    def of(cls, model: ReducedModel, share: float) -> Limits:
-        """A share of the joints' own limits about their middle; without any, of a half turn or a metre each way."""
+    def of(cls, model: ReducedModel, share: float) -> MotionLimits:
+        """Limits that are a share of the joints' own about their middle; without any, of a half turn or a metre."""
         joints = model.mechanism.primary_joints
         wide = np.array([np.pi if joint.kind.turns else 1.0 for joint in joints])
         lower, upper = (np.array([getattr(j.limits, name) for j in joints]) for name in ("lower", "upper"))
@@ -74,36 +76,39 @@ class Limits:
 
 
 @dataclass(frozen=True, eq=False)
-class _Search:
-    """References of a band, as vectors without bounds: coefficients, how much of the limits is used, and where."""
+class FourierSearch:
+    """Fourier references of a band within limits, as vectors without bounds (size,): coefficients, then how much of the
+    limits each joint uses and where, through logistics."""
 
     model: ReducedModel
-    limits: Limits
+    limits: MotionLimits
     frequency: float
     harmonics: int
     scale: Array
 
     @property
     def dof(self) -> int:
+        """Number of joints r."""
         return self.model.mechanism.dof
 
     @property
     def size(self) -> int:
+        """Length of the vectors."""
         return self.dof * (2 * self.harmonics + 2)
 
     def random(self, rng: np.random.Generator) -> Array:
-        """A reference at random, using nearly all that the limits allow."""
+        """A vector (size,) drawn at random, whose reference uses nearly all that the limits allow."""
         coefficients = rng.normal(size=2 * self.harmonics * self.dof)
         return np.concatenate((coefficients, np.full(self.dof, FULL), rng.normal(size=self.dof)))
 
     def motion(self, x: Array, factor: float = 1.0) -> tuple[Array, Array, Array]:
-        """Positions, velocities and accelerations (n, r) over a period of what a vector stands for."""
+        """Positions, velocities and accelerations (n, r) over a period of a vector's reference."""
         y, rate, bend = self._swing(*self._coefficients(x))
         used, center = self._fitted(x, y, rate, factor)
         return center + used * y, used * rate, used * bend
 
     def reference(self, x: Array, factor: float = 1.0) -> Sinusoids:
-        """The same as a reference: positions and speeds are within their limits by construction."""
+        """A vector's reference: at the samples positions and speeds are within their limits by construction."""
         sine, cosine = self._coefficients(x)
         y, rate, _ = self._swing(sine, cosine)
         used, center = self._fitted(x, y, rate, factor)
@@ -113,24 +118,25 @@ class _Search:
 
     def judged(self, x: Array, factor: float = 1.0) -> tuple[float, float]:
         """The condition number of its regressor, and its largest torque over the limit."""
-        p, v, a = self.motion(x, factor)
-        Y = self._regressor(p, v, v, a)
-        torque = Y @ self.model.fundamental_parameters
-        share = float((np.abs(torque) / self.limits.torque).max())
+        Y = self._along(x, factor)
         eigenvalues = np.linalg.eigvalsh(_gram(Y * self.scale))
         smallest = max(float(eigenvalues[0]), 1e-30 * float(eigenvalues[-1]))
-        return float(np.sqrt(eigenvalues[-1] / smallest)), share
+        return float(np.sqrt(eigenvalues[-1] / smallest)), self._share(Y)
+
+    def torque_share(self, x: Array, factor: float) -> float:
+        """The largest torque over its limit, with the swings of what a vector stands for times a factor."""
+        return self._share(self._along(x, factor))
 
     def cost(self, x: Array) -> float:
-        """What is minimised."""
+        """The logarithm of the condition number, and a penalty for torques beyond their limits: what is minimised."""
         condition, share = self.judged(x)
         return float(np.log(condition) + PENALTY * max(0.0, share - 1.0) ** 2)
 
     def within(self, x: Array) -> tuple[Sinusoids, float, float]:
         """The reference, with smaller swings where torques would pass their limits; its condition and its torque."""
         factor = 1.0
-        if self.judged(x)[1] > 1.0:
-            if self.judged(x, 0.0)[1] > 1.0:
+        if self.torque_share(x, 1.0) > 1.0:
+            if self.torque_share(x, 0.0) > 1.0:
                 raise InputError(
                     f"{self.model.mechanism.name}: even at rest torques pass their limits within the joints' ranges: "
                     "narrow the ranges, or raise the torque limits"
@@ -138,12 +144,12 @@ class _Search:
             low, high = 0.0, 1.0
             for _ in range(BISECTIONS):
                 factor = 0.5 * (low + high)
-                low, high = (factor, high) if self.judged(x, factor)[1] <= 1.0 else (low, factor)
+                low, high = (factor, high) if self.torque_share(x, factor) <= 1.0 else (low, factor)
             factor = low
         return self.reference(x, factor), *self.judged(x, factor)
 
     def _coefficients(self, x: Array) -> tuple[Array, Array]:
-        """Of the sines and cosines (h, r); higher harmonics begin with smaller swings."""
+        """Coefficients of the sines and cosines (h, r); higher harmonics begin with smaller swings."""
         sine, cosine = x[: -2 * self.dof].reshape(2, self.harmonics, self.dof) / self._order
         return sine, cosine
 
@@ -155,12 +161,20 @@ class _Search:
         return y, C @ (omega * sine) - S @ (omega * cosine), bend
 
     def _fitted(self, x: Array, y: Array, rate: Array, factor: float) -> tuple[Array, Array]:
-        """How much of the swing is used (r,), and about what centre (r,)."""
+        """Factor (r,) of the swing that is used, and centre (r,) that it is about."""
         reach, speed = np.ptp(y, axis=0), np.abs(rate).max(axis=0)
         room = self.limits.upper - self.limits.lower
         use, place = (_logistic(part) for part in x[-2 * self.dof :].reshape(2, -1))
         used = factor * use * np.minimum(room / reach, self.limits.velocity / speed)
         return used, self.limits.lower - used * y.min(axis=0) + place * (room - used * reach)
+
+    def _along(self, x: Array, factor: float) -> Array:
+        """The regressor (n, r, k) along the motion."""
+        p, v, a = self.motion(x, factor)
+        return self._regressor(p, v, v, a)
+
+    def _share(self, Y: Array) -> float:
+        return float((np.abs(Y @ self.model.fundamental_parameters) / self.limits.torque).max())
 
     @cached_property
     def _order(self) -> Array:
@@ -185,7 +199,7 @@ def exciting_reference(
     harmonics: int = 5,
     share: float = 0.8,
     scale: ArrayLike | None = None,
-    limits: Limits | None = None,
+    limits: MotionLimits | None = None,
     iterations: int = 100,
     seed: int = 0,
     progress: Callable[[float], object] | None = None,
@@ -197,7 +211,8 @@ def exciting_reference(
     they are only guessed, leave them room. `scale` (k,) are the parameters' prior ranges. The search (L-BFGS)
     begins at the best of ten random references; equal seeds find equal ones.
 
-    `progress` is called with the share done. Ctrl-C keeps the best so far, marked incomplete.
+    `progress` is called with the share done. Ctrl-C keeps the best so far, marked incomplete. Raises `InputError` for
+    settings that cannot be, and where torques pass their limits even at rest.
     """
     search = _checked(model, frequency, harmonics, share, scale, limits)
     rng = np.random.default_rng(seed)
@@ -215,14 +230,14 @@ def exciting_reference(
 
 
 class _Best:
-    """The best that a search has met, and how far it is."""
+    """The best vector that a search has met, and how far the search is."""
 
-    def __init__(self, search: _Search, x: Array, most: int, progress: Callable[[float], object] | None) -> None:
+    def __init__(self, search: FourierSearch, x: Array, most: int, progress: Callable[[float], object] | None) -> None:
         self.search, self.x, self.lowest = search, x, search.cost(x)
         self.iterations, self._most, self._progress = 0, most, progress
 
     def cost(self, x: Array) -> float:
-        """The search's, remembered where it is the lowest."""
+        """The search's cost, remembered where it is the lowest."""
         value = self.search.cost(x)
         if value < self.lowest:
             self.x, self.lowest = x.copy(), value
@@ -241,8 +256,9 @@ def _checked(
     harmonics: int,
     share: float,
     scale: ArrayLike | None,
-    limits: Limits | None,
-) -> _Search:
+    limits: MotionLimits | None,
+) -> FourierSearch:
+    """The search with these settings. Raises `InputError` for those that cannot be."""
     if not (np.isfinite(frequency) and frequency > 0.0):
         raise InputError(f"frequency: expected a positive one in Hz, got {frequency}")
     if harmonics != int(harmonics) or harmonics < 1:
@@ -252,7 +268,7 @@ def _checked(
     k = len(model.columns)
     ranges = PriorRanges().of(model.names) if scale is None else np.asarray(scale, dtype=np.float64)
     ranges = frozen_array(np.broadcast_to(ranges, (k,)) if ranges.ndim == 0 else ranges, (k,), "scale")
-    return _Search(model, limits or Limits.of(model, share), frequency, harmonics, ranges)
+    return FourierSearch(model, limits or MotionLimits.of(model, share), frequency, harmonics, ranges)
 
 
 def _gram(Y: Array) -> Array:
@@ -266,4 +282,5 @@ def _gram(Y: Array) -> Array:
 
 
 def _logistic(x: Array) -> Array:
-    return 1.0 / (1.0 + np.exp(-x))
+    """1/(1 + exp(-x)) of any x, above 0 and at most 1: a search may walk however far."""
+    return 1.0 / (1.0 + np.exp(-np.clip(x, -FARTHEST, FARTHEST)))

@@ -1,10 +1,9 @@
-"""How much a motion tells of the parameters: persistent excitation, measured."""
+"""Persistent excitation, measured: how much a motion tells of the parameters."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,33 +12,19 @@ from adaptctl.arrays import Array, frozen_array
 from adaptctl.compilation import compile_function
 from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.control.adaptation import PriorRanges
-from adaptctl.control.run import Followed
+from adaptctl.control.run import SampledRun
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column
 
 DOUBLINGS = 4
 BLOCKS = 2**DOUBLINGS
-"""Into which a window is divided, and by which it moves."""
-
-
-class Run(Followed, Protocol):
-    """A run, how its reference accelerated, and how often it was sampled."""
-
-    @property
-    def reference_a(self) -> Array:
-        """The reference's accelerations (T, r)."""
-        ...
-
-    @property
-    def control_period(self) -> float:
-        """Time between samples, s."""
-        ...
+"""Number of blocks that a window is divided into; it moves by one."""
 
 
 @dataclass(frozen=True, eq=False)
 class Excitation:
-    """Of windows along a run: the extreme eigenvalues of the Gram matrix, the integral of (Y S)'(Y S) over each.
+    """Extreme eigenvalues of the Gram matrix, the integral of (Y S)'(Y S), over each of w windows along a run.
 
     Y is the law's regressor on the model's k parameters and S their prior ranges, so that a kilogram and a kilogram
     square metre can be compared; eigenvalues are in (N m)^2 s. A motion excites persistently when the smallest
@@ -71,21 +56,21 @@ class Excitation:
 
 
 def persistent_excitation(
-    model: ReducedModel, run: Run, window: float, *, bandwidth: ArrayLike = 0.0, scale: ArrayLike | None = None
+    model: ReducedModel, run: SampledRun, window: float, *, bandwidth: ArrayLike = 0.0, scale: ArrayLike | None = None
 ) -> Excitation:
-    """Measure the excitation of a run in windows of a length (s), in whole sixteenths of which they move.
+    """The excitation of a run in windows of a length (s), in whole sixteenths of which they move.
 
     The regressor is Slotine and Li's, at v_r = v_d - bandwidth e, which is that of inverse dynamics along the
     reference where the bandwidth (1/s) is zero. `scale` (k,) are ranges of the parameters, by default those of
     `PriorRanges`. Eigenvalues come from singular values of triangular factors, so that they are true to the square
-    of what those of the Gram matrix itself would be.
+    of what those of the Gram matrix itself would be. Raises `InputError` for a window that does not fit the run.
     """
     count, k = len(run.p), len(model.columns)
     samples = round(window / run.control_period) if np.isfinite(window) else 0
     if not BLOCKS <= samples <= count:
         shortest, longest = BLOCKS * run.control_period, count * run.control_period
         raise InputError(f"window: expected a time from {shortest:g} s to the run's {longest:g} s, got {window}")
-    rows = scaled_regressor(model, *_followed(run, np.asarray(bandwidth, dtype=np.float64)), scale)
+    rows = scaled_regressor(model, *_arguments(run, np.asarray(bandwidth, dtype=np.float64)), scale)
     size = samples // BLOCKS
     blocks = rows[: count // size * size].reshape(count // size, -1, k) * np.sqrt(run.control_period)
     factors = _triangular(blocks)
@@ -138,6 +123,7 @@ def regressor_of(model: ReducedModel) -> Callable[[Array, Array, Array, Array], 
     return regressor
 
 
-def _followed(run: Run, bandwidth: Array) -> tuple[Array, Array, Array, Array]:
+def _arguments(run: SampledRun, bandwidth: Array) -> tuple[Array, Array, Array, Array]:
+    """p, v, v_r = v_d - bandwidth e and a_r (T, r) along a run."""
     e, rate = run.p - run.reference_p, run.v - run.reference_v
     return run.p, run.v, run.reference_v - bandwidth * e, run.reference_a - bandwidth * rate

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import control
 
 ROUNDING = 0.02
-"""How far discretisation may carry two equal real poles into the complex plane before they count as complex."""
+"""Distance that discretisation may carry two equal real poles into the complex plane before they count as complex."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ class ErrorFeedback:
         return first, second
 
     def faster(self, factor: float) -> ErrorFeedback:
-        """Feedback with poles a factor farther out."""
+        """This feedback with poles a factor farther out."""
         first, second = (factor * pole for pole in self.poles)
         mean = 0.5 * (first + second).real  # log puts the poles of a negative pair on one side of its cut
         conjugate = abs(first.imag) > 0.0
@@ -114,12 +114,12 @@ class ErrorFeedback:
 
     @property
     def bandwidth(self) -> float:
-        """Of the continuous loop with these gains: its undamped natural frequency, 1/s."""
+        """Undamped natural frequency (1/s) of the continuous loop with these gains."""
         return math.sqrt(self.stiffness)
 
     @property
     def damping_ratio(self) -> float:
-        """1 for two equal real poles."""
+        """Damping ratio of the continuous loop: 1 for two equal real poles."""
         return self.rate / (2.0 * self.bandwidth)
 
     @property

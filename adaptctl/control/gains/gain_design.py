@@ -1,4 +1,4 @@
-"""Gains of a whole arm, and how far they can be trusted."""
+"""Gains of a whole arm, with their margins."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from adaptctl.control.gains.error_feedback import ErrorFeedback
 from adaptctl.control.gains.gains import (
     LARGEST_SAMPLED_GAIN,
     Gains,
-    per_joint,
+    positive_per_joint,
     sampled_configurations,
     sampled_gain,
     typical_inertia,
@@ -47,6 +47,48 @@ class GainDesign:
     period: float
     delay: int = 0
 
+    @classmethod
+    def from_bandwidth(
+        cls,
+        mechanism: Mechanism,
+        bandwidth: ArrayLike,
+        damping_ratio: ArrayLike = 1.0,
+        *,
+        period: float = 1e-3,
+        delay: int = 0,
+    ) -> GainDesign:
+        """Both poles of every joint at a bandwidth (1/s) with a damping ratio; one number, or one a joint."""
+        rates, ratios = (
+            positive_per_joint(values, mechanism.dof, what)
+            for values, what in ((bandwidth, "bandwidth"), (damping_ratio, "damping ratio"))
+        )
+        pairs = zip(rates.tolist(), ratios.tolist(), strict=True)
+        feedback = [ErrorFeedback.from_bandwidth(rate, ratio, period) for rate, ratio in pairs]
+        return _design(mechanism, "bandwidth", feedback, period, delay)
+
+    @classmethod
+    def from_poles(
+        cls, mechanism: Mechanism, poles: Sequence[complex], *, period: float = 1e-3, delay: int = 0
+    ) -> GainDesign:
+        """Two poles (1/s) alike at every joint, real or a conjugate pair."""
+        feedback = ErrorFeedback.from_poles(poles, period)
+        return _design(mechanism, "poles", [feedback] * mechanism.dof, period, delay)
+
+    @classmethod
+    def from_lqr(
+        cls,
+        mechanism: Mechanism,
+        position: float,
+        velocity: float = 0.0,
+        effort: float = 1.0,
+        *,
+        period: float = 1e-3,
+        delay: int = 0,
+    ) -> GainDesign:
+        """The linear-quadratic regulator at every joint, with weights of e^2, e'^2 and e''^2."""
+        feedback = ErrorFeedback.from_lqr(position, velocity, effort, period)
+        return _design(mechanism, "lqr", [feedback] * mechanism.dof, period, delay)
+
     @property
     def gains(self) -> Gains:
         """Slotine and Li's Lambda and K. Raises `InputError` where the poles are complex."""
@@ -65,12 +107,12 @@ class GainDesign:
 
     @property
     def damping_ratio(self) -> Array:
-        """Of each joint (r,)."""
+        """Damping ratios (r,) of the joints' loops."""
         return np.array([feedback.damping_ratio for feedback in self.feedback])
 
     @property
     def damping(self) -> Array:
-        """What the loops feed back of velocity, at typical inertia (r,), N m s/rad."""
+        """Velocity feedback of the loops at typical inertia (r,), N m s/rad."""
         return self.inertia * np.array([feedback.rate for feedback in self.feedback])
 
     @property
@@ -80,8 +122,8 @@ class GainDesign:
 
     @property
     def largest_sampled_gain(self) -> float:
-        """What is carried, with a margin: 1.5 without delay, less with."""
-        return carried(self.delay)
+        """The largest sampled gain allowed, with a margin to the limit: 1.5 without delay, less with."""
+        return largest_with_delay(self.delay)
 
     @property
     def highest(self) -> float:
@@ -90,9 +132,9 @@ class GainDesign:
 
     @property
     def fastest(self) -> float:
-        """By what factor all poles may be moved out, or must be moved in, for the period to carry the gains.
+        """The factor by which all poles may be moved out, or must be moved in, for the period to carry the gains.
 
-        Infinity where it carries even those of a deadbeat loop.
+        Infinite where it carries even those of a deadbeat loop.
         """
 
         def excess(logarithm: float) -> float:
@@ -105,7 +147,7 @@ class GainDesign:
         return float(np.exp(brentq(excess, slowest, quickest, xtol=1e-6)))
 
     def require_carried(self) -> GainDesign:
-        """Itself. Raises `GainError` where the period cannot carry the gains, saying the largest that it can."""
+        """This design. Raises `GainError` where the period cannot carry its gains, saying the largest that it can."""
         if not self.sampled_gain <= self.largest_sampled_gain:
             late = f" and a delay of {self.delay} periods" if self.delay else ""
             raise GainError(
@@ -117,7 +159,7 @@ class GainDesign:
         return self
 
 
-def carried(delay: int) -> float:
+def largest_with_delay(delay: int) -> float:
     """The largest T_c lambda_max(M^-1 K) that is allowed with a delay in periods: three quarters of the limit.
 
     A velocity held and fed back d periods late, z^(d+1) - z^d + g = 0, is stable for g below
@@ -127,42 +169,10 @@ def carried(delay: int) -> float:
     return 0.5 * LARGEST_SAMPLED_GAIN * limit
 
 
-def by_bandwidth(
-    mechanism: Mechanism, bandwidth: ArrayLike, damping_ratio: ArrayLike = 1.0, *, period: float = 1e-3, delay: int = 0
-) -> GainDesign:
-    """Both poles of every joint at a bandwidth (1/s) with a damping ratio; one number, or one a joint."""
-    rates, ratios = (
-        per_joint(values, mechanism.dof, what)
-        for values, what in ((bandwidth, "bandwidth"), (damping_ratio, "damping ratio"))
-    )
-    pairs = zip(rates.tolist(), ratios.tolist(), strict=True)
-    feedback = [ErrorFeedback.from_bandwidth(rate, ratio, period) for rate, ratio in pairs]
-    return _design(mechanism, "bandwidth", feedback, period, delay)
-
-
-def by_poles(mechanism: Mechanism, poles: Sequence[complex], *, period: float = 1e-3, delay: int = 0) -> GainDesign:
-    """The same two poles (1/s) at every joint, real or a conjugate pair."""
-    feedback = ErrorFeedback.from_poles(poles, period)
-    return _design(mechanism, "poles", [feedback] * mechanism.dof, period, delay)
-
-
-def by_lqr(
-    mechanism: Mechanism,
-    position: float,
-    velocity: float = 0.0,
-    effort: float = 1.0,
-    *,
-    period: float = 1e-3,
-    delay: int = 0,
-) -> GainDesign:
-    """The linear-quadratic regulator at every joint, with weights of e^2, e'^2 and e''^2."""
-    feedback = ErrorFeedback.from_lqr(position, velocity, effort, period)
-    return _design(mechanism, "lqr", [feedback] * mechanism.dof, period, delay)
-
-
 def _design(
     mechanism: Mechanism, method: str, feedback: Sequence[ErrorFeedback], period: float, delay: int
 ) -> GainDesign:
+    """The design with each joint's feedback. Raises `InputError` for a wrong delay and where an inertia is none."""
     if delay != int(delay) or delay < 0:
         raise InputError(f"delay: expected a whole number of control periods of at least 0, got {delay}")
     inertia = typical_inertia(mechanism)
@@ -175,6 +185,6 @@ def _design(
 
 
 def _once(of: Callable[[ErrorFeedback], Margins], feedback: Sequence[ErrorFeedback]) -> tuple[Margins, ...]:
-    """Of each, and of equal ones once."""
+    """Margins of each loop, found once for equal ones."""
     known = {one: of(one) for one in dict.fromkeys(feedback)}
     return tuple(known[one] for one in feedback)

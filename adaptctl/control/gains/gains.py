@@ -1,4 +1,4 @@
-"""Gains of the tracking loop, and what a sampled controller can carry."""
+"""Gains of the tracking loop, and the largest that a sampled controller can carry."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import NoReturn
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen_array
+from adaptctl.arrays import Array, frozen, per_joint
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import GainError, InputError
 
@@ -17,11 +17,13 @@ LARGEST_SAMPLED_GAIN = 1.5
 """A torque held over T_c is stable while T_c max lambda(M^-1 K) < 2; the rest is a margin."""
 
 
-def per_joint(values: ArrayLike, dof: int, what: str) -> Array:
-    """Positive numbers (r,), one for all joints or one each."""
-    array = np.broadcast_to(np.asarray(values, dtype=np.float64), (dof,)) if np.ndim(values) == 0 else values
-    array = frozen_array(array, (dof,), what)
-    if np.any(array <= 0.0):
+def positive_per_joint(values: ArrayLike, dof: int, what: str) -> Array:
+    """Positive finite numbers (r,), from one for all joints or one each: read-only.
+
+    Raises `InputError` on a wrong shape and for any other numbers.
+    """
+    array = per_joint(values, dof, what)
+    if not np.all((array > 0.0) & np.isfinite(array)):
         raise InputError(f"{what}: expected positive numbers, got {array.tolist()}")
     return array
 
@@ -50,9 +52,7 @@ def typical_inertia(mechanism: Mechanism) -> Array:
 @lru_cache(maxsize=8)
 def _mass_matrices(mechanism: Mechanism) -> Array:
     """M (samples, r, r) at the sampled configurations, kept: with loops these take seconds to reach."""
-    mass_matrices = mechanism.mass_matrix(sampled_configurations(mechanism))
-    mass_matrices.flags.writeable = False
-    return mass_matrices
+    return frozen(mechanism.mass_matrix(sampled_configurations(mechanism)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,23 +69,23 @@ class Gains:
         With the true parameters M s' + (C + K) s = 0 and e' + Lambda e = s; so Lambda is the bandwidth and K
         the typical inertia times `ratio` bandwidths. A larger ratio is stiffer against what is unknown.
         """
-        rates = per_joint(bandwidth, mechanism.dof, "bandwidth")
+        rates = positive_per_joint(bandwidth, mechanism.dof, "bandwidth")
         inertia = typical_inertia(mechanism)
         if np.any(inertia <= 0.0):
             raise InputError(f"{mechanism.name}: gains need a positive inertia at every joint, got {inertia}")
-        return cls(rates, per_joint(ratio * rates * inertia, mechanism.dof, "damping"))
+        return cls(rates, positive_per_joint(ratio * rates * inertia, mechanism.dof, "damping"))
 
 
 def sampled_gain(mechanism: Mechanism, damping: ArrayLike, period: float) -> float:
     """T_c max_q lambda_max(M(q)^-1 K): 2 is the limit of stability of a torque held over the period T_c (s)."""
-    root = np.sqrt(per_joint(damping, mechanism.dof, "damping"))
+    root = np.sqrt(positive_per_joint(damping, mechanism.dof, "damping"))
     eigenvalues = np.linalg.eigvalsh(_mass_matrices(mechanism) / (root[:, None] * root))
     smallest = float(eigenvalues.min())
     return period / smallest if smallest > 0.0 else np.inf
 
 
 def require_sampled_gain(mechanism: Mechanism, damping: ArrayLike, period: float) -> None:
-    """Refuse a damping that the control period cannot carry, saying the largest that can."""
+    """Raise `GainError` for a damping (r,) that the control period (s) cannot carry, saying the largest it can."""
     if not (np.isfinite(period) and period > 0.0):
         raise InputError(f"control period: expected a positive time in s, got {period}")
     gain = sampled_gain(mechanism, damping, period)

@@ -1,4 +1,4 @@
-"""How wrong a loop may be before it is unstable."""
+"""Stability margins of a sampled loop."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ if TYPE_CHECKING:
 
 POINTS = 1000
 LOWEST = 1e-6
-"""Of half the sampling rate: the lowest frequency looked at."""
+"""The lowest frequency looked at, over half the sampling rate."""
 
 
 @dataclass(frozen=True)
 class Margins:
-    """What a stable sampled loop tolerates, alone."""
+    """Gain, phase and delay margins of a stable sampled loop by itself."""
 
     gain: float
-    """by what factor its gain may grow (its inertia fall)"""
+    """factor by which its gain may grow (its inertia fall)"""
     gain_reduction: float
-    """to what factor its gain may fall (its inertia grow), 0 when it never matters"""
+    """factor to which its gain may fall (its inertia grow), 0 where any is stable"""
     phase: float
     """rad of lag at the crossover"""
     delay: float
@@ -65,12 +65,12 @@ def margins(loop: control.LTI) -> Margins:
 
 
 def _lag(value: complex) -> float:
-    """How much lag turns a value on the unit circle to -1, in (0, 2 pi]."""
+    """Lag (rad) that turns a value on the unit circle to -1, in (0, 2 pi]."""
     lag = math.pi + math.atan2(value.imag, value.real)
     return lag if lag > 0.0 else lag + 2.0 * math.pi
 
 
 def _crossings(function: Callable[[float], float], angles: Array, values: Array) -> list[float]:
-    """Where a function of the angle, known at some, changes its sign."""
+    """Angles at which a function, known at some, changes its sign."""
     places = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0.0)
     return [float(brentq(function, angles[k], angles[k + 1], xtol=1e-15, rtol=1e-14)) for k in places]

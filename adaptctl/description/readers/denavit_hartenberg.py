@@ -15,13 +15,11 @@ from adaptctl.description.readers.entries import MAX_ENTRIES, LinkEntry, Triple
 from adaptctl.errors import FileError, InputError
 from adaptctl.files import read_toml
 
-SCHEMA = "adaptctl/denavit-hartenberg/1"
-
 X, Z = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 
 
 class Base(msgspec.Struct, forbid_unknown_fields=True):
-    """Where the chain's first frame stands in the world: a place (m) and fixed-axis roll, pitch, yaw (rad)."""
+    """The pose of the chain's first frame in the world: a place (m) and fixed-axis roll, pitch, yaw (rad)."""
 
     xyz: Triple = (0.0, 0.0, 0.0)
     rpy: Triple = (0.0, 0.0, 0.0)

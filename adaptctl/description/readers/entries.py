@@ -38,7 +38,7 @@ class Tensor(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class FrameEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """Where a frame stands in another: a place (m) and fixed-axis roll, pitch, yaw (rad, or degrees)."""
+    """The pose of a frame in another: a place (m) and fixed-axis roll, pitch, yaw (rad, or degrees)."""
 
     position: Triple = (0.0, 0.0, 0.0)
     rpy: Triple | None = None
@@ -53,7 +53,7 @@ class FrameEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class DriveEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """What sits in a joint, as `Drive` has it; `turns_with` gives ratios by the names of other joints.
+    """A joint's drive, as `Drive` has it; `turns_with` gives ratios by the names of other joints.
 
     What is left out is not modelled; what is given, zero too, is a parameter.
     """

@@ -16,8 +16,6 @@ from adaptctl.description.readers.entries import MAX_ENTRIES, FrameEntry, LinkEn
 from adaptctl.errors import FileError, InputError, NotFoundError
 from adaptctl.files import read_toml
 
-SCHEMA = "adaptctl/mechanism/1"
-
 Entry = TypeVar("Entry")
 Part = TypeVar("Part")
 
@@ -66,7 +64,7 @@ class CouplingEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class ConditionEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """Where the mechanism may work: lower < sum of weight times primary coordinate < upper (rad or m)."""
+    """A bound on where the mechanism may work: lower < sum of weight times primary coordinate < upper (rad or m)."""
 
     name: Name
     weights: dict[Name, float]

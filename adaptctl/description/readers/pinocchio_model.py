@@ -161,7 +161,7 @@ def _limits(model: pinocchio.Model, index: int) -> Limits:
 
 
 def _drive(model: pinocchio.Model, index: int) -> Drive:
-    """What sits in the joint; Pinocchio has zeros where nothing is modelled."""
+    """The joint's drive; Pinocchio has zeros where nothing is modelled."""
     v = model.joints[index].idx_v
     own = (float(numbers[v]) or None for numbers in (model.armature, model.damping, model.friction))
     armature, damping, friction = own

@@ -1,4 +1,4 @@
-"""A mechanism from a built-in's name or from a file."""
+"""The readers of files that hold mechanisms, and the one that finds the right one; built-in robots."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable
 from difflib import get_close_matches
 from importlib.resources import as_file, files
 from pathlib import Path
-from typing import Literal
+from pkgutil import resolve_name
 
 import msgspec
 import numpy as np
@@ -15,50 +15,25 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.description.description import Description
 from adaptctl.description.inertia import pseudo_inertia
-from adaptctl.description.readers.denavit_hartenberg import SCHEMA as DENAVIT_HARTENBERG
-from adaptctl.description.readers.denavit_hartenberg import read_denavit_hartenberg
 from adaptctl.description.transforms.snapping import snapped
 from adaptctl.errors import FileError, InputError, NotFoundError, PhysicalConsistencyWarning
 from adaptctl.files import read_toml
 
-Reader = Callable[[str | Path], Description]
+Reader = Callable[..., Description]
 
-
-class _Head(msgspec.Struct):
-    """What every TOML file of a mechanism begins with."""
-
-    schema: Literal["adaptctl/denavit-hartenberg/1", "adaptctl/mechanism/1"]
-
-
-def read_toml_mechanism(path: str | Path) -> Description:
-    """The mechanism of a TOML file, read by the schema that it names. Raises FileError."""
-    if read_toml(path, _Head).schema == DENAVIT_HARTENBERG:
-        return read_denavit_hartenberg(path)
-    from adaptctl.description.readers.mechanism_file import (
-        read_mechanism_file,  # readers of other kinds when a file needs them
-    )
-
-    return read_mechanism_file(path)
-
-
-def _read_urdf(path: str | Path, *, floating_base: bool = False) -> Description:
-    from adaptctl.description.readers.urdf import read_urdf
-
-    return read_urdf(path, floating_base=floating_base)
-
-
-def _read_mjcf(path: str | Path) -> Description:
-    from adaptctl.description.readers.mjcf import read_mjcf
-
-    return read_mjcf(path)
-
-
-_READERS: dict[str, Reader] = {
-    ".toml": read_toml_mechanism,
-    ".urdf": _read_urdf,
-    ".xml": _read_mjcf,
-    ".mjcf": _read_mjcf,
+READERS = {
+    ".toml": "registry:read_toml_mechanism",
+    ".urdf": "urdf:read_urdf",
+    ".xml": "mjcf:read_mjcf",
+    ".mjcf": "mjcf:read_mjcf",
 }
+"""Suffixes of files and their readers, as `module:function` in this folder, imported when a file needs them."""
+SCHEMAS = {
+    "adaptctl/denavit-hartenberg/1": "denavit_hartenberg:read_denavit_hartenberg",
+    "adaptctl/mechanism/1": "mechanism_file:read_mechanism_file",
+}
+"""The same for TOML files, by the schema that they name."""
+
 _ROBOTS = files("adaptctl.description") / "robots"
 
 _ASSIGNED = {
@@ -74,6 +49,21 @@ def builtin_names() -> tuple[str, ...]:
     )
 
 
+class _Head(msgspec.Struct):
+    """The field that every TOML file of a mechanism has."""
+
+    schema: str
+
+
+def read_toml_mechanism(path: str | Path) -> Description:
+    """The mechanism of a TOML file, read by the schema that it names. Raises FileError."""
+    schema = read_toml(path, _Head).schema
+    if schema not in SCHEMAS:
+        known = ", ".join(map(repr, SCHEMAS))
+        raise FileError(f"{path}: Invalid schema {schema!r} - at `$.schema`; expected one of {known}")
+    return _imported(SCHEMAS[schema])(path)
+
+
 def read(source: str | Path, *, floating_base: bool = False, snap: bool = False) -> Description:
     """The mechanism of a built-in's name or of a file, which is read by its suffix.
 
@@ -82,29 +72,24 @@ def read(source: str | Path, *, floating_base: bool = False, snap: bool = False)
     Raises NotFoundError for a name that is neither, FileError for a file that cannot be used.
     Warns (PhysicalConsistencyWarning) of links that no rigid body can be.
     """
-    if floating_base:
-        description, remark = _read_floating(source), ""
-    elif isinstance(source, str) and source in builtin_names():
+    if floating_base and Path(source).suffix.lower() != ".urdf":
+        raise InputError(f"{source}: only a URDF file, which has a root link, can be given a floating base")
+    if isinstance(source, str) and source in builtin_names():
         with as_file(_ROBOTS / f"{source}.toml") as path:
-            description = read_toml_mechanism(path)
-        remark = _ASSIGNED.get(source, "")
+            description, remark = read_toml_mechanism(path), _ASSIGNED.get(source, "")
     else:
-        description, remark = _reader(source)(source), ""
+        options = {"floating_base": True} if floating_base else {}
+        description, remark = _reader(source)(source, **options), ""
     _warn_of_inconsistency(description, remark)
     return snapped(description) if snap else description
 
 
-def _read_floating(source: str | Path) -> Description:
-    if Path(source).suffix.lower() != ".urdf":
-        raise InputError(f"{source}: only a URDF file, which has a root link, can be given a floating base")
-    return _read_urdf(source, floating_base=True)
-
-
 def _reader(source: str | Path) -> Reader:
+    """The reader of a file by its suffix. Raises as `read` does where there is none."""
     path = Path(source)
-    if path.suffix.lower() in _READERS:
-        return _READERS[path.suffix.lower()]
-    suffixes = ", ".join(_READERS)
+    if path.suffix.lower() in READERS:
+        return _imported(READERS[path.suffix.lower()])
+    suffixes = ", ".join(READERS)
     if path.suffix:
         raise FileError(f"{source}: unknown kind of file {path.suffix!r}; files that are read: {suffixes}")
     if str(source) and path.exists():
@@ -115,6 +100,11 @@ def _reader(source: str | Path) -> Reader:
     raise NotFoundError(f"unknown robot {str(source)!r}{guess}; built-in: {known}; or a path to a file: {suffixes}")
 
 
+def _imported(reader: str) -> Reader:
+    found: Reader = resolve_name(f"adaptctl.description.readers.{reader}")
+    return found
+
+
 def _warn_of_inconsistency(description: Description, remark: str) -> None:
     names = [link.name for link in description.links if _is_impossible(link.inertia)]
     if names:
@@ -123,6 +113,6 @@ def _warn_of_inconsistency(description: Description, remark: str) -> None:
 
 
 def _is_impossible(ten: Array) -> bool:
-    """Whether not even a body shrunk to rods, points or nothing has these ten: real files hold such bodies."""
+    """True where not even a body shrunk to rods, points or nothing, as real files hold them, has these ten."""
     eigenvalues = np.linalg.eigvalsh(pseudo_inertia(ten))
     return bool(eigenvalues[0] < -1e-12 * eigenvalues[-1])

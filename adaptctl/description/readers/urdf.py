@@ -174,7 +174,7 @@ def _movable(
 def _shown(
     robot: Element, bodies: dict[str, Element], places: dict[str, tuple[int, Pose]], file: Path
 ) -> tuple[Visual, ...]:
-    """What every link of the file shows, on the link that carries it."""
+    """The shapes of every link of the file, on the link that carries it."""
     colors = materials(robot)
     return tuple(v.on(*places[name]) for name, body in bodies.items() for v in visuals(body, file, colors))
 
@@ -211,7 +211,7 @@ def _axis(joint: Element, where: str) -> Array:
 
 
 def _mimic(joint: Element, where: str) -> Coupling | None:
-    """How the joint follows another."""
+    """The coupling by which the joint follows another."""
     mimic = only(joint, "mimic", where)
     if mimic is None:
         return None

@@ -27,7 +27,7 @@ def materials(robot: Element) -> dict[str, Color]:
 
 
 def visuals(body: Element, file: Path, colors: Mapping[str, Color]) -> Iterator[Visual]:
-    """What a link of the file shows, in the link's frame."""
+    """The shapes of a link of the file, in the link's frame."""
     for element in body.findall("visual"):
         try:
             solid = _solid(element, file)

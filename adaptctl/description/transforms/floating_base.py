@@ -51,7 +51,7 @@ def floating(links: Sequence[Link], name: str, inertia: ArrayLike) -> tuple[Link
 
 
 def above_base(visuals: Sequence[Visual]) -> tuple[Visual, ...]:
-    """What mechanisms look like after `floating`: the body carries what stood on the ground."""
+    """The shapes of a mechanism after `floating`: the body carries what stood on the ground."""
     return tuple(replace(visual, link=visual.link + len(JOINTS)) for visual in visuals)
 
 

@@ -17,7 +17,7 @@ WITHIN = 1e-3
 
 
 def snapped(description: Description, within: float = WITHIN) -> Description:
-    """The same mechanism with every angle between successive joint axes, and between gravity and the first, that is
+    """The mechanism with every angle between successive joint axes, and between gravity and the first, that is
     within `within` (rad) of a multiple of 90 degrees made exact.
 
     Frames and axes that are nearly along their parents' are turned onto them; where they are not, the child's

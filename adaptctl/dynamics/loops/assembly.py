@@ -10,7 +10,7 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.description import GROUND, Description, Pose
 from adaptctl.description.loops import Closure, Loops
-from adaptctl.dynamics.loops.constraint import Arm, Closing, Follower, Loop, ancestry, common_ancestor
+from adaptctl.dynamics.loops.constraint import Closing, ClosureSide, Follower, Loop, ancestry, common_ancestor
 from adaptctl.dynamics.recursion.segment import Segment, placements
 from adaptctl.errors import LoopError
 from adaptctl.scalars import Column, Mat, Vec
@@ -64,12 +64,12 @@ def _loop(description: Description, closure: Closure) -> Loop:
     first, second = (GROUND if name is None else names[name] for name in (closure.first, closure.second))
     parting = common_ancestor(description.parents, first, second)
 
-    def arm(link: int, frame: Pose) -> Arm:
-        chain = ancestry(description.parents, link)
-        below = chain[chain.index(parting) + 1 :] if parting in chain else chain
-        return Arm(tuple(below), Mat.of(frame.rotation.tolist()), Vec(*frame.translation.tolist()))
+    def side(link: int, frame: Pose) -> ClosureSide:
+        above = ancestry(description.parents, link)
+        below = above[above.index(parting) + 1 :] if parting in above else above
+        return ClosureSide(tuple(below), Mat.of(frame.rotation.tolist()), Vec(*frame.translation.tolist()))
 
-    return Loop(arm(first, closure.first_frame), arm(second, closure.second_frame), closure.kind)
+    return Loop(side(first, closure.first_frame), side(second, closure.second_frame), closure.kind)
 
 
 def _element_names(loops: Loops, every: Closing) -> list[str]:

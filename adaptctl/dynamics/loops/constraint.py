@@ -15,9 +15,9 @@ _AXES = Mat.of(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
 
 
 @dataclass(frozen=True)
-class Arm:
-    """One side of a closure: the links from just below the common ancestor to the one that carries the frame,
-    and that frame's rotation and origin in it."""
+class ClosureSide:
+    """One side of a closure: the links from just below the common ancestor to the one that carries the closing
+    frame, and that frame's rotation and origin in it."""
 
     links: tuple[int, ...]
     rotation: Mat
@@ -26,10 +26,10 @@ class Arm:
 
 @dataclass(frozen=True)
 class Loop:
-    """A closure between two arms that part at a common link, or at the ground."""
+    """A closure between two sides that part at a common link, or at the ground."""
 
-    first: Arm
-    second: Arm
+    first: ClosureSide
+    second: ClosureSide
     kind: ClosureKind
 
 
@@ -43,7 +43,7 @@ class Hinge(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """An arm at a configuration: its joints, and its closing frame, all in the common link's axes."""
+    """A side at a configuration: its joints, and its closing frame, all in the common link's axes."""
 
     hinges: list[Hinge]
     rotation: Mat
@@ -56,20 +56,20 @@ def product(a: Mat, b: Mat) -> Mat:
     return Mat(*(Vec(dot(row, columns.x), dot(row, columns.y), dot(row, columns.z)) for row in (a.x, a.y, a.z)))
 
 
-def reach(places: Sequence[Placement], arm: Arm) -> Reach:
-    """Follow an arm outward from the common link."""
+def reach(places: Sequence[Placement], side: ClosureSide) -> Reach:
+    """The side, followed outward from the common link."""
     rotation, origin, hinges = _AXES, ZERO, []
-    for i in arm.links:
+    for i in side.links:
         place = places[i]
         joint = origin + rotation @ place.segment.near
         rotation = Mat(*(place.down(row) for row in (rotation.x, rotation.y, rotation.z)))
         hinges.append(Hinge(i, place.segment.turns, rotation @ place.segment.axis, joint))
         origin = joint + rotation @ place.shift
-    return Reach(hinges, product(rotation, arm.rotation), origin + rotation @ arm.origin)
+    return Reach(hinges, product(rotation, side.rotation), origin + rotation @ side.origin)
 
 
 class Constraint:
-    """A closure at a configuration. Its rows are written in the closing frame of the first arm, so that none
+    """A closure at a configuration. Its rows are written in the closing frame of the first side, so that none
     vanishes as the loop turns as a whole: position, then what the kind asks of the attitude."""
 
     def __init__(self, places: Sequence[Placement], loop: Loop) -> None:
@@ -78,7 +78,7 @@ class Constraint:
         self._seen = self.first.rotation.T
 
     def residual(self) -> list[Scalar]:
-        """What must vanish: m for positions, rad (to first order) for attitudes."""
+        """The gap between the closing frames: m for positions, rad (to first order) for attitudes; zero when closed."""
         gap = self._seen @ (self.second.origin - self.first.origin)
         turn = product(self._seen, self.second.rotation)
         attitude = {
@@ -104,7 +104,7 @@ class Constraint:
         one, other = _carried(self.first, u, w), _carried(self.second, u, w)
         turning = other.alpha - one.alpha
         if self.kind is ClosureKind.AXIS:
-            # The arms turn against each other about the axis, so its rows turn under that motion with the first.
+            # The sides turn against each other about the axis, so its rows turn under that motion with the first.
             turning = turning - 0.5 * (cross(one.omega, other.rho - one.rho) + cross(one.rho, other.omega - one.omega))
         return self._seen_rows(turning, other.acc - one.acc)
 
@@ -122,7 +122,7 @@ class Constraint:
 
 
 class Carried(NamedTuple):
-    """An arm's closing frame under two joint velocities: its angular velocities, and what they alone accelerate."""
+    """A side's closing frame under two joint velocities: its angular velocities, and what they alone accelerate."""
 
     omega: Vec
     rho: Vec
@@ -160,8 +160,8 @@ class Follower:
 
 @dataclass(frozen=True)
 class Closing:
-    """How a tree's joints hang together: loops and couplings, which of their rows are independent, which joints
-    are primary, and which depend on them."""
+    """All closures and couplings of a tree, which of their rows are independent, which joints are primary, and
+    which depend on them."""
 
     loops: tuple[Loop, ...]
     followers: tuple[Follower, ...]
@@ -171,13 +171,13 @@ class Closing:
 
     @property
     def looped(self) -> tuple[bool, ...]:
-        """Which primary joints move a closure, themselves or through joints that follow them."""
-        links = {link for loop in self.loops for arm in (loop.first, loop.second) for link in arm.links}
+        """The primary joints (r,) that move a closure, themselves or through joints that follow them."""
+        links = {link for loop in self.loops for side in (loop.first, loop.second) for link in side.links}
         links |= {c.leader for c in self.followers if c.follower in links}
         return tuple(joint in links for joint in self.primary)
 
     def residual(self, places: Sequence[Placement], q: Column) -> Column:
-        """What must vanish, independent rows only."""
+        """The loops' and couplings' gaps, independent rows only: zero at a closed configuration."""
         rows = [x for loop in self.loops for x in Constraint(places, loop).residual()]
         rows += [q[c.follower] - c.ratio * q[c.leader] - c.offset for c in self.followers]
         return Column(rows[i] for i in self.rows)

@@ -57,11 +57,11 @@ class Continuation:
         return q.reshape(*samples, q.shape[-1])
 
     def reachable(self, p: Array) -> NDArray[np.bool_]:
-        """Which of the primary positions (m, r) can be reached so (m,), without raising."""
+        """True (m,) for the primary positions (m, r) that `follow` reaches; never raises."""
         return self.progress(p) >= 1.0
 
     def progress(self, p: Array, least: float = NEAREST) -> Array:
-        """How much (m,) of the straight way from the reference to primary positions p (m, r) can be gone before
+        """The share (m,) of the straight way from the reference to primary positions p (m, r) can be gone before
         the regularity falls below `least`: 1 for all of it."""
         q = np.tile(self.reference, (len(p), 1))
         fine, gone = np.ones(len(p), dtype=bool), np.zeros(len(p))
@@ -75,7 +75,7 @@ class Continuation:
         return gone
 
     def regularity(self, q: Array) -> Array:
-        """How far from locking (...): the dependent block's smallest singular value over the reference's, 0 on
+        """The distance from locking (...): the dependent block's smallest singular value over the reference's, 0 on
         the other side of a singularity and where the loops could not be closed.
 
         Near a fold it goes as the square root of the distance to it, so 0.05 is near.
@@ -116,7 +116,7 @@ class Continuation:
             )
 
     def _steps(self, way: Array) -> NDArray[np.int64]:
-        """How many steps ways (m, r) need. A joint that moves no closure needs none, and couplings are linear."""
+        """Number of steps that ways (m, r) need. A joint that moves no closure needs none, and couplings are linear."""
         longest = np.abs(way[:, list(self.equations.closing.looped)]).max(axis=1, initial=0.0)
         return np.maximum(np.ceil(longest / LARGEST_STEP).astype(np.int64), 1)
 

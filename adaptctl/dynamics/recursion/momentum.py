@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple
 
-from adaptctl.dynamics.constrained_equations import RelatedEquations
-from adaptctl.dynamics.loop_equations import LoopEquations
-from adaptctl.dynamics.tree_equations import TreeEquations
+from adaptctl.dynamics.equations import Equations
 from adaptctl.errors import InputError
-from adaptctl.scalars import ZERO, Column, Dual
+from adaptctl.scalars import Column, Dual
 
 
 class MomentumTerms(NamedTuple):
@@ -22,38 +19,21 @@ class MomentumTerms(NamedTuple):
     """C' v - g - friction = forces D, N m"""
 
 
-def momentum_terms(
-    equations: TreeEquations | LoopEquations | RelatedEquations, q: Column, v: Column, columns: Sequence[int]
-) -> MomentumTerms:
+def momentum_terms(equations: Equations, q: Column, v: Column, columns: Sequence[int]) -> MomentumTerms:
     """The momenta's regressor and what changes them besides the torque, at configuration q (n,), velocities v (r,).
 
     C'v = M' v - C v for the Christoffel C (M' = C + C'), and dual numbers along the motion give M' v. Raises
     `InputError` for equations with known parameters other than zero: the regressors would leave out their share.
     """
-    if isinstance(equations, RelatedEquations) and any(equations.known):
+    if equations.has_known_share:
         raise InputError("learning from filtered torques needs relations without known values other than zero")
     still = Column.zeros(equations.dof)
     moving = Column(map(Dual, q, equations.rates(q, v)))
-    rows = weightless(equations).torque_regressor(moving, still, still, v, columns)
+    rows = equations.weightless().torque_regressor(moving, still, still, v, columns)
     momentum = [Column(_value(x) for x in row) for row in rows]
     change = [Column(_slope(x) for x in row) for row in rows]
     bias = equations.torque_regressor(q, v, v, still, columns)
     return MomentumTerms(momentum, [c - b for c, b in zip(change, bias, strict=True)])
-
-
-def weightless(
-    equations: TreeEquations | LoopEquations | RelatedEquations,
-) -> TreeEquations | LoopEquations | RelatedEquations:
-    """The same equations without gravity."""
-    if isinstance(equations, RelatedEquations):
-        return replace(equations, whole=_weightless(equations.whole))
-    return _weightless(equations)
-
-
-def _weightless(equations: TreeEquations | LoopEquations) -> TreeEquations | LoopEquations:
-    if isinstance(equations, LoopEquations):
-        return replace(equations, tree=replace(equations.tree, gravity=ZERO))
-    return replace(equations, gravity=ZERO)
 
 
 def _value(x: Any) -> Any:

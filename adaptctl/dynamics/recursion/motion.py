@@ -64,7 +64,7 @@ STILL = Products(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def products(w: Vec, r: Vec) -> Products:
-    """Of a link's two angular velocities, which may be one."""
+    """The products of a link's two angular velocities, which may be one."""
     if w is r:
         return Products(w.x * w.x, w.x * w.y, w.y * w.y, w.x * w.z, w.y * w.z, w.z * w.z)
     h = 0.5 * w
@@ -72,8 +72,8 @@ def products(w: Vec, r: Vec) -> Products:
     return Products(w.x * r.x, mixed[0], w.y * r.y, mixed[1], mixed[2], w.z * r.z)
 
 
-class Motion:
-    """How a link moves under two velocities: its point u accelerates by acc (less gravity) + lever u.
+class LinkMotion:
+    """A link's motion under two velocities: its point u accelerates by acc (less gravity) + lever u.
 
     `products` are those of its two angular velocities, `alpha` is its angular acceleration.
     """
@@ -90,7 +90,7 @@ class Motion:
         return (*self.products, *self.alpha, *self.acc)
 
     @classmethod
-    def of(cls, numbers: Sequence[Scalar]) -> Motion:
+    def of(cls, numbers: Sequence[Scalar]) -> LinkMotion:
         """The motion that has these twelve numbers."""
         return cls(Products(*numbers[:6]), Vec(*numbers[6:9]), Vec(*numbers[9:]))
 
@@ -104,7 +104,7 @@ def lever(p: Products, a: Vec) -> Mat:
     )
 
 
-def motions(places: Sequence[Placement], v: Column, v_r: Column, a_r: Column, gravity: Vec) -> list[Motion]:
+def motions(places: Sequence[Placement], v: Column, v_r: Column, a_r: Column, gravity: Vec) -> list[LinkMotion]:
     """Newton-Euler's forward recursion, polarised in its two velocities.
 
     With v_r = v it is the ordinary recursion; otherwise it leads to C(p, v) v_r with the Christoffel C that
@@ -112,7 +112,7 @@ def motions(places: Sequence[Placement], v: Column, v_r: Column, a_r: Column, gr
     """
     w = angular_velocities(places, v)
     r = w if v is v_r else angular_velocities(places, v_r)
-    ground, out = Motion(STILL, ZERO, -gravity), list[Motion]()
+    ground, out = LinkMotion(STILL, ZERO, -gravity), list[LinkMotion]()
     for i, place in enumerate(places):
         segment, z = place.segment, place.segment.axis
         base = out[segment.parent] if segment.parent != GROUND else ground
@@ -122,7 +122,7 @@ def motions(places: Sequence[Placement], v: Column, v_r: Column, a_r: Column, gr
             alpha = alpha + a_r[i] * z + spin
         else:
             acc = acc + a_r[i] * z + 2.0 * spin
-        link = Motion(products(w[i], r[i]), alpha, acc)
+        link = LinkMotion(products(w[i], r[i]), alpha, acc)
         link.acc = link.acc + link.lever @ place.shift
         out.append(link)
     return out

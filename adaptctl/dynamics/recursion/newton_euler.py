@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from adaptctl.dynamics.recursion.motion import GROUND, Motion, Twist, carried, moved, twists
+from adaptctl.dynamics.recursion.motion import GROUND, LinkMotion, Twist, carried, moved, twists
 from adaptctl.dynamics.recursion.segment import Placement
 from adaptctl.dynamics.recursion.wrench import Wrench, power, wrench
 from adaptctl.scalars import Column, Scalar, cross, dot
 
 
-def joint_torques(places: Sequence[Placement], moving: Sequence[Motion], parameters: Column) -> Column:
+def joint_torques(places: Sequence[Placement], moving: Sequence[LinkMotion], parameters: Column) -> Column:
     """The backward recursion: what every joint must exert for its links to move so."""
     loads = [wrench(motion, parameters.of[10 * i : 10 * i + 10]) for i, motion in enumerate(moving)]
     torques: list[Scalar] = [0.0] * len(places)
@@ -23,7 +23,7 @@ def joint_torques(places: Sequence[Placement], moving: Sequence[Motion], paramet
 
 
 def joint_power(place: Placement, load: Wrench) -> Scalar:
-    """What a link's wrench asks of its joint: the power of a unit joint rate."""
+    """The joint torque that balances a link's wrench: its power at a unit joint rate."""
     z = place.segment.axis
     if not place.segment.turns:
         return dot(load.force, z)
@@ -31,13 +31,13 @@ def joint_power(place: Placement, load: Wrench) -> Scalar:
 
 
 def lifted(place: Placement, load: Wrench) -> Wrench:
-    """The same wrench about the parent's origin, in the parent's frame."""
+    """The wrench about the parent's origin, in the parent's frame."""
     force = place.up(load.force)
     moment = place.up(load.moment + cross(place.shift, load.force))
     return Wrench(force, moment + cross(place.segment.near, force))
 
 
-def torque_regressor(places: Sequence[Placement], moving: Sequence[Motion], columns: Sequence[int]) -> list[Column]:
+def torque_regressor(places: Sequence[Placement], moving: Sequence[LinkMotion], columns: Sequence[int]) -> list[Column]:
     """Rows of Y, one a joint, with the asked columns only: Y D = M a_r + C(q, v) v_r + g."""
     kept = kept_by_link(columns, len(places))
     rows: list[dict[int, Scalar]] = [{} for _ in places]
@@ -64,7 +64,7 @@ def kept_by_link(columns: Sequence[int], links: int) -> list[list[int]]:
     return kept
 
 
-def powers(places: Sequence[Placement], moving: Sequence[Motion], s: Column, columns: Sequence[int]) -> Column:
+def powers(places: Sequence[Placement], moving: Sequence[LinkMotion], s: Column, columns: Sequence[int]) -> Column:
     """Y' s: the power of each asked parameter's wrench under joint rates s, in O(N), without forming Y."""
     kept = kept_by_link(columns, len(places))
     sliding = zip(moving, twists(places, s), kept, strict=True)

@@ -48,15 +48,15 @@ class Segment:
 
     @property
     def coordinates(self) -> int:
-        """How many numbers place the link."""
+        """Number of coordinates that place the link: cosine and sine of an angle, or a length."""
         return 2 if self.turns else 1
 
     def at(self, q: Scalar) -> Placement:
-        """Where the link is in its parent when its joint stands at q."""
+        """The link's placement in its parent when its joint stands at q."""
         return self.placed((cos(q), sin(q)) if self.turns else (q,))
 
     def placed(self, coordinates: Sequence[Scalar]) -> Placement:
-        """The same from the cosine and sine of q, or from q itself where the joint does not turn."""
+        """The placement from the cosine and sine of q, or from q itself where the joint does not turn."""
         if self.turns:
             return Placement(self, coordinates, about(self.joint_axis, *coordinates), self.far)
         return Placement(self, coordinates, None, self.far + coordinates[0] * self.axis)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from adaptctl.dynamics.recursion.motion import Motion, Twist
+from adaptctl.dynamics.recursion.motion import LinkMotion, Twist
 from adaptctl.scalars import Scalar, Vec, cross, dot
 
 
@@ -20,8 +20,8 @@ class Wrench:
         return Wrench(self.force + other.force, self.moment + other.moment)
 
 
-def wrench(motion: Motion, ten: Sequence[Scalar]) -> Wrench:
-    """What the link's motion takes: f = m acc + lever mc, n = mc x acc + the moment of its inertia."""
+def wrench(motion: LinkMotion, ten: Sequence[Scalar]) -> Wrench:
+    """The wrench that moves the link: f = m acc + lever mc, n = mc x acc + the moment of its inertia."""
     m, mc = ten[0], Vec(ten[1], ten[2], ten[3])
     force = m * motion.acc + motion.lever @ mc
     moment = cross(mc, motion.acc)
@@ -30,7 +30,7 @@ def wrench(motion: Motion, ten: Sequence[Scalar]) -> Wrench:
     return Wrench(force, moment)
 
 
-def inertia_moments(motion: Motion) -> tuple[Vec, ...]:
+def inertia_moments(motion: LinkMotion) -> tuple[Vec, ...]:
     """The moments of unit I_xx, I_xy, I_yy, I_xz, I_yz, I_zz: I alpha + (w x I r + r x I w) / 2."""
     a, b, p = motion.alpha, motion.lever, motion.products
     return (
@@ -43,7 +43,7 @@ def inertia_moments(motion: Motion) -> tuple[Vec, ...]:
     )
 
 
-def power(motion: Motion, twist: Twist, keep: Sequence[int]) -> list[Scalar]:
+def power(motion: LinkMotion, twist: Twist, keep: Sequence[int]) -> list[Scalar]:
     """The power of a twist against the wrench of each kept unit parameter: one entry of a regressor each."""
     moments = inertia_moments(motion) if any(k >= 4 for k in keep) else ()
     levered = motion.lever.T @ twist.v + cross(motion.acc, twist.w) if any(1 <= k <= 3 for k in keep) else None

@@ -1,4 +1,4 @@
-"""A tree as 4x4 matrices: where every joint stands on the link before, and the twist that it moves with."""
+"""Joint frames of a tree as 4x4 matrices: each joint's pose in its parent joint's frame, and its twist."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def twist_entries(matrices: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class JointFrames:
-    """The N joints of a tree, lengths in units of `length` (m), L.
+    """The frames of the N joints of a tree, with lengths in units of `length` L (m).
 
     Every joint has a frame that moves with its link, in which its own twist is constant.
     """
@@ -38,22 +38,22 @@ class JointFrames:
     length: float
     parents: tuple[int, ...]
     near: Array
-    """(N, 4, 4): joint frames in the joint frames before them, at zero; on the ground, in the world"""
+    """Poses (N, 4, 4) of joint frames in their parents' joint frames, at zero; in the world for those on the ground."""
     far: Array
-    """(N, 4, 4): link frames in their joint frames"""
+    """Poses (N, 4, 4) of link frames in their joints' frames."""
     twists: Array
-    """(N, 6): S, by which a joint's frame moves per unit of its coordinate"""
+    """Twists S (N, 6) of the joints' frames per unit of their coordinates."""
     gravity: Array
-    """(3,): its direction, zero where there is none"""
+    """Direction (3,) of gravity; zero where there is none."""
 
     @property
     def rotor_scales(self) -> Array:
-        """(N,): rotor inertias over these go with lengths over L: kg m^2 where a joint turns, kg where it slides."""
+        """Scales (N,) of rotor inertias that go with lengths over L: L^2 where a joint turns, 1 where it slides."""
         return np.where(self.twists[:, :3].any(axis=1), self.length**2, 1.0)
 
     @classmethod
     def of(cls, mechanism: Mechanism) -> JointFrames:
-        """The joints of a mechanism's tree."""
+        """The joint frames of a mechanism's tree."""
         links, length = mechanism.links, characteristic_length(mechanism)
         on_parent = _matrices([(k.near.rotation, k.near.translation) for k in links], length)
         far = _matrices([(k.far.rotation, k.far.translation) for k in links], length)

@@ -1,4 +1,4 @@
-"""The null space of a tree as inertial transfers, and bases of it where they are asked for."""
+"""The null space of a tree's energies from its geometry, as inertial transfers, with bases where they are asked for."""
 
 from __future__ import annotations
 
@@ -10,30 +10,31 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
+from adaptctl.identifiability.energy_matrix import energetic_names
 from adaptctl.identifiability.regrouping import Regrouping, by_null_vectors
-from adaptctl.identifiability.sampled_regressors import energetic_names
-from adaptctl.identifiability.scaling import length_scales
+from adaptctl.identifiability.scaled_rank import length_scales
 from adaptctl.identifiability.selection import TOLERANCE, require_tolerance
 from adaptctl.identifiability.tree.regrouping import tree_regrouping
 from adaptctl.identifiability.tree.unobservable_inertia import InertialTransfers, inertial_transfers
 
 
 @dataclass(frozen=True, eq=False)
-class TransferredNullSpace:
-    """The parameters of a tree that change no energy, found joint by joint."""
+class TreeNullSpace:
+    """The null space of a tree's energies, found joint by joint in time linear in the number of links."""
 
     transfers: InertialTransfers
     scales: Array
-    """(P,): 1, L, L^2 for kg, kg m and kg m^2"""
+    """Scales (P,) 1, L, L^2 of parameters in kg, kg m and kg m^2."""
     rank: int
+    """The number of independent parameters k."""
 
     @classmethod
-    def of(cls, mechanism: Mechanism) -> TransferredNullSpace:
-        """From a tree's geometry and the direction of gravity."""
+    def of(cls, mechanism: Mechanism) -> TreeNullSpace:
+        """The null space of a tree, from its geometry and the direction of gravity; nothing is sampled."""
         found = inertial_transfers(mechanism)
         scales = length_scales(energetic_names(mechanism), found.frames.length)
-        for owned, rotor in zip(found.owned, found.frames.rotor_scales, strict=True):
-            scales[owned.parameters[owned.bodies[10] != 0.0]] = rotor
+        for own, rotor in zip(found.own, found.frames.rotor_scales, strict=True):
+            scales[own.indices[own.bodies[10] != 0.0]] = rotor
         return cls(found, scales, len(scales) - found.nullity)
 
     @cached_property
@@ -46,10 +47,11 @@ class TransferredNullSpace:
         return np.linalg.qr(vectors)[0]
 
     def regrouping(self, order: Sequence[int], tolerance: float) -> Regrouping:
-        """Parameters removed in an order, regrouped from the leaves to the root.
+        """The regrouping that removes parameters in an order (P,), made from the leaves to the root.
 
-        Where joints are close to special places, what nearly depends on each other may be taken for independent at a
-        link, and is not when all null vectors are looked at together; that takes longer.
+        Near special positions of joints, parameters that nearly depend on each other may count as independent at one
+        link. If the result is then ill-conditioned, all null vectors are looked at together, which takes longer.
+        Raises `InputError` for a tolerance that is not between 0 and 1/sqrt(P).
         """
         require_tolerance(tolerance, len(self.scales))
         found = tree_regrouping(self.transfers, order, tolerance)

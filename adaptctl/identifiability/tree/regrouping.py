@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -12,112 +11,108 @@ from numpy.typing import NDArray
 from adaptctl.arrays import Array
 from adaptctl.description import GROUND
 from adaptctl.identifiability.regrouping import Regrouping
-from adaptctl.identifiability.tree.unobservable_inertia import NEGLIGIBLE, InertialTransfers, Owned
+from adaptctl.identifiability.selection import independent_columns
+from adaptctl.identifiability.tree.unobservable_inertia import NEGLIGIBLE, InertialTransfers, LinkParameters
 
 Indices = NDArray[np.int64]
 
 FEW = 6
-"""Others that go to the link before as they are; of more, envoys go."""
+"""Up to six dependent parameters are passed to the parent unchanged; more are first reduced to independent
+representatives."""
 
 
-class _Parting(NamedTuple):
-    """What became of the parameters that met at a link."""
+class _LinkSelection(NamedTuple):
+    """The parameters that met at a link: kept there, or dependent on those."""
 
     kept: Indices
-    others: Indices
-    shares: Array
-    """(kept, others): what the kept ones say of the others"""
-    envoys: Indices
-    """those of the others that go to the link before"""
-    followers: Indices
-    """the rest of the others"""
+    dependent: Indices
+    coefficients: Array
+    """Coefficients (kept, dependent) of the dependent parameters' observable parts on the kept ones."""
+    representatives: Indices
+    """Dependent parameters whose remainders are passed to the parent."""
+    represented: Indices
+    """The other dependent parameters."""
     weights: Array
-    """(envoys, followers): what followers say beyond the kept ones, as envoys do"""
+    """Weights (representatives, represented) of the represented remainders on those of the representatives."""
 
 
 def tree_regrouping(transfers: InertialTransfers, order: Sequence[int], tolerance: float) -> Regrouping:
-    """Remove parameters in an order, the first first; what stays is the same as by looking at all at once.
+    """The regrouping that removes parameters in an order (P,), the same as by all null vectors at once.
 
-    At each link, from the leaves, its parameters and those that come from the links above are bodies, d. Its joint
-    feels only F d, so as many are kept as F d has independent columns, the last in the order before the others. Of
-    each of the others the kept ones say all that the joint feels, F d = (F d_kept) c, and what is left of it,
-    d - d_kept c, goes to the link before. Only few of these are independent; the last ones in the order go as
-    envoys of all. What reaches the ground is felt by nobody.
+    At each link, from the leaves, the link's own parameters and those passed from its children are bodies d. The
+    joint's observable functionals F see only F d, so as many parameters are kept as F d has independent columns, the
+    last in the order first. Each dependent one has F d = (F d_kept) c, and its remainder d - d_kept c, which is
+    unobservable at the joint, is passed to the parent. Only few remainders are independent: the last ones in the order
+    represent all. What reaches the ground changes no energy.
 
     What a subtree keeps is kept for good: a parameter stays when the null vectors' rows of those before it determine
     its own (Sheu and Walker 1991, theorem 4.1), and rows that do so within a subtree do so among all. In the same way
-    none that is not an envoy will ever be kept.
+    no represented parameter will ever be kept.
     """
     importance = np.empty(len(order))
     importance[list(order)] = np.arange(len(order))
-    partings: list[_Parting] = []
-    pools = [[owned] for owned in transfers.owned]
+    selections: list[_LinkSelection] = []
+    pools = [[own] for own in transfers.own]
     for i in reversed(range(len(pools))):
-        pool = Owned(np.concatenate([p for p, _ in pools[i]]), np.hstack([d for _, d in pools[i]]))
-        parting, left = _parted(pool, transfers.felt[i], transfers.unfelt[i], importance, tolerance)
-        partings.append(parting)
+        pool = LinkParameters(np.concatenate([p for p, _ in pools[i]]), np.hstack([d for _, d in pools[i]]))
+        observable, unobservable = transfers.observable[i], transfers.unobservable[i]
+        selection, remainders = _selected(pool, observable, unobservable, importance, tolerance)
+        selections.append(selection)
         if transfers.parents[i] != GROUND:
-            pools[transfers.parents[i]].append(Owned(parting.envoys, transfers.given(i, left)))
-    return _collected(partings, len(order))
+            passed = LinkParameters(selection.representatives, transfers.passed_to_parent(i, remainders))
+            pools[transfers.parents[i]].append(passed)
+    return _collected(selections, len(order))
 
 
-def _parted(pool: Owned, felt: Array, unfelt: Array, importance: Array, tolerance: float) -> tuple[_Parting, Array]:
-    """Who stays, who goes, and the bodies (11, n) that the envoys take along."""
-    names, bodies = pool
-    stay, go, shares = _chosen(felt @ bodies, importance[names], tolerance)
-    left = bodies[:, go] - bodies[:, stay] @ shares
-    others = names[go]
-    if len(go) <= FEW:
-        return _Parting(names[stay], others, shares, others, others[:0], np.zeros((len(go), 0))), left
-    lead, follow, weights = _chosen(unfelt @ left, importance[others], tolerance)
-    return _Parting(names[stay], others, shares, others[lead], others[follow], weights), left[:, lead]
+def _selected(
+    pool: LinkParameters, observable: Array, unobservable: Array, importance: Array, tolerance: float
+) -> tuple[_LinkSelection, Array]:
+    """The selection at a link, and the remainders (11, n) of its representatives."""
+    indices, bodies = pool
+    kept, others, coefficients = _chosen(observable @ bodies, importance[indices], tolerance)
+    remainders = bodies[:, others] - bodies[:, kept] @ coefficients
+    dependent = indices[others]
+    if len(others) <= FEW:
+        none, no_weights = dependent[:0], np.zeros((len(others), 0))
+        return _LinkSelection(indices[kept], dependent, coefficients, dependent, none, no_weights), remainders
+    lead, rest, weights = _chosen(unobservable @ remainders, importance[dependent], tolerance)
+    selection = _LinkSelection(indices[kept], dependent, coefficients, dependent[lead], dependent[rest], weights)
+    return selection, remainders[:, lead]
 
 
 def _chosen(columns: Array, importance: Array, tolerance: float) -> tuple[Indices, Indices, Array]:
-    """The most important columns (r, n) that are independent, the others, and c in others = chosen @ c.
-
-    A column is taken when more than `tolerance` of it is left beside those taken before, as long as there are such.
-    """
+    """The most important independent columns of (r, n), the others, and c (chosen, others) in others = chosen @ c."""
     order = np.argsort(-importance)
     columns = columns[:, order]
-    left, taken, directions = columns, list[int](), list[Array]()
-    for _ in range(min(columns.shape)):
-        sizes = np.einsum("ij,ij->j", left, left)
-        best = int((sizes > tolerance**2).argmax())
-        if not sizes[best] > tolerance**2:
-            best = int(sizes.argmax())
-            if sizes[best] <= NEGLIGIBLE**2:
-                break
-        direction = left[:, best] / math.sqrt(sizes[best])
-        left = left - direction[:, None] * (direction @ left)
-        taken.append(best)
-        directions.append(direction)
+    taken, directions = independent_columns(columns, tolerance, NEGLIGIBLE)
     rest = np.ones(len(order), dtype=bool)
     rest[taken] = False
-    seen = np.array(directions).reshape(len(taken), len(columns)) @ columns
+    seen = directions @ columns
     return order[taken], order[rest], np.asarray(np.linalg.solve(seen[:, taken], seen[:, rest]), dtype=np.float64)
 
 
-def _collected(partings: Sequence[_Parting], parameters: int) -> Regrouping:
-    """The regrouping from what happened at each link, leaves first, unrolled from the root.
+def _collected(selections: Sequence[_LinkSelection], parameters: int) -> Regrouping:
+    """The regrouping from the selections at all links, leaves first, substituted from the root to the leaves.
 
-    A row is for one that is kept, in the order of keeping, and begins with what it says at its own link. One that is
-    kept farther on was said in part at the links that it passed: it means the rest of itself, so the rows of those
-    who said it lose as much of its row, which is complete by then. Followers say what their envoys say farther on.
+    Kept parameters have a row each, in the order of keeping, which begins with the coefficients at their own links. A
+    parameter that is kept nearer to the root stands for its remainder alone: its row, complete by then, is subtracted
+    from the rows of those that its observable parts depended on. A represented parameter's coefficients nearer to the
+    root are those of its representatives, weighted.
     """
-    order = np.concatenate([parting.kept for parting in partings])
+    order = np.concatenate([selection.kept for selection in selections])
     row = np.full(parameters, -1)
     row[order] = np.arange(len(order))
-    said = np.zeros((len(order), parameters))
-    said[np.arange(len(order)), order] = 1.0
+    coefficients = np.zeros((len(order), parameters))
+    coefficients[np.arange(len(order)), order] = 1.0
     end = len(order)
-    for parting in reversed(partings):
-        begin = end - len(parting.kept)
-        said[begin:end, parting.others] = parting.shares
-        said[end:, parting.followers] = said[end:, parting.envoys] @ parting.weights
-        later = parting.envoys[row[parting.envoys] >= 0]
-        said[begin:end] -= said[begin:end, later] @ said[row[later]]
+    for selection in reversed(selections):
+        begin = end - len(selection.kept)
+        coefficients[begin:end, selection.dependent] = selection.coefficients
+        coefficients[end:, selection.represented] = coefficients[end:, selection.representatives] @ selection.weights
+        later = selection.representatives[row[selection.representatives] >= 0]
+        coefficients[begin:end] -= coefficients[begin:end, later] @ coefficients[row[later]]
         end = begin
     removed = np.flatnonzero(row < 0)
     rising = np.argsort(order)
-    return Regrouping(tuple(order[rising].tolist()), tuple(removed.tolist()), said[np.ix_(rising, removed)], len(order))
+    matrix = coefficients[np.ix_(rising, removed)]
+    return Regrouping(tuple(order[rising].tolist()), tuple(removed.tolist()), matrix, len(order))

@@ -1,4 +1,4 @@
-"""Energies at random states, held against what the geometry of a tree says that its joints feel."""
+"""Verification of inertial transfers: every joint's rank by geometry against sampled energies."""
 
 from __future__ import annotations
 
@@ -12,57 +12,56 @@ from adaptctl.description.inertia import parameter_names
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.recursion import energy
 from adaptctl.dynamics.tree_equations import TreeEquations
-from adaptctl.identifiability.numerical_rank import FLOOR
 from adaptctl.identifiability.sampling import States
-from adaptctl.identifiability.scaling import SMALLEST_NORM, length_scales
-from adaptctl.identifiability.tree.inertia_functionals import transfers
-from adaptctl.identifiability.tree.unobservable_inertia import FELT, InertialTransfers
+from adaptctl.identifiability.scaled_rank import FLOOR, SMALLEST_NORM, length_scales
+from adaptctl.identifiability.tree.pseudo_inertia import frame_changes
+from adaptctl.identifiability.tree.unobservable_inertia import BODY, InertialTransfers
 from adaptctl.scalars import column
 
 
 @dataclass(frozen=True, eq=False)
 class TransferEvidence:
-    """What energies say of all joints; the worst of them in `gap`, `smallest` and `residual`."""
+    """Ranks of energy changes compared with those by geometry; gap, smallest value and residual of the worst joint."""
 
     surplus: int
-    """the joints' ranks by energies, less those by geometry, summed"""
+    """Sum over the joints of ranks by energies, less those by geometry."""
     gap: float
-    """sigma_k/sigma_k+1 at the rank k by geometry"""
+    """Smallest sigma_k/sigma_k+1 at the rank k by geometry."""
     smallest: float
-    """sigma_k/sigma_1"""
+    """Smallest sigma_k/sigma_1."""
     residual: float
-    """the largest change of energy by a body that its joint does not feel, over the largest by one of its size"""
+    """Largest energy change by an unobservable body, over the largest that a body of its size could make."""
     weakest: Array
-    """(11,): singular values of the joint with the smallest gap"""
+    """Singular values (11,) of the joint with the smallest gap."""
 
 
 def energy_changes(mechanism: Mechanism, found: InertialTransfers, states: States) -> Array:
-    """How energies change (N, samples, 11) as bodies are taken from each link and given to the one before.
+    """Energy changes (N, samples, 11) as bodies are taken from each link and given to its parent, lengths in units L.
 
-    The bodies are tens in the joint's frame at zero; the eleventh is its rotor, zero where it has none. A joint does
-    not feel a body exactly when nothing changes in any state.
+    The bodies are tens in the joint's frame at zero; the eleventh is its rotor, zero where it has none. A body is
+    unobservable at a joint exactly when the energy changes in no state.
     """
-    energies = _energies(mechanism, found.frames.length, states) @ transfers(
+    energies = _energies(mechanism, found.frames.length, states) @ frame_changes(
         np.asarray(np.linalg.inv(found.frames.far), dtype=np.float64)
     )
     before = np.zeros((len(energies) + 1, *energies.shape[1:]))
     before[:-1] = energies
     before[GROUND, :, 1:4] = -mechanism.description.gravity * found.frames.length
-    out = np.zeros((*energies.shape[:2], FELT))
+    out = np.zeros((*energies.shape[:2], BODY))
     out[..., :10] = energies - before[list(found.parents)] @ found.to_parent
-    rotors = np.array([owned.bodies[10].any() for owned in found.owned]) * found.frames.rotor_scales
+    rotors = np.array([own.bodies[10].any() for own in found.own]) * found.frames.rotor_scales
     out[..., 10] = 0.5 * rotors[:, None] * states.v.T**2
     return out
 
 
 def transfer_evidence(found: InertialTransfers, changes: Array) -> TransferEvidence:
-    """Every joint's rank by energy changes (N, samples, 11), columns scaled as those of the whole mechanism are."""
+    """The evidence of energy changes (N, samples, 11), each joint's columns scaled as a whole mechanism's are."""
     norms = np.linalg.norm(changes, axis=1, keepdims=True)
     scales = 1.0 / np.maximum(norms, SMALLEST_NORM * norms.max(axis=2, keepdims=True))
     values = np.linalg.svd(changes * scales, compute_uv=False)
     relative = np.maximum(values / values[:, :1], FLOOR)
     ratios = relative[:, :-1] / relative[:, 1:]
-    ranks = np.array([len(felt) for felt in found.felt])
+    ranks = np.array([len(functionals) for functionals in found.observable])
     last = np.arange(len(ranks)), ranks - 1
     return TransferEvidence(
         surplus=int((ratios.argmax(axis=1) + 1 - ranks).sum()),
@@ -74,7 +73,7 @@ def transfer_evidence(found: InertialTransfers, changes: Array) -> TransferEvide
 
 
 def _energies(mechanism: Mechanism, length: float, states: States) -> Array:
-    """(N, samples, 10): energies of the ten of every link, massless ones too, with lengths in units of `length`."""
+    """Energies (N, samples, 10) of the ten of every link, massless ones too, with lengths in units of `length`."""
     tree, places, rates = TreeEquations.of(mechanism.description), column(states.p), column(states.v)
     row = energy.energy_regressor(tree.links, places, rates, tree.gravity)
     energies = stacked(row.of, (len(states),)).reshape(len(states), -1, 10)
@@ -82,8 +81,9 @@ def _energies(mechanism: Mechanism, length: float, states: States) -> Array:
 
 
 def _residual(found: InertialTransfers, changes: Array) -> float:
-    """Of the joint where it is worst."""
-    bodies = np.stack([np.vstack([0.0 * felt, unfelt]) for felt, unfelt in zip(found.felt, found.unfelt, strict=True)])
+    """Largest relative energy change by an unobservable body, over all joints."""
+    pairs = zip(found.observable, found.unobservable, strict=True)
+    bodies = np.stack([np.vstack([0.0 * functionals, bodies]) for functionals, bodies in pairs])
     sizes = np.abs(changes).max(axis=(1, 2))[:, None] * np.abs(bodies).max(axis=2)
     largest = np.abs(changes @ bodies.mT).max(axis=1)
     return float(np.divide(largest, sizes, out=np.zeros_like(sizes), where=sizes > 0.0).max())

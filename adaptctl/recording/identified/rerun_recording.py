@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -14,19 +14,27 @@ from adaptctl.recording.identified.report import components, consistency, verdic
 from adaptctl.recording.palette import GOAL, joint_color, run_color
 from adaptctl.recording.scene import WORLD, entity, log_arm, log_base, log_trail, solid_look
 from adaptctl.recording.series import Style, log_series, thinned
-from adaptctl.recording.skeleton import ROOT_RADIUS, skeleton
+from adaptctl.recording.skeleton import skeleton
 from adaptctl.recording.stream import log_markdown, saved_stream
 from adaptctl.recording.viewpoint import floor_height
 
 SAMPLES = 3000
 
 
+@dataclass(frozen=True)
+class Named:
+    """What names the recording."""
+
+    title: str
+    experiment: str = "identify"
+    seed: int = 0
+    complete: bool = True
+
+
 def write_recording(path: str | Path, found: Identification) -> None:
     """Write the recording whole or not at all. Raises FileError."""
-    digest = hashlib.sha256(np.ascontiguousarray(found.validation.measured).tobytes()).hexdigest()
-    identifier = f"identify-{found.mechanism.name}-{digest[:12]}"
-    with saved_stream(path, "identify", identifier, _blueprint(found)) as recording:
-        recording.send_recording_name(f"{found.mechanism.name}, identified")
+    content = np.ascontiguousarray(found.validation.measured).tobytes()
+    with saved_stream(path, Named(f"{found.mechanism.name}, identified"), content, _blueprint(found)) as recording:
         log_markdown(recording, "summary", "\n\n".join((verdict(found), consistency(found), components(found))))
         _log_arm(recording, found)
         _log_torques(recording, found)
@@ -41,7 +49,7 @@ def _log_arm(recording: rr.RecordingStream, found: Identification) -> None:
     )
     order = np.argsort(time, kind="stable")
     kept = order[thinned(len(order), SAMPLES)]
-    log_base(recording, mechanism, floor_height(mechanism, parts, p), 1.15 * ROOT_RADIUS * parts.reach)
+    log_base(recording, mechanism, parts, floor_height(mechanism, parts, p))
     tip = log_arm(recording, "logged", mechanism, parts, time[kept], p[kept], solid_look(run_color(0)))
     log_trail(recording, "logged", time[kept], tip, run_color(0))
 

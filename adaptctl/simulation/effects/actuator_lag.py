@@ -27,14 +27,14 @@ class ActuatorLag(ActuatorEffect):
         require_positive(self.time_constant, "actuator lag", "s")
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """It fits any."""
+        """Raise nothing: a lag fits any plant."""
 
     def start(self, torque: Array, control_period: float) -> Array:
-        """The torque now (r,)."""
+        """The memory (r,): the torque now."""
         return torque
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """The mean over the period, and the torque at its end."""
+        """The mean torque over the period, and the torque at its end."""
         ratio = control_period / self.time_constant
         mean = -math.expm1(-ratio) / ratio
         behind = memory - torque

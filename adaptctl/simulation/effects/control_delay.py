@@ -39,14 +39,14 @@ class ControlDelay(ActuatorEffect):
             )
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """It fits any."""
+        """Raise nothing: a delay fits any plant."""
 
     def start(self, torque: Array, control_period: float) -> Array:
-        """The torques on their way (ticks r,), the oldest first."""
+        """The memory (ticks r,): the torques on their way, the oldest first."""
         return np.tile(torque, self.ticks)
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """The oldest comes out, the newest goes in."""
+        """The oldest torque on its way, and the memory with the newest at its end."""
         if self.ticks == 0:
             return torque, memory
         dof = len(torque)

@@ -1,4 +1,4 @@
-"""What an effect is: one way in which a plant is not ideal."""
+"""Base classes of effects: ways in which a plant is not ideal."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, numbers, per_joint
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column
 
@@ -26,12 +26,12 @@ class Effect(ABC):
 
 
 class ActuatorEffect(Effect):
-    """What happens to a torque on its way from the controller to the joints."""
+    """An effect on torques on their way from the controller to the joints."""
 
     rank: ClassVar[int]
-    """Where it stands between controller and joint: lower ones come first."""
+    """Place between controller and joint: lower ones come first."""
     mark: ClassVar[str | None] = None
-    """What a rollout calls the periods in which it held a torque back; None where that is no event."""
+    """Name under which a rollout marks the periods in which it held a torque back; None where that is no event."""
 
     @abstractmethod
     def start(self, torque: Array, control_period: float) -> Array:
@@ -39,14 +39,14 @@ class ActuatorEffect(Effect):
 
     @abstractmethod
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """What of a torque (r,) reaches the joints in one control period (s), and the memory after it."""
+        """The torque that is passed on of a torque (r,) in one control period (s), and the memory after it."""
 
 
 class SensorEffect(Effect):
-    """What happens to positions and velocities on their way from the joints to the controller."""
+    """An effect on positions and velocities on their way from the joints to the controller."""
 
     rank: ClassVar[int]
-    """Where it stands between joint and controller: lower ones come first."""
+    """Place between joint and controller: lower ones come first."""
 
     @abstractmethod
     def start(self, p: Array, v: Array, control_period: float) -> Array:
@@ -56,7 +56,7 @@ class SensorEffect(Effect):
     def measure(
         self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
     ) -> tuple[Column, Column, Column]:
-        """What is told of p and v (r,), and the memory after it; `noise` (2r,) is standard normal."""
+        """The measured p and v (r,), and the memory after it; `noise` (2r,) is standard normal."""
 
 
 class JointEffect(Effect):
@@ -64,7 +64,7 @@ class JointEffect(Effect):
 
     @abstractmethod
     def torque(self, v: Column) -> Column:
-        """What opposes the motion (r,), N m (N of a prismatic joint)."""
+        """The torque (r,) that opposes velocities v (r,), N m (N of a prismatic joint)."""
 
     @abstractmethod
     def steepest(self, dof: int) -> Array:
@@ -72,37 +72,33 @@ class JointEffect(Effect):
 
 
 class LoadEffect(Effect):
-    """What changes the inertial parameters in mid-motion."""
+    """An effect on the inertial parameters in mid-motion."""
 
     @abstractmethod
     def mass(self, time: float) -> float:
         """The mass that is added at a time (s), kg."""
 
     def until(self, time: float) -> float:
-        """How long what is loaded at a time (s) stays as it is, in s; the time itself where it changes all along."""
+        """The time (s) until which the load at a time (s) stays as it is; that time itself where it always changes."""
         return time
 
     @abstractmethod
     def loaded(self, parameters: Array, links: tuple[str, ...], time: float) -> Array:
-        """The inertial parameters (..., P) with what is added at a time (s)."""
+        """The inertial parameters (..., P) with the load at a time (s) added."""
 
 
-def per_joint(values: ArrayLike, dof: int, what: str) -> Array:
-    """Numbers (r,) of at least zero, one for all joints or one each. Infinity is allowed."""
-    array = np.asarray(values, dtype=np.float64)
-    if array.shape not in ((), (dof,)):
-        raise InputError(f"{what}: expected a number or {dof} of them, got shape {array.shape}")
-    require_at_least_zero(array, what)
-    return np.broadcast_to(array, (dof,)).copy()
+def at_least_zero(values: ArrayLike, dof: int, what: str) -> Array:
+    """Numbers (r,) of at least zero, one for all joints or one each. Infinity is allowed.
 
-
-def require_at_least_zero(values: ArrayLike, what: str) -> None:
-    """Refuse numbers below zero and NaN."""
-    if not np.all(np.asarray(values, dtype=np.float64) >= 0.0):
-        raise InputError(f"{what}: expected numbers of at least 0, got {np.asarray(values).tolist()}")
+    Raises `InputError` on a wrong shape, on numbers below zero and on NaN.
+    """
+    given = numbers(values, what)
+    if not np.all(given >= 0.0):
+        raise InputError(f"{what}: expected numbers of at least 0, got {given.tolist()}")
+    return per_joint(given, dof, what)
 
 
 def require_positive(value: float, what: str, unit: str) -> None:
-    """Refuse a number that is not positive and finite."""
+    """Raise `InputError` for a number that is not positive and finite."""
     if not (np.isfinite(value) and value > 0.0):
         raise InputError(f"{what}: expected a positive number of {unit}, got {value}")

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column, Scalar
-from adaptctl.simulation.effects.effect import SensorEffect, per_joint
+from adaptctl.simulation.effects.effect import SensorEffect, at_least_zero
 
 _WHOLE = 1.5 * 2.0**52
 """Adding and subtracting it rounds a double below 2^51 to the nearest whole number, ties to even."""
@@ -33,22 +33,23 @@ class Encoder(SensorEffect):
     rank: ClassVar[int] = 0
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """One number, or one a joint, each; finite."""
+        """Raise `InputError` unless each setting is a finite number of at least 0, or one a joint."""
         for name in ("resolution", "noise", "velocity_noise"):
-            if not np.isfinite(per_joint(getattr(self, name), dof, f"encoder: {name}")).all():
+            if not np.isfinite(at_least_zero(getattr(self, name), dof, f"encoder: {name}")).all():
                 raise InputError(f"encoder: {name}: expected finite numbers, got {getattr(self, name)}")
 
     def start(self, p: Array, v: Array, control_period: float) -> Array:
-        """Nothing is remembered."""
+        """An empty memory (0,)."""
         return np.zeros(0)
 
     def measure(
         self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
     ) -> tuple[Column, Column, Column]:
-        """What is read."""
+        """The positions in whole counts and the noisy velocities."""
         dof = len(p)
         jitter, steps, shake = (
-            per_joint(values, dof, "encoder").tolist() for values in (self.noise, self.resolution, self.velocity_noise)
+            at_least_zero(values, dof, "encoder").tolist()
+            for values in (self.noise, self.resolution, self.velocity_noise)
         )
         shaken = p + Column(jitter) * Column(noise.of[:dof])
         read = Column(x if step == 0.0 else step * _rounded(x / step) for x, step in zip(shaken, steps, strict=True))

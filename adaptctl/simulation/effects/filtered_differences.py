@@ -1,4 +1,4 @@
-"""Velocities that nobody measures."""
+"""Velocity estimates from filtered position differences."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class FilteredDifferences(SensorEffect):
         require_positive(self.cutoff, "filtered differences: cutoff", "Hz")
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """A cutoff that sampling can show."""
+        """Raise `InputError` unless the cutoff is below half the sampling rate."""
         if self.cutoff >= 0.5 / control_period:
             raise InputError(
                 f"filtered differences: a cutoff of {self.cutoff:g} Hz is not below half the sampling rate, "
@@ -41,13 +41,13 @@ class FilteredDifferences(SensorEffect):
             )
 
     def start(self, p: Array, v: Array, control_period: float) -> Array:
-        """The last position (r,), and the filter's state (r,), which has settled."""
+        """The memory (2r,): the last position, and the settled state of the filter."""
         return np.concatenate((p - control_period * v, v), axis=-1)
 
     def measure(
         self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
     ) -> tuple[Column, Column, Column]:
-        """The positions as they are, and the filtered differences."""
+        """The positions unchanged, the filtered differences, and the memory after them."""
         dof, kept = len(p), math.exp(-2.0 * math.pi * self.cutoff * control_period)
         before, rate = Column(memory.of[:dof]), Column(memory.of[dof:])
         after = kept * rate + ((1.0 - kept) / control_period) * (p - before)

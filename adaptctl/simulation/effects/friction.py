@@ -11,7 +11,7 @@ from adaptctl.arrays import Array
 from adaptctl.dynamics.recursion.drive import SLOW
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column, Scalar, sqrt
-from adaptctl.simulation.effects.effect import JointEffect, per_joint, require_positive
+from adaptctl.simulation.effects.effect import JointEffect, at_least_zero, require_positive
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,26 +38,26 @@ class Friction(JointEffect):
         require_positive(self.speed, "friction: speed", "rad/s")
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """One number, or one a joint, each; finite."""
+        """Raise `InputError` unless each setting is a finite number of at least 0, or one a joint."""
         if not np.isfinite(self._each(dof)).all():
             raise InputError("friction: expected finite numbers")
 
     def torque(self, v: Column) -> Column:
-        """What opposes the motion."""
+        """The friction torque (r,) at velocities v (r,), N m."""
         viscous, coulomb, stribeck = (Column(values.tolist()) for values in self._each(len(v)))
         signs = Column(map(_sign, v))
         film = Column(1.0 / (1.0 + (x / self.speed) * (x / self.speed)) for x in v)
         return viscous * v + (coulomb + stribeck * film) * signs
 
     def steepest(self, dof: int) -> Array:
-        """The slope at rest."""
+        """The slope (r,) of the torque at rest, N m s/rad."""
         viscous, coulomb, stribeck = self._each(dof)
         return viscous + (coulomb + stribeck) / SLOW
 
     def _each(self, dof: int) -> Array:
         """The three (3, r)."""
         names = ("viscous", "coulomb", "stribeck")
-        return np.array([per_joint(getattr(self, name), dof, f"friction: {name}") for name in names])
+        return np.array([at_least_zero(getattr(self, name), dof, f"friction: {name}") for name in names])
 
 
 def _sign(v: Scalar) -> Scalar:

@@ -1,4 +1,4 @@
-"""What the last link carries."""
+"""A body that the last link carries."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Payload:
 
     @classmethod
     def of(cls, given: float | Mapping[str, Any] | Payload) -> Payload:
-        """A payload from a mass, or from a mapping with `mass`, `center` and `inertia`."""
+        """A payload from a mass in kg, or from a mapping with `mass`, `center` and `inertia`. Raises `InputError`."""
         if isinstance(given, Payload):
             return given
         if not isinstance(given, Mapping):
@@ -52,7 +52,7 @@ class Payload:
         return cls(**given)
 
     def added_to(self, parameters: ArrayLike, link: int) -> Array:
-        """The inertial parameters (..., P) of a mechanism whose link of that index carries this."""
+        """The inertial parameters (..., P) with this added to the ten of the link of that index."""
         loaded = np.array(parameters, dtype=np.float64)
         loaded[..., 10 * link : 10 * link + 10] += from_center_of_mass(self.mass, self.center, self.inertia)
         return loaded

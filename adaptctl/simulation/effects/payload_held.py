@@ -32,20 +32,20 @@ class PayloadHeld(LoadEffect):
             raise InputError(f"payload: expected a start before its stop, got {self.start} and {self.stop} s")
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """A link that exists."""
+        """Raise `NotFoundError` for a link that does not exist."""
         if self.link is not None and self.link not in links:
             raise NotFoundError(f"payload: there is no link {self.link!r}; links: {', '.join(links)}")
 
     def mass(self, time: float) -> float:
-        """Its mass while it is held."""
+        """The mass while it is held, kg, else 0."""
         return Payload.of(self.payload).mass if self.start <= time < self.stop else 0.0
 
     def until(self, time: float) -> float:
-        """When it is next picked up or dropped."""
+        """The time (s) at which it is next picked up or dropped; infinity for never."""
         return next((change for change in (self.start, self.stop) if time < change), math.inf)
 
     def loaded(self, parameters: Array, links: tuple[str, ...], time: float) -> Array:
-        """Its ten, added to those of its link while it is held."""
+        """The inertial parameters (..., P), its ten added to those of its link while it is held."""
         if not self.start <= time < self.stop:
             return parameters
         link = len(links) - 1 if self.link is None else links.index(self.link)

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from adaptctl.arrays import Array
 from adaptctl.errors import InputError
+from adaptctl.scalars import Column, Scalar, absolute, maximum, where
 from adaptctl.simulation.effects.effect import ActuatorEffect, Effect, JointEffect, LoadEffect, SensorEffect
 
 
@@ -24,13 +28,11 @@ class PlantEffects:
     loads: tuple[LoadEffect, ...] = ()
 
     @classmethod
-    def of(cls, effects: Iterable[Effect] | PlantEffects) -> PlantEffects:
+    def of(cls, effects: Iterable[Effect]) -> PlantEffects:
         """Effects, given in any order, in their places.
 
         Raises `InputError` for what is none, and for two of a kind in one chain.
         """
-        if isinstance(effects, PlantEffects):
-            return effects
         given = tuple(effects)
         for effect in given:
             if not isinstance(effect, Effect):
@@ -43,13 +45,76 @@ class PlantEffects:
             tuple(e for e in given if isinstance(e, LoadEffect)),
         )
 
-    def __bool__(self) -> bool:
-        return bool(self.actuators or self.sensors or self.joints or self.loads)
-
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
         """Raise `InputError` where an effect does not fit."""
         for effect in (*self.actuators, *self.sensors, *self.joints, *self.loads):
             effect.require(dof, links, control_period)
+
+    @property
+    def marks(self) -> tuple[str, ...]:
+        """Names of the actuator effects that may hold a torque back."""
+        return tuple(effect.mark for effect in self.actuators if effect.mark is not None)
+
+    def loaded(self, parameters: Array, links: tuple[str, ...], time: float) -> Array:
+        """The inertial parameters (..., P) with all that is loaded on them at a time (s)."""
+        for load in self.loads:
+            parameters = load.loaded(parameters, links, time)
+        return parameters
+
+    def drive_memory(self, torque: Array, control_period: float) -> Array:
+        """The actuators' memory (..., m) at rest, the joints having been held by a torque (..., r)."""
+        return _joined((effect.start(torque, control_period) for effect in self.actuators), torque.shape[:-1])
+
+    def sensor_memory(self, p: Array, v: Array, control_period: float) -> Array:
+        """The sensors' memory (..., m) before the first measurement, of arms at p, v (..., r)."""
+        return _joined((effect.start(p, v, control_period) for effect in self.sensors), p.shape[:-1])
+
+    def driven(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column, Column]:
+        """The torque (r,) after all actuators, their memory, and marks (m,); over scalars of any kind."""
+        still = np.zeros(len(torque))
+        parts = _split(memory, [len(effect.start(still, control_period)) for effect in self.actuators])
+        after: list[Column] = []
+        marks: list[Scalar] = []
+        for effect, part in zip(self.actuators, parts, strict=True):
+            given, kept = effect.act(torque, part, control_period)
+            if effect.mark is not None:
+                marks.append(differs(torque, given))
+            torque = given
+            after.append(kept)
+        return torque, Column(x for kept in after for x in kept), Column(marks)
+
+    def measured(
+        self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
+    ) -> tuple[Column, Column, Column]:
+        """The measured p and v (r,), and the sensors' memory; over scalars of any kind."""
+        still = np.zeros(len(p))
+        parts = _split(memory, [len(effect.start(still, still, control_period)) for effect in self.sensors])
+        after: list[Column] = []
+        for effect, part in zip(self.sensors, parts, strict=True):
+            p, v, kept = effect.measure(p, v, noise, part, control_period)
+            after.append(kept)
+        return p, v, Column(x for kept in after for x in kept)
+
+
+def differs(asked: Column, given: Column) -> Scalar:
+    """1 where any joint got another torque than was asked, else 0; over scalars of any kind."""
+    largest: Any = 0.0
+    for x, y in zip(asked, given, strict=True):
+        largest = maximum(largest, absolute(x - y))
+    return where(largest > 0.0, 1.0, 0.0)
+
+
+def _joined(memories: Iterable[Array], arms: tuple[int, ...]) -> Array:
+    parts = [np.broadcast_to(memory, (*arms, memory.shape[-1])) for memory in memories]
+    return np.concatenate(parts, axis=-1) if parts else np.zeros((*arms, 0))
+
+
+def _split(memory: Column, sizes: Sequence[int]) -> list[Column]:
+    parts, start = [], 0
+    for size in sizes:
+        parts.append(Column(memory.of[start : start + size]))
+        start += size
+    return parts
 
 
 def _rank(effect: Any) -> int:

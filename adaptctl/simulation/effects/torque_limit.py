@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array
 from adaptctl.scalars import Column, clip
-from adaptctl.simulation.effects.effect import ActuatorEffect, per_joint
+from adaptctl.simulation.effects.effect import ActuatorEffect, at_least_zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,14 +26,14 @@ class TorqueLimit(ActuatorEffect):
     mark: ClassVar[str | None] = "torque_limited"
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """One number, or one a joint."""
-        per_joint(self.limit, dof, "torque limit")
+        """Raise `InputError` unless the limit is a number of at least 0, or one a joint."""
+        at_least_zero(self.limit, dof, "torque limit")
 
     def start(self, torque: Array, control_period: float) -> Array:
-        """Nothing is remembered."""
+        """An empty memory (0,)."""
         return np.zeros(0)
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """The nearest torque within the limits."""
-        limits = per_joint(self.limit, len(torque), "torque limit").tolist()
+        """The nearest torque (r,) within the limits, and the empty memory."""
+        limits = at_least_zero(self.limit, len(torque), "torque limit").tolist()
         return Column(clip(x, -most, most) for x, most in zip(torque, limits, strict=True)), memory

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array
 from adaptctl.scalars import Column, clip
-from adaptctl.simulation.effects.effect import ActuatorEffect, per_joint
+from adaptctl.simulation.effects.effect import ActuatorEffect, at_least_zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,15 +22,15 @@ class TorqueRateLimit(ActuatorEffect):
     mark: ClassVar[str | None] = "rate_limited"
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """One number, or one a joint."""
-        per_joint(self.rate, dof, "torque rate limit")
+        """Raise `InputError` unless the rate is a number of at least 0, or one a joint."""
+        at_least_zero(self.rate, dof, "torque rate limit")
 
     def start(self, torque: Array, control_period: float) -> Array:
-        """The torque now (r,)."""
+        """The memory (r,): the torque now."""
         return torque
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """The nearest torque within reach of the last one."""
-        steps = (per_joint(self.rate, len(torque), "torque rate limit") * control_period).tolist()
+        """The nearest torque (r,) within reach of the last one, which is the memory after it too."""
+        steps = (at_least_zero(self.rate, len(torque), "torque rate limit") * control_period).tolist()
         given = Column(clip(x, y - step, y + step) for x, y, step in zip(torque, memory, steps, strict=True))
         return given, given

@@ -41,7 +41,7 @@ class Site:
 
 @dataclass
 class Places:
-    """What equalities speak of: bodies, sites, and joints with the coordinate at which the file draws them."""
+    """The elements that equalities name: bodies, sites, and joints with the coordinate at which the file draws them."""
 
     bodies: dict[str, Standing] = field(default_factory=dict)
     sites: dict[str, Site] = field(default_factory=dict)

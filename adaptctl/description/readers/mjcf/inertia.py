@@ -69,7 +69,7 @@ def _geom(geom: Element, at: Pose, settings: Settings, where: str) -> Array:
 
 
 def _solid(geom: Element, kind: str, settings: Settings, where: str) -> tuple[Pose, list[float]]:
-    """Where it stands, and its three sizes as MuJoCo has them: radius and half length, or half axes."""
+    """The geometry's pose, and its three sizes as MuJoCo has them: radius and half length, or half axes."""
     least = {"sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "box": 3}[kind]
     if "fromto" not in geom.attrib:
         return placed(geom, settings, where), numbers(geom, "size", range(least, 4), where)

@@ -45,7 +45,7 @@ def joint_of(joint: Element, name: str, settings: Settings, effort: float | None
 
 
 def is_free(joint: Element) -> bool:
-    """Whether it lets a body float."""
+    """True where the joint lets a body float."""
     return joint.tag == "freejoint" or joint.get("type") == "free"
 
 
@@ -79,7 +79,7 @@ def offset_of(joint: Element, moving: Joint, settings: Settings) -> tuple[float,
 
 
 def is_sprung(joint: Element, name: str) -> bool:
-    """Whether a spring pulls at it."""
+    """True where a spring pulls at the joint."""
     return "stiffness" in joint.attrib and any(numbers(joint, "stiffness", range(1, 4), f"joint {name!r}"))
 
 

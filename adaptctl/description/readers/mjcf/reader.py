@@ -57,7 +57,7 @@ def read_mjcf(path: str | Path) -> Description:
 
 
 @dataclass
-class _Body:
+class _Unread:
     """A body yet to be read: its element, the link that carries it and its parent's place there and in the world."""
 
     element: Element
@@ -95,7 +95,7 @@ class _Reader:
         moving: list[str] = []
         for element, pose, name in self._roots():
             before, root = len(self.links), len(self.places.bodies)
-            pending = [_Body(element, GROUND, pose, pose, name)]
+            pending = [_Unread(element, GROUND, pose, pose, name)]
             while pending:
                 pending += self._read(pending.pop())[::-1]
             if len(self.links) > before:
@@ -130,7 +130,7 @@ class _Reader:
             within = pose @ placed(child, self.settings, named(body))
             pending += [(inner, within, child.get("childclass", name)) for inner in child][::-1]
 
-    def _read(self, body: _Body) -> list[_Body]:
+    def _read(self, body: _Unread) -> list[_Unread]:
         """A body's joints, inertia and sites; returns the bodies on it."""
         element, name = body.element, self._name(body.element)
         where = f"body {name!r}"
@@ -151,9 +151,9 @@ class _Reader:
             self.sums[carrier] = self.sums[carrier] + transformed(ten, place)
         self.places.bodies[name] = Standing(carrier, place, home)
         self._note_sites(element, name, childclass)
-        return [_Body(x, carrier, place @ at, home @ at, cls) for x, at, cls in inside if x.tag == "body"]
+        return [_Unread(x, carrier, place @ at, home @ at, cls) for x, at, cls in inside if x.tag == "body"]
 
-    def _free(self, joints: Sequence[tuple[Element, Pose]], body: _Body, name: str) -> list[tuple[Element, Pose]]:
+    def _free(self, joints: Sequence[tuple[Element, Pose]], body: _Unread, name: str) -> list[tuple[Element, Pose]]:
         """The joints of a body that floats."""
         if len(joints) > 1 or body.carrier != GROUND:
             raise InputError(f"body {name!r}: a free joint stands alone, and nothing that moves carries its body")

@@ -1,4 +1,4 @@
-"""The paper's one random draw, drawn many times: spectra, energy errors and reduced parameters of every seed."""
+"""Random draws of states, many where the paper made one: spectra, energy errors and reduced parameters."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.experiments.replication.arms import Arm, Motion
+from adaptctl.experiments.replication.arms import SampledArm, StatedMotion
 from adaptctl.identifiability import Reduction, reduce
 
 
 @dataclass(frozen=True, eq=False)
-class Ensemble:
+class Draws:
     """Energy differences H of many draws of random states, factored."""
 
-    arm: Arm
+    arm: SampledArm
     singular_values: Array
     """(seeds, P), of H as it is"""
     reductions: tuple[Reduction, ...]
     """a seed each"""
 
     @classmethod
-    def of(cls, arm: Arm, seeds: Sequence[int], samples: int, velocity_scale: float) -> Ensemble:
-        """Draw `samples` states a seed, as section 5.1 does once."""
+    def of(cls, arm: SampledArm, seeds: Sequence[int], samples: int, velocity_scale: float) -> Draws:
+        """Draws of `samples` states a seed, as section 5.1 makes one."""
         drawn = [arm.states(np.random.default_rng(seed), samples, velocity_scale) for seed in seeds]
         p, v = (np.stack(parts) for parts in zip(*drawn, strict=True))
         H = np.diff(arm.energies(p, v), axis=1)
@@ -34,7 +34,7 @@ class Ensemble:
 
     @property
     def rank(self) -> int:
-        """k, the certified one."""
+        """Certified rank k of the arm."""
         return self.arm.space.rank
 
     @property
@@ -44,10 +44,10 @@ class Ensemble:
 
     @property
     def weights(self) -> Array:
-        """|beta_j| (seeds, k) by falling size."""
+        """Weights |beta_j| (seeds, k) by falling size."""
         return np.abs(np.stack([reduction.weights for reduction in self.reductions]))
 
-    def torque_errors(self, motion: Motion) -> Array:
+    def torque_errors(self, motion: StatedMotion) -> Array:
         """Mean square torque errors (seeds, k + 1, r) along a motion when 0, 1, ..., k components are kept."""
         Y = motion.Y
         parts = np.stack([reduction.components for reduction in self.reductions])
@@ -59,12 +59,12 @@ class Ensemble:
         nothing_missing = np.mean(np.einsum("tjp,sp->stj", Y, left, optimize=True) ** 2, axis=1)
         return np.concatenate([errors, nothing_missing[:, None]], axis=1)
 
-    def torque(self, motion: Motion, seed: int, components: int) -> Array:
+    def torque(self, motion: StatedMotion, seed: int, components: int) -> Array:
         """Torques (T, r) along a motion with the parameters of one seed that keeps some components."""
         return motion.Y @ self.reductions[seed].parameters(components)
 
 
-def _reduction(arm: Arm, values: Array, right: Array) -> Reduction:
+def _reduction(arm: SampledArm, values: Array, right: Array) -> Reduction:
     """The reduction for one draw, whose factors among the essential parameters are given."""
     energies = values[:, None] * (right @ arm.space.basis.T)
     drawn = replace(arm.space, energies=lambda: energies, states="a draw of Sheu and Walker's kind")

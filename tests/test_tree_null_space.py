@@ -27,8 +27,8 @@ from adaptctl.identifiability import (
     essential_space,
     fundamental_basis,
 )
-from adaptctl.identifiability.tree.inertia_functionals import functionals, transfer_rates, transfers
 from adaptctl.identifiability.tree.joint_frames import twist_entries, twist_matrices
+from adaptctl.identifiability.tree.pseudo_inertia import frame_change_rates, frame_changes, functionals
 from adaptctl.identifiability.tree.regrouping import tree_regrouping
 from adaptctl.identifiability.tree.unobservable_inertia import inertial_transfers
 
@@ -182,15 +182,15 @@ def test_long_chains_keep_their_torques() -> None:
 
 
 def test_masses_on_an_axis_belong_to_either_link() -> None:
-    """A turning joint that is moved anyhow does not feel what lies on its axis: a mass, a pair, a massless rod."""
+    """What lies on a freely moved turning joint's axis is unobservable: a mass, a pair, a massless rod."""
     found = inertial_transfers(Mechanism(with_floating_base(arm(ACROSS, UP).description, "base", np.ones(10))))
     for i, axis in ((6, ACROSS), (7, UP)):
         a, e = np.append(axis, 0.0), np.eye(4)[3]
         on_axis = [np.outer(e, e), np.outer(a, e) + np.outer(e, a), np.outer(a, a)]
-        for body in found.unfelt[i][:, :10]:
+        for body in found.unobservable[i][:, :10]:
             left = np.linalg.lstsq(np.array([m.ravel() for m in on_axis]).T, pseudo_inertia(body).ravel(), rcond=None)
             assert left[1].item() < 1e-24
-        assert len(found.unfelt[i]) == 3 + 1  # and a rotor that is not there
+        assert len(found.unobservable[i]) == 3 + 1  # and a rotor that is not there
 
 
 def test_singular_values_are_those_of_energies() -> None:
@@ -237,12 +237,12 @@ def test_frames_and_functionals(seed: int) -> None:
     pose, ten, twist = random_pose(rng), random_inertia(rng), rng.normal(size=6)
     frame = np.eye(4)
     frame[:3, :3], frame[:3, 3] = pose.rotation, pose.translation
-    np.testing.assert_allclose(transfers(frame) @ ten, transformed(ten, pose), atol=1e-12)
+    np.testing.assert_allclose(frame_changes(frame) @ ten, transformed(ten, pose), atol=1e-12)
     X, h = twist_matrices(twist), 1e-6
     np.testing.assert_array_equal(twist_entries(X), twist)
     step = scipy.linalg.expm(h * X), scipy.linalg.expm(-h * X)
-    slope = (transfers(step[0]) - transfers(step[1])) / (2 * h)
-    np.testing.assert_allclose(transfer_rates(X), slope, atol=1e-8)
+    slope = (frame_changes(step[0]) - frame_changes(step[1])) / (2 * h)
+    np.testing.assert_allclose(frame_change_rates(X), slope, atol=1e-8)
     w, v = twist[:3], twist[3:]
     expected = 0.5 * w @ inertia_tensor(ten) @ w + 0.5 * ten[0] * v @ v + v @ np.cross(w, ten[1:4])
     assert functionals(0.5 * X.T @ X) @ ten == pytest.approx(expected)

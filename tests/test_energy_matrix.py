@@ -12,11 +12,10 @@ from hypothesis import strategies as st
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.identifiability import States, essential_space, random_states
-from adaptctl.identifiability.energy_factor import EnergyFactor
-from adaptctl.identifiability.numerical_rank import singular_values
-from adaptctl.identifiability.sampled_regressors import energies, energy_blocks, energy_differences
+from adaptctl.identifiability.energy_matrix import EnergyFactor, energies, energy_blocks, energy_differences
+from adaptctl.identifiability.factorisation import singular_values
 from adaptctl.identifiability.sampling import random_halves
-from adaptctl.identifiability.scaled_regressor import ScaledRegressor
+from adaptctl.identifiability.scaled_rank import ScaledRegressor
 
 
 @pytest.fixture(scope="module")

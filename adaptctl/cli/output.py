@@ -1,0 +1,42 @@
+"""Output of commands: JSON for programs, tables and text as wide as the terminal for people."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.console import Group, RenderableType
+
+
+def print_json(content: Mapping[str, Any]) -> None:
+    """Print a mapping of JSON's types. Raises ValueError on numbers that JSON does not have."""
+    json.dump(content, sys.stdout, indent=2, allow_nan=False)
+    sys.stdout.write("\n")
+
+
+def print_parts(parts: Iterable[RenderableType]) -> None:
+    """Print parts of a report one below the other."""
+    from rich.console import Console
+
+    console = Console()
+    for part in parts:
+        console.print(part)
+
+
+def terminal_width() -> int:
+    """Characters in a line of the terminal, or 80."""
+    from rich.console import Console
+
+    return Console().width
+
+
+def titled(title: str, *parts: RenderableType) -> Group:
+    """Parts indented below a title, after an empty line."""
+    from rich.console import Group
+    from rich.padding import Padding
+    from rich.text import Text
+
+    return Group(Text(), Text(title, style="bold"), *(Padding(part, (0, 0, 0, 2), expand=False) for part in parts))

@@ -1,0 +1,127 @@
+"""The interface of a mechanism's equations over scalars: what `mechanism.equations` may be asked."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+
+from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
+from adaptctl.dynamics.recursion.segment import Segment
+from adaptctl.scalars import Column, Scalar
+
+
+class Motion(ABC):
+    """A mechanism at one instant, under velocities v and v_r and accelerations a_r: torques, regressors and powers.
+
+    Its links are placed and moved once; what is asked of them afterwards shares that work.
+    """
+
+    __slots__ = ()
+
+    @abstractmethod
+    def torque(self, parameters: Column) -> Column:
+        """M a_r + C(p, v) v_r + g + friction at v (r,), in N m (N for a prismatic joint), of parameters (P,)."""
+
+    @abstractmethod
+    def regressor(self, columns: Sequence[int]) -> list[Column]:
+        """Rows of Y (r, k), the asked k columns only: Y D is the torque, but for what known parameters add."""
+
+    @abstractmethod
+    def powers(self, s: Column, columns: Sequence[int]) -> Column:
+        """Y' s (k,), without forming Y: the power that a unit of each asked parameter takes under joint rates s."""
+
+    @property
+    @abstractmethod
+    def numbers(self) -> Column:
+        """The `motion_size` numbers from which `Equations.remembered` makes the same motion again."""
+
+
+class Equations(ABC):
+    """The equations of motion of one mechanism, for scalars of any kind: floats, arrays, dual numbers, traced ones.
+
+    Sizes: r primary joints, whose positions are p and velocities v; n joints of the tree, whose configuration is q;
+    P parameters. For a tree n = r and q = p; with loops q is closed, which callers see to (`closed`, `projected`).
+    Nothing is checked and nothing branches on a value: `Mechanism` checks, and asks the same on arrays.
+
+    Families: `TreeEquations`, `LoopEquations` of a tree with closures, `ConstrainedEquations` of either on fewer
+    parameters. A family says how its links move and what they weigh; torque regressors and torques follow here.
+    """
+
+    @property
+    @abstractmethod
+    def dof(self) -> int:
+        """Number of primary joints r."""
+
+    @property
+    @abstractmethod
+    def links(self) -> tuple[Segment, ...]:
+        """The tree's links, as geometry; parents come before their children."""
+
+    @property
+    def joints(self) -> int:
+        """Number of tree joints n."""
+        return len(self.links)
+
+    @property
+    @abstractmethod
+    def parameters(self) -> int:
+        """Number of parameters P."""
+
+    @property
+    def has_known_share(self) -> bool:
+        """True where torques hold a share of known parameters, which no column of a regressor stands for."""
+        return False
+
+    @abstractmethod
+    def closed(self, p: Column, guess: Column) -> Column:
+        """The configuration q = U(p) (n,), from a nearby one."""
+
+    @abstractmethod
+    def projected(self, q: Column) -> Column:
+        """A configuration (n,) that closes all loops better, with the same primary positions: one Newton step."""
+
+    @abstractmethod
+    def rates(self, q: Column, v: Column) -> Column:
+        """The tree's joint velocities J v (n,), J = dU/dp."""
+
+    @abstractmethod
+    def energy_regressor(self, q: Column, v: Column) -> Column:
+        """E (P,): kinetic plus potential energy is E' D, in J."""
+
+    @abstractmethod
+    def potential_regressor(self, q: Column) -> Column:
+        """The potential part of E (P,)."""
+
+    @abstractmethod
+    def motion(self, q: Column, v: Column, v_r: Column, a_r: Column) -> Motion:
+        """The motion under velocities v and v_r and accelerations a_r (r,), from which torques follow."""
+
+    @abstractmethod
+    def remembered(self, numbers: Column) -> Motion:
+        """The motion that has these numbers (motion_size,)."""
+
+    @property
+    @abstractmethod
+    def motion_size(self) -> int:
+        """Number of numbers in a motion."""
+
+    @abstractmethod
+    def mass_matrix(self, q: Column, parameters: Column) -> list[list[Scalar]]:
+        """Rows of M(p) (r, r)."""
+
+    @abstractmethod
+    def weightless(self) -> Equations:
+        """The same equations without gravity."""
+
+    def torque_regressor(self, q: Column, v: Column, v_r: Column, a_r: Column, columns: Sequence[int]) -> list[Column]:
+        """Rows of Y (r, k), the asked k columns only: Y D = M a_r + C(p, v) v_r + g + friction at v."""
+        return self.motion(q, v, v_r, a_r).regressor(columns)
+
+    def inverse_dynamics(self, q: Column, v: Column, v_r: Column, a_r: Column, parameters: Column) -> Column:
+        """Torque M a_r + C(p, v) v_r + g + friction at v (r,), in N m (N for a prismatic joint)."""
+        return self.motion(q, v, v_r, a_r).torque(parameters)
+
+    def forward_dynamics(self, q: Column, v: Column, torque: Column, parameters: Column) -> Column:
+        """Accelerations (r,) under a torque: M(p) a = torque - C(p, v) v - g(p) - friction."""
+        bias = self.inverse_dynamics(q, v, v, Column.zeros(self.dof), parameters)
+        return solve_symmetric(self.mass_matrix(q, parameters), torque - bias)

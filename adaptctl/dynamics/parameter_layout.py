@@ -1,0 +1,53 @@
+"""Which column of a tree's parameters belongs to which body and which drive."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from adaptctl.dynamics.recursion.drive import DriveTerm
+from adaptctl.scalars import Column, Scalar
+
+
+@dataclass(frozen=True)
+class ParameterLayout:
+    """The order of P parameters: ten for each body, in the order of the links, then one for each drive's term.
+
+    `bodies` are those of the tree's `links` that have mass; the others only join two joints.
+    """
+
+    links: int
+    bodies: tuple[int, ...]
+    drives: tuple[DriveTerm, ...] = ()
+
+    @property
+    def driven(self) -> int:
+        """The column at which the drives' parameters begin."""
+        return 10 * len(self.bodies)
+
+    @property
+    def size(self) -> int:
+        """Number of parameters P."""
+        return self.driven + len(self.drives)
+
+    def sorted_out(self, columns: Sequence[int]) -> tuple[dict[int, int], dict[int, int]]:
+        """The asked columns of bodies, each with its column of ten a link, and those of drives, with their numbers."""
+        of_bodies = {c: 10 * self.bodies[c // 10] + c % 10 for c in columns if c < self.driven}
+        return of_bodies, {c: c - self.driven for c in columns if c >= self.driven}
+
+    def tens(self, parameters: Column) -> Column:
+        """Ten entries a link (10N,); exact zeros for massless ones, so that they cost nothing once traced."""
+        if len(self.bodies) == self.links:
+            return Column(parameters.of[: self.driven]) if self.drives else parameters
+        tens: list[Scalar] = [0.0] * (10 * self.links)
+        for place, i in enumerate(self.bodies):
+            tens[10 * i : 10 * i + 10] = parameters.of[10 * place : 10 * place + 10]
+        return Column(tens)
+
+    def owned(self, tens: Column) -> Sequence[Scalar]:
+        """The entries that are parameters, from ten a link (10N,)."""
+        return [x for i in self.bodies for x in tens.of[10 * i : 10 * i + 10]]
+
+    def of_drives(self, parameters: Column) -> Sequence[Scalar]:
+        """The drives' values, one for each of `drives`."""
+        return parameters.of[self.driven :]

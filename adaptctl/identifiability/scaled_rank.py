@@ -1,0 +1,130 @@
+"""The numerical rank of a sampled regressor, decided by a gap among singular values once columns are comparable."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.arrays import Array
+from adaptctl.description.inertia import PARAMETERS
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
+from adaptctl.identifiability.energy_matrix import EnergyFactor, energetic_names
+from adaptctl.identifiability.factorisation import right_vectors, triangle
+from adaptctl.identifiability.regrouping import Regrouping, by_null_vectors
+from adaptctl.identifiability.sampling import characteristic_length
+
+LENGTH_POWERS = dict(zip((*PARAMETERS, "rotor_inertia"), (0, 1, 1, 1, 2, 2, 2, 2, 2, 2, 2), strict=True))
+"""Powers of a length: mass, first moment and inertia are kg times L^0, L^1 and L^2."""
+SMALLEST_NORM = 1e-3
+"""Floor under column norms, relative to the largest. Without it, columns of mere round-off are blown up."""
+FLOOR = 1e-15
+"""Floor under singular values, relative to the largest: below, they are round-off, and their ratios say nothing."""
+
+
+def length_scales(parameter_names: Sequence[str], length: float) -> Array:
+    """Factors (P,) 1, L, L^2 of masses, first moments and inertias, for a length L in m."""
+    powers = np.array([LENGTH_POWERS[name.rsplit(".", 1)[-1]] for name in parameter_names], dtype=np.float64)
+    return np.asarray(length**powers)
+
+
+def column_scales(norms: Array, parameter_names: Sequence[str], length: float) -> Array:
+    """Factors (P,) that make a regressor's columns comparable, whatever the units and the size of the mechanism.
+
+    Columns of these norms (P,) are multiplied by (1, L, L^2) for mass, first moment and inertia, then divided by
+    max(norm, floor). Norms must be those of energies before differencing: a column that is constant then keeps its
+    size, and its round-off stays small.
+    """
+    sizes = length_scales(parameter_names, length)
+    scaled = norms * sizes
+    return sizes / np.maximum(scaled, SMALLEST_NORM * scaled.max())
+
+
+@dataclass(frozen=True)
+class NumericalRank:
+    """The rank k of a matrix, where its singular values have their largest gap."""
+
+    rank: int
+    gap: float
+    """sigma_k/sigma_k+1"""
+    smallest: float
+    """sigma_k/sigma_1"""
+
+    @classmethod
+    def of(cls, singular_values: ArrayLike) -> NumericalRank:
+        """The rank at the largest ratio sigma_k/sigma_k+1 of singular values (n,), falling; full rank is possible too.
+
+        Ratios to sigma_1 are floored at 1e-15. Raises `InputError` for a matrix that is empty or zero.
+        """
+        values = np.asarray(singular_values, dtype=np.float64)
+        if values.size == 0 or values[0] <= 0.0:
+            raise InputError("the rank of a matrix that is empty or zero cannot be decided by a gap")
+        relative = np.maximum(np.append(values / values[0], 0.0), FLOOR)
+        ratios = relative[:-1] / relative[1:]
+        k = int(np.argmax(ratios)) + 1
+        return cls(k, float(ratios[k - 1]), float(relative[k - 1]))
+
+
+@dataclass(frozen=True, eq=False)
+class ScaledRegressor:
+    """A sampled regressor with comparable columns, as the triangle of its QR factors; a null space by decomposition."""
+
+    scales: Array
+    """Factors (P,) of the columns."""
+    triangle: Array
+    """R (P, P) of the scaled regressor."""
+
+    @classmethod
+    def of_energies(cls, mechanism: Mechanism, factor: EnergyFactor) -> ScaledRegressor:
+        """Energy differences of more states than there are parameters, scaled by the energies themselves."""
+        return cls._scaled(mechanism, factor.triangle, factor.square_sums)
+
+    @classmethod
+    def of_torques(cls, mechanism: Mechanism, rows: Array) -> ScaledRegressor:
+        """Rows (n, P) of the torque regressor, more than there are parameters."""
+        return cls._scaled(mechanism, triangle(rows), np.square(rows).sum(axis=0))
+
+    @classmethod
+    def _scaled(cls, mechanism: Mechanism, R: Array, square_sums: Array) -> ScaledRegressor:
+        names, length = energetic_names(mechanism), characteristic_length(mechanism)
+        scales = column_scales(np.sqrt(square_sums), names, length)
+        return cls(scales, R * scales)
+
+    @cached_property
+    def singular_values(self) -> Array:
+        """The singular values (P,), falling."""
+        return np.asarray(np.linalg.svd(self.triangle, compute_uv=False), dtype=np.float64)
+
+    @cached_property
+    def vectors(self) -> Array:
+        """The right singular vectors (P, P), a vector a column."""
+        return right_vectors(self.triangle)
+
+    @cached_property
+    def decision(self) -> NumericalRank:
+        """The rank with its gap."""
+        return NumericalRank.of(self.singular_values)
+
+    @property
+    def rank(self) -> int:
+        """The rank k."""
+        return self.decision.rank
+
+    @property
+    def null_basis(self) -> Array:
+        """Orthonormal null vectors (P, P-k) among the scaled parameters D / scales."""
+        return self.vectors[:, self.rank :]
+
+    def regrouping(self, order: Sequence[int], tolerance: float) -> Regrouping:
+        """The regrouping that removes parameters in an order, with the rank of the columns that are kept."""
+        found = by_null_vectors(self.null_basis, order, tolerance)
+        return replace(found, rank=self._rank_of(found.kept))
+
+    def _rank_of(self, columns: Sequence[int]) -> int:
+        """The rank of some columns of H = U S V'; without U, which changes no rank."""
+        shares = (self.vectors * self.singular_values)[list(columns)]
+        return NumericalRank.of(np.linalg.svd(shares, compute_uv=False)).rank

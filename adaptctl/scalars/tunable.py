@@ -1,0 +1,167 @@
+"""Settings whose numbers may change: what differs in them alone shares native code."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterator, Mapping
+from dataclasses import replace
+from difflib import get_close_matches
+from functools import cached_property
+from itertools import accumulate
+from math import prod
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.arrays import Array
+from adaptctl.errors import NotFoundError
+from adaptctl.scalars.column import Column
+
+
+class Structure:
+    """All of an object but its tunable numbers: equal ones have one equation. `of` is one that has it."""
+
+    __slots__ = ("_hash", "_key", "of")
+
+    def __init__(self, of: Tunable, key: Hashable) -> None:
+        self.of, self._key, self._hash = of, key, hash(key)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Structure) and self._hash == other._hash and self._key == other._key
+
+    def __hash__(self) -> int:
+        return self._hash
+
+
+class Tunable:
+    """Settings, most often a frozen dataclass, of which some are numbers that an equation takes as arguments.
+
+    A class names these attributes in `tunable`; each is a number, or an array (n,) or (m, n). Its equations read them
+    with `column` and `each`, or as they are where they are one number: then they may be scalars of any kind. A class
+    that names none has all its numbers compiled in, also where the class it derives from names some, for it may read
+    them in other ways.
+    """
+
+    @property
+    def tunable(self) -> tuple[str, ...]:
+        """Names of the attributes that hold numbers which may change."""
+        return ()
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        if "tunable" not in vars(cls):
+            cls.tunable = ()  # type: ignore[assignment, method-assign]
+
+    @property
+    def tunable_parts(self) -> Mapping[str, Tunable]:
+        """The tunable settings within these, by the attribute they are in."""
+        return {name: value for name, value in self._settings() if isinstance(value, Tunable)}
+
+    @cached_property
+    def numbers(self) -> dict[str, Array]:
+        """The numbers that may change by name, a part's after its own, as in ``adaptation.gain``."""
+        given = {name: getattr(self, name) for name in self.tunable}
+        own = {name: np.asarray(value, dtype=np.float64) for name, value in given.items() if value is not None}
+        parts = self.tunable_parts.items()
+        return own | {f"{part}.{name}": array for part, of in parts for name, array in of.numbers.items()}
+
+    @cached_property
+    def packed(self) -> Array:
+        """All numbers that may change (g,), one after the other."""
+        return np.concatenate([np.zeros(0), *(array.ravel() for array in self.numbers.values())])
+
+    def substituted(self, packed: Column) -> Self:
+        """These settings with other numbers (g,), scalars of any kind, taken without a check."""
+        return self.having(self.unpacked(packed))
+
+    def unpacked(self, packed: Column) -> dict[str, Any]:
+        """Numbers (g,) by name: a scalar, a column, or a tuple of a matrix's rows."""
+        ends = accumulate(array.size for array in self.numbers.values())
+        parts = zip(self.numbers.items(), ends, strict=True)
+        return {name: _shaped(packed.of[end - array.size : end], array.shape) for (name, array), end in parts}
+
+    def having(self, numbers: Mapping[str, Any]) -> Self:
+        """These settings with other numbers by name, taken without a check: scalars of any kind, or arrays of which
+        leading axes are samples."""
+        other = object.__new__(type(self))
+        other.__dict__.update(self._settings())
+        other.__dict__.update({name: value for name, value in numbers.items() if "." not in name})
+        for name, part in self.tunable_parts.items():
+            other.__dict__[name] = part.having(_within(name, numbers))
+        return other
+
+    def tuned(self, numbers: Mapping[str, ArrayLike]) -> Self:
+        """These settings with other numbers by name, checked as new ones are.
+
+        Raises `NotFoundError` for a name that is none of `numbers`, and what the settings themselves raise.
+        """
+        for name in numbers:
+            if name not in self.numbers:
+                close = get_close_matches(name, self.numbers, n=1)
+                guess = f" (did you mean {close[0]!r}?)" if close else ""
+                known = ", ".join(self.numbers) or "none"
+                raise NotFoundError(f"{type(self).__name__} has no number {name!r} to tune{guess}; there are: {known}")
+        own: dict[str, Any] = {name: value for name, value in numbers.items() if "." not in name}
+        parts = {name: part.tuned(_within(name, numbers)) for name, part in self.tunable_parts.items()}
+        return replace(self, **own, **parts)  # type: ignore[type-var]  # what has names to tune is a dataclass
+
+    @cached_property
+    def structure(self) -> Structure:
+        """What an equation of these settings depends on, besides the numbers that may change."""
+        parts, shapes = self.tunable_parts, tuple((name, array.shape) for name, array in self.numbers.items())
+        fixed = [(name, value) for name, value in self._settings() if name not in parts]
+        rest = tuple((name, _key(value)) for name, value in fixed if name not in self.tunable or value is None)
+        return Structure(self, (type(self), shapes, rest, tuple((name, of.structure) for name, of in parts.items())))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The settings without what was made of them: native code stays in its process."""
+        return dict(self._settings())
+
+    def _settings(self) -> Iterator[tuple[str, Any]]:
+        """The attributes without those that are computed and kept."""
+        kind = type(self)
+        for name, value in vars(self).items():
+            if not isinstance(getattr(kind, name, None), cached_property):
+                yield name, value
+
+
+class _Same:
+    """An object that is equal to itself only."""
+
+    __slots__ = ("of",)
+
+    def __init__(self, of: object) -> None:
+        self.of = of
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and other.of is self.of
+
+    def __hash__(self) -> int:
+        return id(self.of)
+
+
+def _key(value: Any) -> Hashable:
+    """What stands for a setting in a structure: its value, or where that cannot be told, the object itself."""
+    if isinstance(value, Tunable):
+        return value.structure
+    if isinstance(value, np.ndarray):
+        return value.shape, value.dtype.str, value.tobytes()
+    if isinstance(value, tuple):
+        return type(value), tuple(map(_key, value))
+    if value is None or isinstance(value, bool | int | float | str):
+        return type(value), value
+    return _Same(value)
+
+
+def _within(part: str, numbers: Mapping[str, Any]) -> dict[str, Any]:
+    """The numbers of a part by their names in it."""
+    return {name.removeprefix(f"{part}."): value for name, value in numbers.items() if name.startswith(f"{part}.")}
+
+
+def _shaped(scalars: tuple[Any, ...], shape: tuple[int, ...]) -> Any:
+    if not shape:
+        return scalars[0]
+    if len(shape) == 1:
+        return Column(scalars)
+    size = prod(shape[1:])
+    return tuple(_shaped(scalars[k * size : (k + 1) * size], shape[1:]) for k in range(shape[0]))

@@ -1,0 +1,67 @@
+"""Gains of many arms: one set for all, or one each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.arrays import Array, numbers
+from adaptctl.control.controller import Controller
+from adaptctl.errors import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class GainsOfMany:
+    """Gains by name, each as the controller has it or with a leading axis of arms; the others are the controller's."""
+
+    controller: Controller[Any]
+    given: Mapping[str, Array]
+
+    @classmethod
+    def of(cls, controller: Controller[Any], given: Mapping[str, ArrayLike]) -> GainsOfMany:
+        """Gains that the controller takes: every set is checked as a new controller's is. Raises what that raises."""
+        controller.tuned({name: controller.numbers.get(name, values) for name, values in given.items()})
+        gains = cls(controller, {name: numbers(values, name) for name, values in given.items()})
+        for name, values in gains.given.items():
+            own = controller.numbers[name].shape
+            if values.shape not in (own, (*values.shape[:1], *own)):
+                raise InputError(f"gains: {name}: expected shape {own}, or {('M', *own)}, got {values.shape}")
+        gains.require()
+        return gains
+
+    @property
+    def arms(self) -> dict[str, tuple[int, ...]]:
+        """The leading axes of each, by name."""
+        sizes = {name: x.ndim - self.controller.numbers[name].ndim for name, x in self.given.items()}
+        return {f"gains {name}": self.given[name].shape[:axes] for name, axes in sizes.items()}
+
+    def require(self) -> None:
+        """Raise what a controller with any of the sets would."""
+        if not self.given:
+            return
+        count = max((axes[0] for axes in self.arms.values() if axes), default=1)
+        if any(axes not in ((), (count,)) for axes in self.arms.values()):
+            return  # told with all that has a row each
+        rows = np.concatenate([x.reshape(count, -1) for x in self._rows(slice(0, count), count).values()], axis=1)
+        for k in np.unique(rows, axis=0, return_index=True)[1].tolist():
+            self.controller.tuned({name: x[k] for name, x in self._rows(slice(0, count), count).items()})
+
+    def of_arms(self, arms: slice) -> dict[str, Array]:
+        """All gains (M, ...) of some of the arms, by name; nothing where none was given."""
+        if not self.given:
+            return {}
+        count = arms.stop - arms.start
+        own = {name: np.broadcast_to(x, (count, *x.shape)) for name, x in self.controller.numbers.items()}
+        return own | self._rows(arms, count)
+
+    def packed(self, arms: slice) -> Array:
+        """All gains (M, g) of some of the arms, one after the other."""
+        return np.concatenate([x.reshape(len(x), -1) for x in self.of_arms(arms).values()], axis=1)
+
+    def _rows(self, arms: slice, count: int) -> dict[str, Array]:
+        rows = {name: x[arms] if self.arms[f"gains {name}"] else x for name, x in self.given.items()}
+        return {name: np.broadcast_to(x, (count, *self.controller.numbers[name].shape)) for name, x in rows.items()}

@@ -1,0 +1,44 @@
+"""The replication in a few lines: its outcome, and the answers to what a person asks first."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from adaptctl.experiments.replication.result import Replication
+
+INCOMPLETE = "This run was interrupted. What was computed until then is shown; it is not the whole paper."
+
+
+def headline(replication: Replication) -> str:
+    """Outcome in a sentence or two: how many printed numbers come out, and what is wrong."""
+    n, depending = replication.numbers, replication.numbers.in_shape + replication.numbers.not_reproduced
+    computable = n.reproduced + n.errata
+    said = [] if replication.complete else [INCOMPLETE]
+    if n.given:
+        said.append(f"{n.given} of {n.printed} printed numbers are inputs, used as printed.")
+    if computable:
+        said.append(
+            f"Of {computable} that can be computed as they stand, {n.reproduced} come out, "
+            f"{n.to_the_last_digit} to the last digit."
+        )
+    if depending:
+        said.append(
+            f"Of {depending} that depend on samples, motions or an arm that are not printed, {n.in_shape} lie "
+            f"among those of {replication.study.seeds} seeds."
+        )
+    if replication.errata:
+        said.append(f"Wrong, with a proof by numbers: {', '.join(replication.errata)}.")
+    return " ".join(said) or f"Computed: {', '.join(item.name for item in replication.items)}."
+
+
+def facts(replication: Replication) -> Iterator[tuple[str, str]]:
+    """Questions that a person asks first, and the answers."""
+    n, m = replication.numbers, replication.marks
+    yield "Printed numbers", f"{n.printed}, {n.given} of them inputs"
+    yield "Reproduced", f"{n.reproduced}, {n.to_the_last_digit} to the last digit"
+    yield "Reproduced in shape", f"{n.in_shape}"
+    yield "Errata", f"{len(replication.errata)} of {len(replication.items)} items"
+    yield "Not reproduced", f"{n.not_reproduced}"
+    yield "Crosses and blanks", f"{m.reproduced} of {m.printed}"
+    yield "Draws of random states", f"{replication.study.seeds} where the paper made one"
+    yield "Computed in", f"{replication.seconds:.1f} s"

@@ -1,0 +1,42 @@
+"""Report of arms side by side: one HTML page that needs nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from adaptctl.experiments.serial_versus_graph.figures import drawings, side_color
+from adaptctl.experiments.serial_versus_graph.result import SideBySide
+from adaptctl.experiments.serial_versus_graph.wording import WHY_NOT_16, facts, rows, verdict
+from adaptctl.files import write_text
+from adaptctl.recording.page import embedded, rendered
+from adaptctl.recording.wording import INCOMPLETE
+
+
+def write_report(path: str | Path, result: SideBySide, figures: Mapping[str, Path]) -> None:
+    """Write the page with the figures, given as files by name, inside. Raises FileError."""
+    write_text(path, report(result, figures))
+
+
+def trace_name(side: str) -> str:
+    """Name of the file with an arm's adaptive run."""
+    return f"trace-{side}.parquet"
+
+
+def report(result: SideBySide, figures: Mapping[str, Path]) -> str:
+    """HTML of the page."""
+    return rendered(
+        "report.html",
+        __package__ or "",
+        result=result,
+        verdict=verdict(result),
+        incomplete=INCOMPLETE,
+        why_not_16=WHY_NOT_16,
+        facts=list(facts(result)),
+        rows=rows(result),
+        colors=[side_color(i).hex for i in range(len(result.sides))],
+        traces={
+            trace_name(side.name): "Every control period of an arm's adaptive run, with units." for side in result.sides
+        },
+        figures=embedded(drawings(result), figures),
+    )

@@ -1,0 +1,35 @@
+"""What all tests run under, and fixtures of more than one file."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+settings.register_profile("unhurried", deadline=None)
+settings.load_profile("unhurried")
+
+
+@pytest.fixture(scope="module")
+def elsewhere(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """MuJoCo writes its warnings into a file where it runs."""
+    here = Path.cwd()
+    os.chdir(tmp_path_factory.mktemp("mujoco"))
+    yield
+    os.chdir(here)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _interruptible() -> None:
+    """Ctrl-C interrupts, also where a shell began the tests in the background and has it ignored."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture
+def any_processor(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Native code for all that the processor has, whatever the tests are limited to."""
+    monkeypatch.delenv("ADAPTCTL_PROCESSOR", raising=False)

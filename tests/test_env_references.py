@@ -1,0 +1,61 @@
+"""What the environments draw and choose where nothing is given: references, previews and limits of torques."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from random_trees import random_tree
+from robot_files import urdf
+
+from adaptctl.dynamics import Mechanism, load
+from adaptctl.envs import (
+    random_sinusoids,
+)
+from adaptctl.envs.torque_limits import finite_torque_limits
+from adaptctl.simulation.sampled_references import BLOCK, Preview
+
+
+@pytest.fixture(scope="module")
+def measured() -> Mechanism:
+    return load("puma560_measured")
+
+
+def test_a_preview_is_the_reference_at_every_period(measured: Mechanism) -> None:
+    reference = random_sinusoids(measured, np.random.default_rng(0))
+    preview = Preview(reference, 6, 1e-3, np.array([0.05]))
+    for step in (0, BLOCK - 1, BLOCK, 5000, 5001, 3):
+        point = reference(1e-3 * step)
+        expected = np.concatenate((point.p, point.v, point.a, reference(1e-3 * step + 0.05).p))
+        np.testing.assert_allclose(preview.row(step), expected, atol=1e-15)
+
+
+@cache
+def robot_of(kind: str) -> Mechanism:
+    return random_tree(5, 6) if kind == "tree" else load(urdf(kind) if kind.endswith(".urdf") else kind)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.sampled_from(["puma560_measured", "ur5_robot.urdf", "tree"]))
+def test_random_references_keep_the_limits(seed: int, robot: str) -> None:
+    mechanism = robot_of(robot)
+    p, v, _ = random_sinusoids(mechanism, np.random.default_rng(seed))(np.linspace(0.0, 30.0, 1500))
+    limits = [link.joint.limits for link in mechanism.links]
+    assert np.all(p >= [limit.lower for limit in limits])
+    assert np.all(p <= [limit.upper for limit in limits])
+    assert np.all(np.abs(v) <= [limit.velocity for limit in limits])
+    assert np.all(np.ptp(p, axis=0) > 0.0)
+
+
+def test_torques_without_limits_get_generous_ones(measured: Mechanism) -> None:
+    np.testing.assert_array_equal(finite_torque_limits(measured), measured.effort_limits)
+    tree = robot_of("tree")
+    assert np.isinf(tree.effort_limits).all()
+    limits = finite_torque_limits(tree)
+    p = np.random.default_rng(1).uniform(-3, 3, (500, 6))
+    gravity = tree.inverse_dynamics(p, np.zeros_like(p), np.zeros_like(p))
+    assert np.all(limits >= np.abs(gravity).max(axis=0))
+    assert np.all(limits <= 1e4)

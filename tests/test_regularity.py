@@ -1,0 +1,40 @@
+"""Regularity of loops natively: determinants, and a bound that is sure."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from sampled_loops import arm
+
+from adaptctl.compilation import compile_function
+from adaptctl.dynamics.loops.continuation import NEAREST
+from adaptctl.dynamics.loops.determinant import determinant
+from adaptctl.scalars import Column
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 6])
+def test_determinants_are_numpys(size: int) -> None:
+    rng = np.random.default_rng(size)
+    names = [f"row{k}" for k in range(size)]
+    kernel = compile_function(lambda **rows: determinant(rows.values()), dict.fromkeys(names, size))
+    for _ in range(20):
+        matrix = rng.normal(size=(size, size))
+        expected = np.linalg.det(matrix)
+        assert kernel(*matrix) == pytest.approx(expected, rel=1e-10)
+        assert determinant(map(Column, matrix.tolist())) == pytest.approx(expected, rel=1e-10)
+
+
+@pytest.mark.parametrize("name", ["semi_direct_drive", "semi_direct_drive_parallelogram"])
+def test_what_is_surely_regular_is_regular(name: str) -> None:
+    continuation = arm(name).continuation
+    assert continuation is not None
+    sure = compile_function(continuation.surely_regular, {"q": len(continuation.reference)})
+    rng = np.random.default_rng(0)
+    near = continuation.reference + rng.uniform(-0.3, 0.3, (50, 3))[:, :1] * 0.0
+    far = rng.uniform(-np.pi, np.pi, (2000, len(continuation.reference)))
+    closed = continuation._closed(far[:, continuation.primary], far)
+    q = np.concatenate((near, far, closed[np.isfinite(closed).all(axis=1)]))
+    found, regularity = np.array([sure(row) for row in q]), continuation.regularity(q)
+    assert np.all(regularity[found == 1.0] >= NEAREST)
+    assert found[0] == 1.0
+    assert np.mean(found[regularity >= 2.0 * NEAREST]) > 0.99

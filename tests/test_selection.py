@@ -1,0 +1,62 @@
+"""Independent rows and columns: the same as in exact arithmetic, and as by pivoted Householder factors."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from adaptctl.arrays import Array
+from adaptctl.identifiability.selection import independent_columns, removable
+
+
+def test_round_off_does_not_pass_for_independence() -> None:
+    """Läuchli's rows (1961): orthogonalised once, directions are off by their distance, e = 7e-9.
+
+    The third row is (first - second) / e without rounding, so nothing is left of it; orthogonalised once, e is.
+    """
+    e = 2.0**-27
+    rows: Array = np.array([[1, e, 0, 0], [1, 0, e, 0], [0, 1, -1, 0], [1, 0, 0, e], [0, 1, 0, 0]])
+    assert removable(rows, range(5), 1e-9) == (0, 1, 3, 4)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 8), st.integers(0, 8), st.floats(0.0, 9.0))
+def test_nearly_dependent_rows_are_told_apart(seed: int, needed: int, more: int, decades: float) -> None:
+    """Against what Householder factors of the rows before leave of each, by definition of the walk."""
+    rng = np.random.default_rng(seed)
+    near = rng.normal(size=needed) + np.logspace(0, -decades, needed)[:, None] * rng.normal(size=(needed, needed))
+    rows = np.linalg.qr(np.vstack([near, rng.normal(size=(more, needed))]))[0]
+    tolerance = 1e-3 / np.sqrt(len(rows))
+    taken: list[int] = []
+    for j, row in enumerate(rows):
+        span = np.linalg.qr(rows[taken].T)[0]
+        left = np.linalg.norm(row - span @ (span.T @ row))
+        assume(abs(left / tolerance - 1.0) > 1e-3)
+        taken += [j] if left > tolerance and len(taken) < needed else []
+    assert removable(rows, range(len(rows)), tolerance) == tuple(taken)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 8), st.integers(1, 8))
+def test_without_a_tolerance_columns_are_pivoted_by_size(seed: int, rows: int, columns: int) -> None:
+    matrix = np.random.default_rng(seed).normal(size=(rows, columns))
+    taken, directions = independent_columns(matrix, np.inf, 0.0)
+    _, R, pivots = scipy.linalg.qr(matrix, pivoting=True, mode="economic")
+    assert taken == pivots[: min(rows, columns)].tolist()
+    np.testing.assert_allclose(directions @ directions.T, np.eye(len(taken)), atol=1e-10)
+    np.testing.assert_allclose(np.abs(directions @ matrix[:, pivots]), np.abs(R), atol=1e-10)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_no_column_is_taken_twice(seed: int) -> None:
+    """What round-off leaves of the first columns is larger than the last ones."""
+    rng = np.random.default_rng(seed)
+    matrix = rng.normal(size=(8, 8)) * np.logspace(0, -40, 8)
+    assert independent_columns(matrix, np.inf, 0.0)[0] == list(range(8))
+
+
+def test_the_first_beyond_the_tolerance_is_taken_before_the_largest() -> None:
+    columns = np.array([[1e-4, 1.0, 2.0, 0.0], [0.0, 0.0, 1e-5, 0.0]])
+    assert independent_columns(columns, 1e-3, 1e-8)[0] == [1, 2]
+    assert independent_columns(columns, 1e-5 / 2, 1e-8)[0] == [0, 2]
+    assert independent_columns(columns, 1e-3, 1e-4)[0] == [1]

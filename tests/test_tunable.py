@@ -1,0 +1,200 @@
+"""Gains are arguments: what differs in them alone shares native code, and computes what it would alone."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+from random_trees import random_chain
+
+from adaptctl.arrays import Array
+from adaptctl.control import (
+    AdaptiveComputedTorque,
+    BoundedGainForgetting,
+    Composite,
+    ComputedTorque,
+    Controller,
+    CushionedFloor,
+    DeadZone,
+    EModification,
+    Gradient,
+    Guarded,
+    Natural,
+    PassivityIntegral,
+    PDGravity,
+    Projection,
+    ReferencePoint,
+    SigmaModification,
+    Sinusoids,
+    SlotineLi,
+    Subspace,
+    TaskSpaceSlotineLi,
+)
+from adaptctl.control.adaptation.prediction import decayed
+from adaptctl.control.controller import leaves
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import GainError, InputError, NotFoundError
+from adaptctl.identifiability import ReducedModel
+from adaptctl.scalars import Column
+from adaptctl.simulation import Plant, simulate_many
+
+ARM = random_chain(3, 3)
+MODEL = ReducedModel.full(ARM)
+K = len(MODEL.columns)
+TRUE = np.asarray(ARM.inertial_parameters)
+POINT = ReferencePoint(np.array([0.1, -0.5, 0.4]), np.array([0.2, -0.1, 0.3]), np.array([1.0, 0.5, -1.0]))
+GAIN = np.linspace(0.5, 2.0, K)
+WIDE = np.full(K, 1e4)
+
+
+def slotine_li(adaptation: Any = None, kind: type[SlotineLi] = SlotineLi, **more: Any) -> SlotineLi:
+    return kind(MODEL, 6.0, [3.0, 4.0, 2.0], adaptation, 0.9 * TRUE, **more)  # type: ignore[arg-type]
+
+
+LAWS: dict[str, Controller[Any]] = {
+    "gradient": slotine_li(GAIN),
+    "euler": slotine_li(Gradient(GAIN, euler=True)),
+    "matrix": slotine_li(np.diag(GAIN) + 0.1),
+    "dead zone": slotine_li(DeadZone(GAIN, np.array([0.05, 0.04, 0.06]))),
+    "sigma": slotine_li(SigmaModification(GAIN, 0.2, TRUE)),
+    "e": slotine_li(EModification(GAIN, 0.2, TRUE)),
+    "composite": slotine_li(Composite(GAIN, 0.3, 15.0)),
+    "forgetting": slotine_li(BoundedGainForgetting(GAIN, 0.3, 15.0, 1.5, 3.0)),
+    "floor": slotine_li(CushionedFloor(GAIN, 0.3, 15.0, 1.5)),
+    "natural": slotine_li(Natural(0.2)),
+    "projection": slotine_li(Projection(Gradient(GAIN), -WIDE, WIDE)),
+    "subspace": slotine_li(Subspace(GAIN[:4], np.eye(K)[:, :4])),
+    "integral": slotine_li(GAIN, PassivityIntegral),
+    "tool": slotine_li(GAIN, TaskSpaceSlotineLi, singularity=0.1, reference_in_joints=True),
+    "adaptive computed torque": AdaptiveComputedTorque(MODEL, 6.0, 0.9 * TRUE, GAIN),  # type: ignore[arg-type]
+    "computed torque": ComputedTorque(ARM, np.full(3, 6.0), 0.8),
+    "gravity": PDGravity(ARM, np.full(3, 200.0), np.full(3, 30.0)),
+    "guarded": Guarded(slotine_li(GAIN), 50.0, 1e4, (-WIDE, WIDE), 5.0),
+}
+
+
+def changed(law: Controller[Any]) -> Controller[Any]:
+    """The law with every number a little greater, each array by a share of its own."""
+    rng = np.random.default_rng(0)
+    return law.tuned({name: (1.0 + 0.1 * rng.random()) * array for name, array in law.numbers.items()})
+
+
+def ticks(law: Controller[Any], count: int = 4) -> list[Array]:
+    """All that a law makes of some ticks, one after the other."""
+    p, v = np.array([0.2, -0.4, 0.3]), np.array([0.1, 0.2, -0.3])
+    state, made = law.init(p, v), []
+    for _ in range(count):
+        torque, state = law.step(state, p, v, POINT)
+        made += [torque, *leaves(state)]
+        p, v = p + 1e-3 * v, 0.99 * v
+    return made
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_laws_that_differ_in_gains_alone_share_native_code_and_do_not_mix_them_up(name: str) -> None:
+    law, other = LAWS[name], changed(LAWS[name])
+    before = ticks(law)
+    after = ticks(other)
+    assert other.kernel is law.kernel is not None
+    assert all(np.array_equal(x, y) for x, y in zip(ticks(law), before, strict=True))
+    assert any(not np.array_equal(x, y) for x, y in zip(before, after, strict=True))
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_a_gain_that_is_an_argument_does_what_a_compiled_in_one_does(name: str) -> None:
+    law = changed(LAWS[name])
+    p, v = np.array([0.2, -0.4, 0.3]), np.array([0.1, 0.2, -0.3])
+    state = law.init(p, v)
+    for _ in range(3):
+        plain = law.on_floats(p, v, *POINT, *leaves(state))
+        torque, state = law.step(state, p, v, POINT)
+        for native, expected in zip((torque, *leaves(state)), plain, strict=True):
+            np.testing.assert_allclose(native, expected, rtol=0, atol=1e-11 * max(1.0, np.abs(expected).max(initial=0)))
+        p, v = p + 1e-3 * v, 0.99 * v
+
+
+def test_gains_are_checked_as_those_of_a_new_law() -> None:
+    law = LAWS["gradient"]
+    with pytest.raises(GainError, match="too stiff"):
+        law.tuned({"damping": [1e6, 1e6, 1e6]})
+    with pytest.raises(InputError, match="positive"):
+        law.tuned({"adaptation.gain": -GAIN})
+    with pytest.raises(NotFoundError, match=r"did you mean 'damping'.*bandwidth.*adaptation\.gain"):
+        law.tuned({"dampin": 3.0})
+
+
+def test_what_is_not_a_gain_is_compiled_in() -> None:
+    longer = slotine_li(GAIN, period=2e-3)
+    assert longer.structure != LAWS["gradient"].structure
+    assert LAWS["euler"].structure != LAWS["gradient"].structure == slotine_li(2.0 * GAIN).structure
+    assert Guarded(LAWS["gradient"], 50.0).structure != Guarded(LAWS["gradient"], 50.0, 1e4).structure  # type: ignore[arg-type]
+
+
+class Squared(SlotineLi):
+    """A law of a user's, which reads its gains as numbers."""
+
+    def reference_velocity(self, *given: Any) -> Any:
+        assert isinstance(self.bandwidth, np.ndarray)
+        return super().reference_velocity(*given)
+
+
+@dataclass(frozen=True)
+class Spring(Controller[Any]):
+    """A law of a user's, from nothing of ours."""
+
+    mechanism: Mechanism
+    stiffness: float
+
+    @property
+    def dof(self) -> int:
+        return 3
+
+    def start(self, p: Array, v: Array) -> Any:
+        return ()
+
+    def law(self, p: Column, v: Column, reference: ReferencePoint, memory: Any) -> Any:
+        stiff = 2.0 if self.stiffness > 1.0 else 1.0
+        return (-stiff * self.stiffness) * (p - reference.p), memory
+
+
+def test_a_law_that_names_no_gains_has_them_compiled_in() -> None:
+    ours = slotine_li(GAIN)
+    derived = [slotine_li(GAIN, Squared), slotine_li(2.0 * GAIN, Squared)]
+    assert [law.tunable for law in derived] == [(), ()]
+    assert set(derived[0].numbers) == {"adaptation.gain"}
+    np.testing.assert_allclose(ticks(derived[0])[0], ticks(ours)[0], rtol=1e-12)
+    soft, hard = Spring(ARM, 1.0), Spring(ARM, 10.0)
+    assert soft.structure != hard.structure == Spring(ARM, 10.0).structure
+    p = np.ones(3)
+    for law, factor in ((soft, 1.0), (hard, 20.0)):
+        torque, _ = law.step(law.init(p, p), p, p, POINT)
+        np.testing.assert_allclose(torque, -factor * (p - POINT.p))
+
+
+def test_a_used_controller_can_be_pickled_and_goes_on() -> None:
+    law = slotine_li(GAIN)
+    expected = ticks(law)
+    again = pickle.loads(pickle.dumps(law))
+    for x, y in zip(ticks(again), expected, strict=True):
+        np.testing.assert_array_equal(x, y)
+
+
+def test_runs_of_other_gains_need_no_new_code() -> None:
+    plant = Plant(ARM, 1e-3)
+    reference = Sinusoids(np.zeros(3), np.full(3, 0.3), np.full(3, 0.5))
+    first = simulate_many(plant, slotine_li(GAIN), reference, duration=0.05, members=2)
+    stiff = slotine_li(GAIN).tuned({"damping": [6.0, 8.0, 4.0]})
+    second = simulate_many(plant, stiff, reference, duration=0.05, members=2)
+    kept = simulate_many(plant, slotine_li(GAIN, Squared).tuned({}), reference, duration=0.05, members=2)
+    np.testing.assert_allclose(kept.torque, first.torque, rtol=0, atol=1e-9)
+    assert np.abs(second.torque - first.torque).max() > 1e-2
+
+
+@pytest.mark.parametrize("x", [1e-6, 1e-3, 0.02, 0.3, 1.0])
+def test_a_decay_is_the_exponential(x: float) -> None:
+    left, mean = decayed(x)
+    assert left == pytest.approx(np.exp(-x), rel=1e-15, abs=0)
+    assert mean == pytest.approx(-np.expm1(-x) / x, rel=1e-15, abs=0)
