@@ -22,6 +22,8 @@ from adaptctl.identifiability import Reduction as Reduction
 from adaptctl.identifiability import essential_space as essential_space
 from adaptctl.identifiability import fundamental_basis as fundamental_basis
 from adaptctl.identifiability import reduce as reduce
+from adaptctl.identification import Identification as Identification
+from adaptctl.identification import identify as identify
 from adaptctl.simulation import Plant as Plant
 from adaptctl.simulation import Rollout as Rollout
 from adaptctl.simulation import rollout as rollout

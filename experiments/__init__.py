@@ -97,6 +97,18 @@ EXPERIMENTS = (
         "AdaptiveTracking",
     ),
     Entry(
+        "identify-then-adapt",
+        "A real arm's log gives the first estimate: adaptation from it, from the URDF and from zero",
+        "adaptctl.experiments.identify_then_adapt",
+        "IdentifyThenAdapt",
+    ),
+    Entry(
+        "energy-differences",
+        "Energy differences as an estimator on a real log: exact in theory, and what they amplify",
+        "adaptctl.experiments.energy_differences",
+        "EnergyDifferences",
+    ),
+    Entry(
         "sheu-walker-1991",
         "Every table and figure of the paper behind all this, computed again, with a verdict",
         "adaptctl.experiments.sheu_walker_1991",

@@ -12,11 +12,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_trees import random_tree
 
-from adaptctl.description.drive import Drive
+from adaptctl.description.drive import Drive, DriveParameter
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.recursion.drive import SLOW
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, SimplificationWarning
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
+from adaptctl.scalars import column
 
 DRIVES = [Drive(0.5, 2.0, 3.0), Drive(viscous=1.0), Drive(), Drive(rotor_inertia=0.2, coulomb=4.0)]
 
@@ -53,9 +54,7 @@ def test_drives_add_their_own_torques_and_nothing_else(seed: int, links: int) ->
     mechanism = driven(plain)
     p, v, _, a = states(links, seed)
     drives = [link.joint.drive for link in mechanism.links]
-    rotor, viscous, coulomb = (
-        np.array([d.value(kind) or 0.0 for d in drives]) for kind in type(mechanism.description.drive_parameters[0][1])
-    )
+    rotor, viscous, coulomb = (np.array([d.value(kind) or 0.0 for d in drives]) for kind in list(DriveParameter)[:3])
     expected = plain.inverse_dynamics(p, v, a) + rotor * a + viscous * v + coulomb * v / np.sqrt(v**2 + SLOW**2)
     torque = mechanism.inverse_dynamics(p, v, a)
     np.testing.assert_allclose(torque, expected, rtol=1e-12, atol=1e-12)
@@ -72,8 +71,6 @@ def test_columns_and_the_tick_know_the_drives(seed: int, links: int, data: st.Da
     mechanism = driven(random_tree(seed, links))
     total = len(mechanism.parameter_names)
     columns = sorted(data.draw(st.sets(st.integers(0, total - 1), min_size=3)))
-    from adaptctl.scalars import column
-
     p, v, v_r, a_r = states(links, seed)
     s = np.random.default_rng(seed).normal(size=links)
     Y = mechanism.slotine_li_regressor(p, v, v_r, a_r)
@@ -121,6 +118,70 @@ def test_drives_can_be_given_and_taken_away() -> None:
 def test_negative_friction_is_refused(bad: dict[str, float]) -> None:
     with pytest.raises(InputError, match=f"{next(iter(bad))}: expected a finite number of at least 0"):
         Drive(**bad)
+
+
+BENT = Drive(0.2, 1.0, 2.0, 1.5, 0.7, -0.3)
+
+
+def curve(s: np.ndarray) -> np.ndarray:
+    """The friction of BENT at a shaft's speed, written out."""
+    sign = s / np.sqrt(s**2 + SLOW**2)
+    return s + sign * 2.0 + 1.5 * s / (s**2 + SLOW**2) ** 0.25 + 0.7 * sign / (1.0 + (s / 0.1) ** 2) - 0.3
+
+
+def coupled(tree: Mechanism) -> Mechanism:
+    """The same tree, its last drive turning with the joint before it, backwards and half as fast."""
+    last = replace(BENT, turns_with=((tree.links[-2].joint.name, -0.5),))
+    return tree.with_drives([*(Drive() for _ in tree.links[1:]), last])
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(2, 6))
+def test_a_shaft_that_turns_with_two_joints(seed: int, links: int) -> None:
+    """By d'Alembert: the drive's torque times the shaft's virtual turn, which is w of the joints' (w its ratios)."""
+    tree = random_tree(seed, links)
+    mechanism = coupled(tree)
+    w = np.zeros(links)
+    w[-2:] = -0.5, 1.0
+    p, v, v_r, a = states(links, seed)
+    torque = mechanism.inverse_dynamics(p, v, a)
+    expected = tree.inverse_dynamics(p, v, a) + w * (0.2 * (w @ a) + curve(w @ v))
+    np.testing.assert_allclose(torque, expected, rtol=1e-11, atol=1e-11)
+    D = mechanism.inertial_parameters
+    np.testing.assert_allclose(mechanism.torque_regressor(p, v, a) @ D, torque, rtol=1e-10, atol=1e-10)
+    M = mechanism.mass_matrix(p)
+    np.testing.assert_allclose(M, tree.mass_matrix(p) + 0.2 * np.outer(w, w), rtol=1e-11, atol=1e-12)
+    assert mechanism.energy(p, v) == pytest.approx(float(tree.energy(p, v)) + 0.1 * (w @ v) ** 2, rel=1e-11)
+    np.testing.assert_allclose(mechanism.forward_dynamics(p, v, torque), a, rtol=1e-7, atol=1e-7)
+    s, columns = v_r, range(len(D))
+    motion = mechanism.equations.motion(*map(column, (p, v, v, a)))
+    Y = mechanism.torque_regressor(p, v, a)
+    np.testing.assert_allclose(motion.powers(column(s), columns).of, Y.T @ s, rtol=1e-9, atol=1e-9)
+
+
+def test_the_rank_knows_a_shaft_that_turns_with_two_joints() -> None:
+    """Its rotor is told from the links' inertias by the products of both joints' velocities."""
+    tree = random_tree(4, 4)
+    mechanism = coupled(tree)
+    assert essential_space(mechanism).rank in (essential_space(tree).rank, essential_space(tree).rank + 1)
+    with pytest.raises(InputError, match="drives that turn with several joints; use svd"):
+        essential_space(mechanism, method="transfers")
+    plain = coupled(tree).with_drives([*(Drive() for _ in tree.links[1:]), BENT])
+    assert plain.geometry_sha256 != mechanism.geometry_sha256
+    assert plain.description.sha256 != mechanism.description.sha256
+
+
+def test_shafts_speak_of_other_joints_once() -> None:
+    tree = random_tree(2, 3)
+    for others in ((("nowhere", 1.0),), ((tree.links[2].joint.name, 1.0),), ((tree.links[0].joint.name, 1.0),) * 2):
+        with pytest.raises(InputError, match=r"turns_with: expected other joints, each once, among .*; got"):
+            tree.with_drives([Drive(), Drive(), Drive(1.0, turns_with=others)])
+    with pytest.raises(InputError, match="expected a finite ratio other than 0"):
+        Drive(1.0, turns_with=(("joint0", 0.0),))
+    with pytest.raises(InputError, match="no drives that turn with several joints"):
+        coupled(tree).to_pinocchio()
+    with pytest.warns(SimplificationWarning, match="friction other than viscous and Coulomb"):
+        tree.with_drives(BENT).to_pinocchio()
 
 
 def test_coulomb_friction_fades_below_the_speed_that_the_docs_name() -> None:

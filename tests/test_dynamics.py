@@ -35,7 +35,7 @@ def states(mechanism: Mechanism, count: int, seed: int = 0) -> list[Array]:
 def friction(mechanism: Mechanism, v: Array) -> Array:
     """Of the joints' drives: Pinocchio's inverse dynamics leaves it out."""
     drives = [link.joint.drive for link in mechanism.links]
-    viscous, coulomb = (np.array([d.value(kind) or 0.0 for d in drives]) for kind in list(DriveParameter)[1:])
+    viscous, coulomb = (np.array([d.value(kind) or 0.0 for d in drives]) for kind in list(DriveParameter)[1:3])
     return viscous * v + coulomb * v / np.sqrt(v**2 + SLOW**2)
 
 

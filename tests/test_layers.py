@@ -25,6 +25,7 @@ ORDER = (
     "identifiability",
     "control",
     "simulation",
+    "identification",
     "recording",
     "envs",
     "experiments",

@@ -52,6 +52,8 @@ app = App(
 # Named, not given: a command's module is imported when it is asked for.
 app.command("adaptctl.cli.basis:basis", name="basis", help="The independent inertial parameters of a robot.")
 app.command("adaptctl.cli.gains:gains", name="gains", help="Gains of a robot's tracking loop, and their margins.")
+app.command("adaptctl.cli.identify:identify", name="identify", help="A robot's parameters from logs of its motion.")
+app.command("adaptctl.cli.excite:excite", name="excite", help="Motions for a robot that tell of its parameters.")
 app.command("adaptctl.cli.experiment:app", name="experiment", help="List experiments and run them.")
 
 

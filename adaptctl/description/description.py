@@ -129,8 +129,25 @@ class Description:
         for visual in self.visuals:
             if not GROUND <= visual.link < len(self.links):
                 raise InputError(f"{self.name}: a visual is fixed to link {visual.link} of {len(self.links)}")
+        self._require_shafts()
         if self.loops is not None:
             self.loops.require_known([link.name for link in self.links], self.joint_names)
+
+    def _require_shafts(self) -> None:
+        for link in self.links:
+            others = [name for name, _ in link.joint.drive.turns_with]
+            unknown = [name for name in others if name not in self.joint_names or name == link.joint.name]
+            if unknown or len(set(others)) < len(others):
+                raise InputError(
+                    f"{self.name}: joint {link.joint.name!r}: turns_with: expected other joints, each once, among "
+                    f"{', '.join(self.joint_names)}; got {', '.join(others)}"
+                )
+
+    @property
+    def shafts(self) -> list[list[object]]:
+        """The joints whose drives turn with others, and these, plainly."""
+        drives = ((i, link.joint.drive.turns_with) for i, link in enumerate(self.links))
+        return [[i, [[name, repr(ratio)] for name, ratio in others]] for i, others in drives if others]
 
     @cached_property
     def joint_names(self) -> tuple[str, ...]:
@@ -172,6 +189,11 @@ class Description:
         """The parameters of the joints' drives that are modelled, by link: all rotors, then all friction."""
         drives = [link.joint.drive for link in self.links]
         return tuple((i, kind) for kind in DriveParameter for i, d in enumerate(drives) if d.value(kind) is not None)
+
+    def shaft(self, joint: int) -> tuple[tuple[int, float], ...]:
+        """The joints that a joint's drive turns with, itself first, and the ratios of their speeds."""
+        others = self.links[joint].joint.drive.turns_with
+        return (joint, 1.0), *((self.joint_names.index(name), ratio) for name, ratio in others)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -229,6 +251,8 @@ class Description:
         if self.drive_parameters:
             drives = [(i, kind, self.links[i].joint.drive.value(kind)) for i, kind in self.drive_parameters]
             content["drives"] = [[i, kind.value, repr(value)] for i, kind, value in drives]
+        if self.shafts:
+            content["shafts"] = self.shafts
         if len(self.bodies) < len(self.links):
             content["bodies"] = list(self.bodies)
         if self.loops is not None:
@@ -245,6 +269,8 @@ class Description:
         content: list[object] = [_rounded(self.gravity), [_geometry(link) for link in self.links]]
         if self.drive_parameters:
             content.append([[i, kind.value] for i, kind in self.drive_parameters])
+        if self.shafts:
+            content.append(self.shafts)
         if len(self.bodies) < len(self.links):
             content.append(list(self.bodies))
         if self.loops is not None:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from enum import Enum
+from typing import Any
 
 from adaptctl.errors import InputError
 
@@ -18,27 +20,58 @@ class DriveParameter(Enum):
     ROTOR_INERTIA = "rotor_inertia"
     VISCOUS = "viscous"
     COULOMB = "coulomb"
+    SQUARE_ROOT = "square_root"
+    STRIBECK = "stribeck"
+    OFFSET = "offset"
 
     @property
     def is_friction(self) -> bool:
-        """True where the parameter takes energy out instead of storing it."""
+        """True where the parameter is a torque of its own instead of a share of the energy."""
         return self is not DriveParameter.ROTOR_INERTIA
+
+
+MAY_BE_NEGATIVE = frozenset({DriveParameter.SQUARE_ROOT, DriveParameter.STRIBECK, DriveParameter.OFFSET})
+"""What only bends a friction curve, or has no direction of its own."""
 
 
 @dataclass(frozen=True)
 class Drive:
-    """A joint's rotor inertia through its gears (kg m^2, or kg for a prismatic joint), viscous friction
-    (N m s/rad) and Coulomb friction (N m). None where it is not modelled: it is then no parameter at all."""
+    """What a joint's drive adds at its shaft's speed s, rad/s or, for a prismatic joint, m/s.
+
+    `rotor_inertia` (kg m^2, or kg) counts through the gears. The friction torque (N m, or N) is
+
+        viscous s + sign(s) (coulomb + square_root sqrt|s| + stribeck/(1 + (s/0.1)^2)) + offset
+
+    (Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2.2; the square root is of lubricated gears.) None
+    where a term is not modelled: it is then no parameter at all. s is the joint's own velocity, and where the shaft
+    `turns_with` other joints, as in a wrist whose last motor sits before its second joint, that plus each of their
+    velocities times the ratio given; the drive's torque acts on these joints in the same ratios.
+    """
 
     rotor_inertia: float | None = None
     viscous: float | None = None
     coulomb: float | None = None
+    square_root: float | None = None
+    stribeck: float | None = None
+    offset: float | None = None
+    turns_with: tuple[tuple[str, float], ...] = ()
 
     def __post_init__(self) -> None:
         for kind in DriveParameter:
             value = self.value(kind)
-            if value is not None and not (math.isfinite(value) and value >= 0.0):
-                raise InputError(f"{kind.value}: expected a finite number of at least 0, got {value}")
+            if value is None or (math.isfinite(value) and (value >= 0.0 or kind in MAY_BE_NEGATIVE)):
+                continue
+            least = "" if kind in MAY_BE_NEGATIVE else " of at least 0"
+            raise InputError(f"{kind.value}: expected a finite number{least}, got {value}")
+        object.__setattr__(self, "turns_with", tuple((name, float(ratio)) for name, ratio in self.turns_with))
+        for name, ratio in self.turns_with:
+            if not (math.isfinite(ratio) and ratio != 0.0):
+                raise InputError(f"turns_with: {name}: expected a finite ratio other than 0, got {ratio}")
+
+    def with_terms(self, terms: Mapping[DriveParameter, float | None]) -> Drive:
+        """With some of the terms changed."""
+        values: dict[str, Any] = {kind.value: value for kind, value in terms.items()}
+        return replace(self, **values)
 
     def value(self, kind: DriveParameter) -> float | None:
         """The value of one parameter."""

@@ -38,7 +38,8 @@ class TreeMotion(Motion):
         total = list(joint_torques(self.places, self.links, self.layout.tens(parameters)))
         shares = zip(self.layout.drives, self.drives, self.layout.of_drives(parameters), strict=True)
         for term, share, value in shares:
-            total[term.joint] = total[term.joint] + value * share
+            for joint, part in term.on_joints(value * share):
+                total[joint] = total[joint] + part
         return Column(total)
 
     def regressor(self, columns: Sequence[int]) -> list[Column]:
@@ -47,14 +48,15 @@ class TreeMotion(Motion):
         rows = torque_regressor(self.places, self.links, list(of_bodies.values()))
         by_column = [dict(zip(of_bodies, row, strict=True)) for row in rows]
         for column, k in of_drives.items():
-            by_column[self.layout.drives[k].joint][column] = self.drives[k]
+            for joint, share in self.layout.drives[k].on_joints(self.drives[k]):
+                by_column[joint][column] = share
         return [Column(row.get(column, 0.0) for column in columns) for row in by_column]
 
     def powers(self, s: Column, columns: Sequence[int]) -> Column:
         """Y' s on the asked columns, without forming Y."""
         of_bodies, of_drives = self.layout.sorted_out(columns)
         found = dict(zip(of_bodies, powers(self.places, self.links, s, list(of_bodies.values())), strict=True))
-        found |= {column: s[self.layout.drives[k].joint] * self.drives[k] for column, k in of_drives.items()}
+        found |= {column: self.layout.drives[k].speed(s) * self.drives[k] for column, k in of_drives.items()}
         return Column(found[column] for column in columns)
 
     @property
@@ -75,7 +77,7 @@ class TreeEquations(Equations):
     @classmethod
     def of(cls, description: Description) -> TreeEquations:
         """The equations of a described mechanism, its loops, if any, left open."""
-        drives = tuple(DriveTerm(joint, kind) for joint, kind in description.drive_parameters)
+        drives = tuple(DriveTerm(description.shaft(joint), kind) for joint, kind in description.drive_parameters)
         layout = ParameterLayout(len(description.links), description.bodies, drives)
         return cls(segments(description), Vec(*description.gravity.tolist()), layout)
 
@@ -112,7 +114,7 @@ class TreeEquations(Equations):
 
     def energies(self, tens: Column, v: Column) -> Column:
         """E (P,) from the energies of the ten of every link (10N,) and the joints' velocities."""
-        return Column((*self.layout.owned(tens), *(term.energy(v[term.joint]) for term in self.layout.drives)))
+        return Column((*self.layout.owned(tens), *(term.energy(v) for term in self.layout.drives)))
 
     def potential_regressor(self, p: Column) -> Column:
         """The potential part of E (P,)."""
@@ -122,7 +124,7 @@ class TreeEquations(Equations):
     def motion(self, p: Column, v: Column, v_r: Column, a_r: Column) -> TreeMotion:
         """The links' motion by Newton-Euler's forward recursion, and the drives' shares."""
         places = placements(self.segments, p)
-        drives = [term.torque(v[term.joint], a_r[term.joint]) for term in self.layout.drives]
+        drives = [term.torque(v, a_r) for term in self.layout.drives]
         return TreeMotion(self.layout, places, motions(places, v, v_r, a_r, self.gravity), drives)
 
     def remembered(self, numbers: Column) -> TreeMotion:
@@ -138,11 +140,12 @@ class TreeEquations(Equations):
         return sum(link.coordinates + 12 for link in self.segments) + len(self.layout.drives)
 
     def mass_matrix(self, p: Column, parameters: Column) -> list[list[Scalar]]:
-        """Rows of M(p): the links' by composite bodies, and rotors on the diagonal."""
+        """Rows of M(p): the links' by composite bodies, and the rotors'."""
         rows = mass_matrix(placements(self.segments, p), self.layout.tens(parameters))
         for term, value in zip(self.layout.drives, self.layout.of_drives(parameters), strict=True):
-            if not term.kind.is_friction:
-                rows[term.joint][term.joint] = rows[term.joint][term.joint] + value
+            for joint, share in [] if term.kind.is_friction else term.on_joints(value):
+                for other, part in term.on_joints(share):
+                    rows[joint][other] = rows[joint][other] + part
         return rows
 
     def weightless(self) -> TreeEquations:

@@ -175,7 +175,7 @@ def _certified(
 def _no_tree(mechanism: Mechanism) -> str:
     """The property that keeps a mechanism from being a tree with ten parameters a link; empty where none does."""
     if mechanism.is_plain_tree:
-        return ""
+        return "drives that turn with several joints" if mechanism.description.shafts else ""
     return "relations among its parameters" if mechanism.description.loops is None else "loops"
 
 

@@ -103,7 +103,8 @@ def _of_joints(run: ControllerRun, mechanism: Mechanism) -> Iterator[Quantity]:
 def parameter_unit(name: str) -> str:
     """Unit of a parameter by its name: ``link2.mc_x`` is in kg m. Drives are taken to be of turning joints."""
     kind = name.rsplit(".", 1)[-1]
-    units = {"m": "kg", "viscous": "N m s", "coulomb": "N m"}
+    units = {"m": "kg", "viscous": "N m s", "square_root": "N m s^1/2"}
+    units |= dict.fromkeys(("coulomb", "stribeck", "offset"), "N m")
     return units.get(kind, "kg m" if kind.startswith("mc_") else "kg m^2")
 
 

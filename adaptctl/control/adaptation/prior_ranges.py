@@ -41,8 +41,10 @@ class PriorRanges:
         return np.array([self._range(name.rsplit(".", 1)[-1]) for name in names])
 
     def _range(self, kind: str) -> float:
-        if kind in ("viscous", "coulomb"):
-            return self.viscous if kind == "viscous" else self.coulomb
+        if kind in ("viscous", "square_root"):
+            return self.viscous
+        if kind in ("coulomb", "stribeck", "offset"):
+            return self.coulomb
         if kind == "m":
             return self.mass
         return self.first_moment if kind.startswith("mc_") else self.inertia

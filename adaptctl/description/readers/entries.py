@@ -53,7 +53,7 @@ class FrameEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class DriveEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """A joint's drive: a rotor through its gears (kg m^2), viscous (N m s/rad) and Coulomb friction (N m).
+    """A joint's drive, as `Drive` has it; `turns_with` gives ratios by the names of other joints.
 
     What is left out is not modelled; what is given, zero too, is a parameter.
     """
@@ -61,10 +61,15 @@ class DriveEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     rotor_inertia: float | None = None
     viscous: float | None = None
     coulomb: float | None = None
+    square_root: float | None = None
+    stribeck: float | None = None
+    offset: float | None = None
+    turns_with: dict[Name, float] = {}
 
     def drive(self) -> Drive:
         """The drive, checked."""
-        return Drive(self.rotor_inertia, self.viscous, self.coulomb)
+        terms = (self.rotor_inertia, self.viscous, self.coulomb, self.square_root, self.stribeck, self.offset)
+        return Drive(*terms, turns_with=tuple(self.turns_with.items()))
 
 
 class LinkEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):

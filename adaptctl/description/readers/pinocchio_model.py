@@ -28,8 +28,11 @@ def to_pinocchio(description: Description) -> pinocchio.Model:
     its dry friction, which it holds but its inverse dynamics leaves out.
     Joints stand at the joints' frames and carry the links' names as body frames at the links' frames.
     Continuous joints become revolute ones without limits, so that q keeps one number a joint.
-    Raises InputError for a link without mass that has a first moment, which Pinocchio cannot hold.
+    Raises InputError for a link without mass that has a first moment, which Pinocchio cannot hold, and for a drive
+    that turns with other joints. Warns (SimplificationWarning) of friction that Pinocchio has no place for.
     """
+    if description.shafts:
+        raise InputError(f"{description.name}: Pinocchio has no drives that turn with several joints")
     model = pinocchio.Model()
     model.name = description.name
     model.gravity.linear = np.array(description.gravity)
@@ -39,7 +42,13 @@ def to_pinocchio(description: Description) -> pinocchio.Model:
     model.armature = np.array([drive.rotor_inertia or 0.0 for drive in drives])
     model.damping = np.array([drive.viscous or 0.0 for drive in drives])
     model.friction = np.array([drive.coulomb or 0.0 for drive in drives])
+    if bent := [link.joint.name for link in description.links if _is_bent(link.joint.drive)]:
+        _warn(model, "friction other than viscous and Coulomb is left out", bent)
     return model
+
+
+def _is_bent(drive: Drive) -> bool:
+    return any((drive.square_root, drive.stribeck, drive.offset))
 
 
 def from_pinocchio(model: pinocchio.Model, name: str | None = None) -> Description:
@@ -154,9 +163,10 @@ def _limits(model: pinocchio.Model, index: int) -> Limits:
 def _drive(model: pinocchio.Model, index: int) -> Drive:
     """The joint's drive; Pinocchio has zeros where nothing is modelled."""
     v = model.joints[index].idx_v
-    values = (float(numbers[v]) or None for numbers in (model.armature, model.damping, model.friction))
+    own = (float(numbers[v]) or None for numbers in (model.armature, model.damping, model.friction))
+    armature, damping, friction = own
     try:
-        return Drive(*values)
+        return Drive(armature, damping, friction)
     except InputError as error:
         raise InputError(f"{model.name}: joint {model.names[index]!r}: {error}") from error
 

@@ -45,7 +45,7 @@ def read_urdf(path: str | Path, *, floating_base: bool = False) -> Description:
         bodies = _by_name(robot, "link")
         edges = [_Edge.of(element) for element in _by_name(robot, "joint").values()]
         root = _root(bodies, edges)
-        inertias = {name: _inertia(body) for name, body in bodies.items()}
+        inertias = {name: link_inertia(body) for name, body in bodies.items()}
         name, source = robot.get("name") or Path(path).stem, f"URDF file {Path(path).name}"
         links, still, places = _movable(root, inertias, edges)
         shown = _shown(robot, bodies, places, Path(path))
@@ -179,7 +179,7 @@ def _shown(
     return tuple(v.on(*places[name]) for name, body in bodies.items() for v in visuals(body, file, colors))
 
 
-def _inertia(link: Element) -> Array:
+def link_inertia(link: Element) -> Array:
     """The ten about the link frame's origin, zero without <inertial>."""
     where = named(link)
     inertial = only(link, "inertial", where)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from adaptctl.description.description import GROUND, Description, Link
+from adaptctl.description.description import GROUND, Description, Joint, Link
 from adaptctl.description.loops import Loops
 from adaptctl.description.pose import Pose
 from adaptctl.description.visual import Visual
@@ -41,9 +41,14 @@ def _renamed(link: Link, label: str, stand: Pose, above: int) -> Link:
         link,
         name=f"{label}.{link.name}",
         parent=GROUND if on_ground else link.parent + above,
-        joint=replace(link.joint, name=f"{label}.{link.joint.name}"),
+        joint=_renamed_joint(link.joint, label),
         near=stand @ link.near if on_ground else link.near,
     )
+
+
+def _renamed_joint(joint: Joint, label: str) -> Joint:
+    others = tuple((f"{label}.{name}", ratio) for name, ratio in joint.drive.turns_with)
+    return replace(joint, name=f"{label}.{joint.name}", drive=replace(joint.drive, turns_with=others))
 
 
 def _moved(visual: Visual, stand: Pose, above: int) -> Visual:

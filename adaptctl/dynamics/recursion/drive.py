@@ -5,25 +5,52 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from adaptctl.description.drive import DriveParameter
-from adaptctl.scalars import Scalar, sqrt
+from adaptctl.scalars import Column, Scalar, sqrt
 
 SLOW = 0.01
 """Speed (rad/s, m/s) below which Coulomb friction fades: a step would stop every integrator."""
+STRIBECK_SPEED = 0.1
+"""Speed (rad/s, m/s) at which half of Stribeck's excess of static friction is gone."""
 
 
 @dataclass(frozen=True)
 class DriveTerm:
-    """One parameter of one joint's drive: its share of energy and torque per unit."""
+    """One parameter of one drive: its share of energy and torque per unit.
 
-    joint: int
+    `arms` are the joints that the drive's shaft turns with, its own first, and the ratios of their speeds.
+    """
+
+    arms: tuple[tuple[int, float], ...]
     kind: DriveParameter
 
-    def energy(self, v: Scalar) -> Scalar:
-        """v^2/2 for a rotor, nothing for friction."""
-        return 0.0 if self.kind.is_friction else 0.5 * v * v
+    def speed(self, v: Column) -> Scalar:
+        """The shaft's, of joint velocities v (r,); likewise of accelerations."""
+        (own, _), *others = self.arms
+        return sum((ratio * v[joint] for joint, ratio in others), v[own])
 
-    def torque(self, v: Scalar, a: Scalar) -> Scalar:
-        """a for a rotor, v for viscous friction, the sign of v, smoothed, for Coulomb friction."""
-        if self.kind is DriveParameter.ROTOR_INERTIA:
-            return a
-        return v if self.kind is DriveParameter.VISCOUS else v / sqrt(v * v + SLOW * SLOW)
+    def energy(self, v: Column) -> Scalar:
+        """s^2/2 for a rotor at speed s, nothing for friction."""
+        s = self.speed(v)
+        return 0.0 if self.kind.is_friction else 0.5 * s * s
+
+    def torque(self, v: Column, a: Column) -> Scalar:
+        """About the shaft: its acceleration for a rotor, else friction's law at its speed, the sign smoothed."""
+        s = self.speed(v)
+        match self.kind:
+            case DriveParameter.ROTOR_INERTIA:
+                return self.speed(a)
+            case DriveParameter.VISCOUS:
+                return s
+            case DriveParameter.COULOMB:
+                return s / sqrt(s * s + SLOW * SLOW)
+            case DriveParameter.SQUARE_ROOT:
+                return s / sqrt(sqrt(s * s + SLOW * SLOW))
+            case DriveParameter.STRIBECK:
+                film = 1.0 + s * s * (1.0 / STRIBECK_SPEED**2)
+                return s / (sqrt(s * s + SLOW * SLOW) * film)
+            case DriveParameter.OFFSET:
+                return 1.0
+
+    def on_joints(self, share: Scalar) -> list[tuple[int, Scalar]]:
+        """The joints that a torque about the shaft acts on, and what it is there."""
+        return [(joint, share if ratio == 1.0 else ratio * share) for joint, ratio in self.arms]

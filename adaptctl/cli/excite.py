@@ -1,0 +1,123 @@
+"""`adaptctl excite`: motions for a robot to run, so that its log tells of its parameters."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from adaptctl.cli.output_folder import output_folder
+
+if TYPE_CHECKING:
+    from adaptctl.identification.forecast import Forecast
+    from adaptctl.identification.robot_motion import RobotMotion
+
+Numbers = tuple[float, ...]
+SCHEMA = "adaptctl/excitation/1"
+
+
+def excite(
+    robot: Annotated[str, Parameter(help="A built-in robot's name, or a .urdf, .xml (MJCF) or .toml file.")],
+    /,
+    *,
+    start: Annotated[Numbers, Parameter(metavar="RAD", help="Pose to start from; else mid-range.")] = (),
+    end: Annotated[Numbers, Parameter(metavar="RAD", help="Pose to end at; else the start.")] = (),
+    duration: Annotated[float, Parameter(help="Length, s, unless limits ask for more.")] = 14.0,
+    share: Annotated[float, Parameter(help="Of positions, speeds and torques that may be used.")] = 0.8,
+    acceleration: Annotated[Numbers, Parameter(metavar="RAD/S2", help="Greatest, one or one a joint.")] = (),
+    jerk: Annotated[Numbers, Parameter(metavar="RAD/S3", help="Greatest, one or one a joint.")] = (),
+    box: Annotated[Numbers, Parameter(metavar="M", help="Workspace of the links' frames: x y z from, x y z to.")] = (),
+    noise: Annotated[Numbers, Parameter(metavar="NM", help="Torque residuals to expect, for the forecast.")] = (),
+    rate: Annotated[float, Parameter(help="Points a second in the files.")] = 100.0,
+    iterations: Annotated[int, Parameter(help="Of the search for the reference.")] = 10,
+    seed: Annotated[int, Parameter(help="Of the search; the validation's is the next.")] = 0,
+    out: Annotated[Path, Parameter(metavar="DIR", help="Folder to write.")] = Path("results/excite"),
+    overwrite: Annotated[bool, Parameter(help="Write into a folder that is not empty.")] = False,
+) -> None:
+    """Make a motion that excites a robot's parameters, and another to validate on, each from rest to rest."""
+    from adaptctl.dynamics import load
+    from adaptctl.files import write_json
+    from adaptctl.identification.forecast import forecast
+    from adaptctl.identification.robot_motion import RobotLimits, exciting_motion
+    from adaptctl.identification.workspace import workspace
+
+    mechanism = load(robot)
+    limits = RobotLimits.of(mechanism, share, _each(acceleration), _each(jerk))
+    area, first = workspace(mechanism, robot, *_box(box)), start or None
+    with output_folder(out, overwrite) as folder:
+        motions = {
+            name: exciting_motion(
+                mechanism,
+                limits,
+                start=first,
+                end=end or first,
+                duration=duration,
+                share=share,
+                seed=seed + i,
+                iterations=iterations,
+                allowed=area.allows,
+            )
+            for i, name in enumerate(("excitation", "validation"))
+        }
+        told = forecast(mechanism, motions["excitation"], _each(noise))
+        for name, motion in motions.items():
+            _write(folder, name, motion, [joint.name for joint in mechanism.primary_joints], rate)
+        write_json(folder / "forecast.json", as_builtins(robot, motions, told, area.collides is not None))
+    _print(motions, told, area.collides is not None, out)
+
+
+def _each(given: Numbers) -> Any:
+    """One number for all joints, one each, or none."""
+    return (given[0] if len(given) == 1 else list(given)) if given else None
+
+
+def as_builtins(robot: str, motions: dict[str, RobotMotion], told: Forecast, collisions: bool) -> dict[str, Any]:
+    """The forecast in JSON's types; `relative` is null where the robot's file has zero."""
+    from math import isfinite
+
+    columns = zip(told.model.names, told.deviations.tolist(), told.relative.tolist(), strict=True)
+    return {
+        "schema": SCHEMA,
+        "robot": robot,
+        "durations": {name: motion.duration for name, motion in motions.items()},
+        "self_collision_checked": collisions,
+        "condition": told.condition,
+        "parameters": {n: {"deviation": s, "relative": x if isfinite(x) else None} for n, s, x in columns},
+        "combinations": [c._asdict() for c in told.combinations],
+    }
+
+
+def _box(given: Numbers) -> tuple[Any, Any]:
+    import numpy as np
+
+    from adaptctl.errors import InputError
+
+    if len(given) not in (0, 6):
+        raise InputError(f"--box: expected six numbers, x y z from and x y z to, in m, got {len(given)}")
+    return (np.array(given[:3]), np.array(given[3:])) if given else (None, None)
+
+
+def _write(folder: Path, name: str, motion: RobotMotion, joints: list[str], rate: float) -> None:
+    from adaptctl.identification.trajectory_files import write_csv, write_trajectory
+
+    write_csv(folder / f"{name}.csv", motion, joints, rate)
+    for suffix in (".yaml", ".json"):
+        write_trajectory(folder / f"{name}{suffix}", motion, joints, rate)
+
+
+def _print(motions: dict[str, RobotMotion], told: Forecast, collisions: bool, folder: Path) -> None:
+    import numpy as np
+
+    relative = told.relative
+    print(
+        f"Two motions of {' and '.join(f'{motion.duration:.1f} s' for motion in motions.values())}, from rest to rest."
+    )
+    print(f"  condition of the scaled regressor    {told.condition:.3g}")
+    print(f"  parameters to within 10 %            {int(np.sum(relative < 0.1))} of {len(relative)}")
+    print(f"  self-collision                       {'checked' if collisions else 'not checked: no geometry is known'}")
+    print("  least excited combinations")
+    for combination in told.combinations[:5]:
+        print(f"    {combination.words}   (prior range over deviation: {combination.strength:.2g})")
+    print(f"\nRun:      {folder / 'excitation.csv'} (or .yaml, .json), then {folder / 'validation.csv'}")
+    print("Then:     adaptctl identify LOG --robot ROBOT --validate OTHER")

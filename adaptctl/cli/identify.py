@@ -1,0 +1,129 @@
+"""`adaptctl identify`: a robot's parameters from logs of its motion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from adaptctl.cli.output_folder import output_folder
+
+if TYPE_CHECKING:
+    from adaptctl.identification import Identification
+
+Pairs = tuple[str, ...]
+
+
+def identify(
+    logs: Annotated[
+        tuple[Path, ...],
+        Parameter(help="Logs: .csv, .parquet, or ROS bags (extra `logs`)."),
+    ],
+    /,
+    *,
+    robot: Annotated[
+        str | None,
+        Parameter(metavar="FILE", help="The robot's file, .urdf, .xml (MJCF) or .toml: a first guess."),
+    ] = None,
+    drives: Annotated[
+        Path | None, Parameter(metavar="FILE", help="TOML file: how motors turn joints, and which columns are theirs.")
+    ] = None,
+    validate: Annotated[
+        tuple[Path, ...], Parameter(metavar="LOG", help="Logs to judge by; else the last 40 % of the others.")
+    ] = (),
+    columns: Annotated[
+        Pairs,
+        Parameter(metavar="WHAT=NAME", help="Columns, such as position=q{} torque=tau_{joint}; {} is a number."),
+    ] = (),
+    units: Annotated[
+        Pairs, Parameter(metavar="WHAT=UNIT", help="Units of time, position, torque, velocity, such as position=deg.")
+    ] = (),
+    rate: Annotated[
+        float | None, Parameter(metavar="HZ", help="Sampling rate of logs whose stamps are no time.")
+    ] = None,
+    topic: Annotated[str | None, Parameter(help="Topic of the joint states in a bag that has several.")] = None,
+    skip: Annotated[
+        tuple[str, ...],
+        Parameter(metavar="STEP", help="Steps to leave out: resample, unwrap, velocities, limits, standstill."),
+    ] = (),
+    friction: Annotated[
+        str | None, Parameter(metavar="TERMS", help="Friction's terms, such as viscous,coulomb; else chosen.")
+    ] = None,
+    cutoff: Annotated[float | None, Parameter(metavar="HZ", help="Cut-off of the filter; else chosen.")] = None,
+    weight: Annotated[float | None, Parameter(help="Weight of the robot file's links as a prior; else chosen.")] = None,
+    instruments: Annotated[
+        bool, Parameter(help="Instrumental variables, for encoders that are coarse or noisy.")
+    ] = False,
+    out: Annotated[Path, Parameter(metavar="DIR", help="Folder to write.")] = Path("results/identify"),
+    overwrite: Annotated[bool, Parameter(help="Write into a folder that is not empty.")] = False,
+) -> None:
+    """Identify a robot's inertial and friction parameters from logs of its motion."""
+    from adaptctl.identification import identify as identified
+
+    with output_folder(out, overwrite) as folder, _files(logs, robot, drives) as (logs, robot, drives):
+        found = identified(
+            logs,
+            robot,
+            drives,
+            validate=validate,
+            columns=_pairs("--columns", columns),
+            units=_pairs("--units", units),
+            rate=rate,
+            topic=topic,
+            skip=skip,
+            friction=friction,
+            cutoff=cutoff,
+            weight=weight,
+            instruments=instruments,
+        )
+        _write(folder, found, robot)
+    _tell(found, out)
+
+
+@contextmanager
+def _files(
+    logs: tuple[Path, ...], robot: str | None, drives: Path | None
+) -> Iterator[tuple[tuple[Path, ...], str, Path | None]]:
+    """As given, or an example's by its name."""
+    from adaptctl.errors import InputError
+    from adaptctl.identification.examples import NAMES, example
+
+    name = str(logs[0]) if len(logs) == 1 else ""
+    if robot is None and name in NAMES and not logs[0].exists():
+        with example(name) as files:
+            yield (files.log,), str(files.robot), drives or files.drives
+    elif robot is None:
+        raise InputError(f"--robot is missing: name the robot's file, or try the example: adaptctl identify {NAMES[0]}")
+    else:
+        yield logs, robot, drives
+
+
+def _write(folder: Path, found: Identification, robot: str) -> None:
+    from adaptctl.dynamics import load
+    from adaptctl.recording.identified.artifacts import write_identification
+
+    write_identification(folder, found, robot, load(robot, snap=True))
+
+
+def _pairs(option: str, given: Pairs) -> dict[str, str]:
+    from adaptctl.errors import InputError
+
+    for pair in given:
+        if "=" not in pair:
+            raise InputError(f"{option}: expected WHAT=VALUE, such as position=..., got {pair!r}")
+    return dict(tuple(pair.split("=", 1)) for pair in given)  # type: ignore[misc]
+
+
+def _tell(found: Identification, folder: Path) -> None:
+    from adaptctl.recording.identified.report import facts, verdict
+
+    print(verdict(found))
+    answers = list(facts(found))
+    width = max(len(question) for question, _ in answers)
+    print("\n".join(f"  {question:<{width}}  {answer}" for question, answer in answers))
+    for remark in found.remarks:
+        print(f"  note: {remark}")
+    print(f"\nLook at it:  rerun {folder / 'recording.rrd'}\nRead it:     {folder / 'report.html'}")

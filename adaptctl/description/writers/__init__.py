@@ -1,0 +1,1 @@
+"""Writers of mechanisms: our own TOML, and URDF whose inertials alone are new."""

@@ -1,0 +1,145 @@
+"""Writer of any mechanism as our own TOML, which `readers.mechanism_file` reads back to the same numbers."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.description.description import GROUND, Description, Link
+from adaptctl.description.drive import DriveParameter
+from adaptctl.description.inertia import inertia_tensor
+from adaptctl.description.loops import Closure, Loops
+from adaptctl.description.pose import Pose
+from adaptctl.files import write_text
+
+
+def write_mechanism(path: str | Path, description: Description) -> None:
+    """Write a mechanism, whole or not at all. What it looks like is not kept."""
+    write_text(path, mechanism_toml(description))
+
+
+def mechanism_toml(description: Description) -> str:
+    """The file's text."""
+    parts = [
+        'schema = "adaptctl/mechanism/1"',
+        f"name = {_text(description.name)}",
+        f"source = {_text(description.source)}",
+        f"gravity = {_numbers(description.gravity)}",
+        *_of_loops(description.loops),
+        *(line for link in description.links for line in _link(link, description.links)),
+        *_tables(description.loops),
+    ]
+    return "\n".join(parts) + "\n"
+
+
+def _link(link: Link, links: Sequence[Link]) -> Iterator[str]:
+    joint, limits = link.joint, link.joint.limits
+    yield "\n[[links]]"
+    yield f"name = {_text(link.name)}"
+    yield f"joint = {_text(joint.name)}"
+    yield f"type = {_text(joint.kind.value)}"
+    if link.parent != GROUND:
+        yield f"parent = {_text(links[link.parent].name)}"
+    yield f"axis = {_numbers(joint.axis)}"
+    yield from _frame(link.near)
+    if link.far != Pose.identity():
+        yield f"far = {{ {', '.join(_frame(link.far))} }}"
+    if math.isfinite(limits.lower) and math.isfinite(limits.upper):
+        yield f"range = {_numbers(np.array([limits.lower, limits.upper]))}"
+    for name in ("velocity", "effort"):
+        if math.isfinite(getattr(limits, name)):
+            yield f"{name} = {_number(getattr(limits, name))}"
+    yield from _inertia(link)
+    yield from _drive(link)
+
+
+def _frame(pose: Pose) -> Iterator[str]:
+    if np.any(pose.translation):
+        yield f"position = {_numbers(pose.translation)}"
+    if not np.array_equal(pose.rotation, np.eye(3)):
+        yield f"rpy = {_numbers(_rpy(pose.rotation))}"
+
+
+def _rpy(rotation: Array) -> Array:
+    """Fixed-axis roll, pitch and yaw (rad); at a pitch of a right angle, yaw is zero."""
+    R = rotation
+    across = math.hypot(R[0, 0], R[1, 0])
+    pitch = math.atan2(-R[2, 0], across)
+    if across < 1e-12:
+        return np.array([math.copysign(1.0, -R[2, 0]) * math.atan2(R[0, 1], R[1, 1]), pitch, 0.0])
+    return np.array([math.atan2(R[2, 1], R[2, 2]), pitch, math.atan2(R[1, 0], R[0, 0])])
+
+
+def _inertia(link: Link) -> Iterator[str]:
+    if link.massless:
+        yield "massless = true"
+        return
+    if np.any(link.inertia):
+        tensor = inertia_tensor(link.inertia)
+        places = (("xx", 0, 0), ("xy", 0, 1), ("yy", 1, 1), ("xz", 0, 2), ("yz", 1, 2), ("zz", 2, 2))
+        yield f"mass = {_number(link.inertia[0])}"
+        yield f"first_moment = {_numbers(link.inertia[1:4])}"
+        yield f"inertia = {{ {', '.join(f'{name} = {_number(tensor[i, j])}' for name, i, j in places)} }}"
+
+
+def _drive(link: Link) -> Iterator[str]:
+    drive = link.joint.drive
+    terms = [f"{k.value} = {_number(x)}" for k in DriveParameter if (x := drive.value(k)) is not None]
+    if drive.turns_with:
+        others = ", ".join(f"{_text(name)} = {_number(ratio)}" for name, ratio in drive.turns_with)
+        terms.append(f"turns_with = {{ {others} }}")
+    if terms:
+        yield f"drive = {{ {', '.join(terms)} }}"
+
+
+def _of_loops(loops: Loops | None) -> Iterator[str]:
+    if loops is not None:
+        yield f"primary = [{', '.join(map(_text, loops.primary))}]"
+        if loops.reference:
+            yield f"reference = {_table(loops.reference)}"
+
+
+def _tables(loops: Loops | None) -> Iterator[str]:
+    if loops is None:
+        return
+    for closure in loops.closures:
+        yield from _closure(closure)
+    for coupling in loops.couplings:
+        yield "\n[[couplings]]"
+        yield f"name = {_text(coupling.name)}"
+        yield f"follower = {_text(coupling.follower)}\nleader = {_text(coupling.leader)}"
+        yield f"ratio = {_number(coupling.ratio)}\noffset = {_number(coupling.offset)}"
+    for condition in loops.conditions:
+        yield f"\n[[conditions]]\nname = {_text(condition.name)}\nweights = {_table(condition.weights)}"
+        bounds = (("lower", condition.lower), ("upper", condition.upper))
+        yield from (f"{name} = {_number(bound)}" for name, bound in bounds if math.isfinite(bound))
+
+
+def _closure(closure: Closure) -> Iterator[str]:
+    yield f"\n[[closures]]\nname = {_text(closure.name)}\nkind = {_text(closure.kind.value)}"
+    ends = (("first", closure.first, closure.first_frame), ("second", closure.second, closure.second_frame))
+    for end, link, frame in ends:
+        named = [] if link is None else [f"link = {_text(link)}"]
+        yield f"{end} = {{ {', '.join([*named, *_frame(frame)])} }}"
+
+
+def _table(values: object) -> str:
+    return f"{{ {', '.join(f'{_text(name)} = {_number(x)}' for name, x in dict(values).items())} }}"  # type: ignore[call-overload]
+
+
+def _text(text: str) -> str:
+    """A basic string of TOML, whose escapes are those of JSON."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _number(x: float) -> str:
+    return repr(float(x) + 0.0)
+
+
+def _numbers(values: Array) -> str:
+    return f"[{', '.join(_number(x) for x in np.ravel(values).tolist())}]"

@@ -1,0 +1,141 @@
+"""Writer of URDF with other inertials: everything else of the file stays as it is, byte for byte."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.etree.ElementTree import Element
+from xml.parsers import expat
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.description.description import Description
+from adaptctl.description.inertia import from_tensor, inertia_tensor, is_physically_consistent
+from adaptctl.description.readers.urdf import link_inertia
+from adaptctl.description.readers.xml_elements import parsed
+from adaptctl.errors import FileError, InputError
+from adaptctl.files import read_bytes, write_bytes
+
+
+def write_urdf(path: str | Path, original: str | Path, before: Description, after: Description) -> None:
+    """Write a URDF file's robot with the links' inertias of `after`; `before` is what the file itself says.
+
+    A moving link's inertia holds that of the links fixed to it. These keep theirs, and it gets the rest, as long as a
+    body can have the rest; where none can, it gets all, and they lose theirs. Raises `FileError`.
+    """
+    data = read_bytes(original)
+    try:
+        robot = parsed(data.decode("utf-8-sig"), "robot")
+        elements = {element.attrib["name"]: element for element in robot.findall("link")}
+        fixed = _fixed_below(robot)
+        changed: dict[str, Array | None] = {}
+        for old, new in zip(before.links, after.links, strict=True):
+            others = old.inertia - link_inertia(elements[old.name])
+            rest = new.inertia - others
+            if np.any(others) and not is_physically_consistent(rest):
+                rest = new.inertia
+                changed |= dict.fromkeys(_all_below(fixed, old.name))
+            changed[old.name] = rest
+    except InputError as error:
+        raise FileError(f"{original}: {error}") from error
+    write_bytes(path, with_inertials(data, changed))
+
+
+def with_inertials(data: bytes, inertias: Mapping[str, Array | None]) -> bytes:
+    """The file with the <inertial> of some links replaced by their ten (10,), or taken out where that is None."""
+    spans = _spans(data)
+    edits = []
+    for name, ten in inertias.items():
+        span = spans[name]
+        new = b"" if ten is None else _element(ten)
+        if span.inertial is not None:
+            edits.append((*span.inertial, new))
+        elif ten is not None and data[span.start - 2 : span.start] == b"/>":
+            edits.append((span.start - 2, span.start, b">\n    " + new + b"\n  </link>"))
+        elif ten is not None:
+            edits.append((span.start, span.start, b"\n    " + new))
+    out = data
+    for start, end, new in sorted(edits, reverse=True):
+        out = out[:start] + new + out[end:]
+    return out
+
+
+@dataclass
+class _Span:
+    """Where in the file a link's content starts, and its <inertial> lies."""
+
+    start: int
+    inertial: tuple[int, int] | None = None
+
+
+@dataclass
+class _Finder:
+    """Where the links of a file are, found as its parser passes them."""
+
+    data: bytes
+    spans: dict[str, _Span] = field(default_factory=dict)
+    path: list[str] = field(default_factory=list)
+    link: str = ""
+    begun: int = 0
+
+    def started(self, tag: str, attributes: dict[str, str], at: int) -> None:
+        self.path.append(tag)
+        if self.path == ["robot", "link"]:
+            self.link = attributes["name"]
+            self.spans[self.link] = _Span(self._end_of_tag(at))
+        elif self.path == ["robot", "link", "inertial"]:
+            self.begun = at
+
+    def ended(self, at: int) -> None:
+        if self.path == ["robot", "link", "inertial"]:
+            self.spans[self.link].inertial = (self.begun, max(self._end_of_tag(at), self._end_of_tag(self.begun)))
+        self.path.pop()
+
+    def _end_of_tag(self, at: int) -> int:
+        """Behind the '>' of the tag that begins at a place; quoted attributes may hold one too."""
+        quote = 0
+        for i in range(at, len(self.data)):
+            byte = self.data[i]
+            if quote:
+                quote = 0 if byte == quote else quote
+            elif byte in b"\"'":
+                quote = byte
+            elif byte == ord(">"):
+                return i + 1
+        return len(self.data)
+
+
+def _spans(data: bytes) -> dict[str, _Span]:
+    parser, finder = expat.ParserCreate(), _Finder(data)
+    parser.StartElementHandler = lambda tag, attributes: finder.started(tag, attributes, parser.CurrentByteIndex)
+    parser.EndElementHandler = lambda tag: finder.ended(parser.CurrentByteIndex)
+    parser.Parse(data, True)
+    return finder.spans
+
+
+def _element(ten: Array) -> bytes:
+    mass = float(ten[0])
+    center = ten[1:4] / mass
+    shift = mass * (np.dot(center, center) * np.eye(3) - np.outer(center, center))
+    at_center = from_tensor(mass, ten[1:4], inertia_tensor(ten) - shift)
+    xx, xy, yy, xz, yz, zz = (repr(float(x)) for x in at_center[4:])
+    place = " ".join(repr(float(x)) for x in center)
+    return (
+        f'<inertial>\n      <origin xyz="{place}" rpy="0 0 0"/>\n      <mass value="{mass!r}"/>\n'
+        f'      <inertia ixx="{xx}" ixy="{xy}" ixz="{xz}" iyy="{yy}" iyz="{yz}" izz="{zz}"/>\n    </inertial>'
+    ).encode()
+
+
+def _fixed_below(robot: Element) -> dict[str, list[str]]:
+    below: dict[str, list[str]] = {}
+    for joint in robot.findall("joint"):
+        parent, child = joint.find("parent"), joint.find("child")
+        if joint.get("type") == "fixed" and parent is not None and child is not None:
+            below.setdefault(parent.attrib["link"], []).append(child.attrib["link"])
+    return below
+
+
+def _all_below(fixed: Mapping[str, list[str]], name: str) -> list[str]:
+    return [other for child in fixed.get(name, []) for other in (child, *_all_below(fixed, child))]

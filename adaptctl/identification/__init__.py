@@ -1,0 +1,5 @@
+"""From a robot's logs to its parameters: reading, preparation, estimators, uncertainty, validation."""
+
+from adaptctl.lazily import imported_lazily
+
+__all__, __getattr__, __dir__ = imported_lazily(__name__)

@@ -1,0 +1,141 @@
+"""What a fit has to choose, chosen inside the training logs: by predicting blocks of time left out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from adaptctl.identification.fit import Fit, FitSettings, LogEvidence
+from adaptctl.identification.friction_model import CANDIDATES, FrictionModel
+from adaptctl.identification.least_squares import weighted_least_squares
+
+FOLDS = 5
+BLOCKS = 20
+CUTOFFS = (12.5, 25.0, 50.0)
+"""Hz"""
+JUDGED_AT = 25.0
+"""Hz, the cut-off of the rows that predictions are compared on, whatever the fit's own."""
+WEIGHTS = (0.5, 1.0, 2.0, 5.0, 10.0, 30.0, 100.0)
+FIRST_WEIGHT = 10.0
+BETTER = 0.01
+"""By what share the richer model must predict better to be taken."""
+STRONGER = 0.003
+"""Likewise a stronger prior, which makes the estimate less the logs' own."""
+ALLOWED_MISFIT = 1.03
+"""Of the consistent estimate's whitened root mean square over that of least squares on the same columns."""
+
+
+class Trial(NamedTuple):
+    """A choice that was tried, and how it predicted blocks left out."""
+
+    what: str
+    candidate: str
+    rms: float
+    """N m"""
+    taken: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """The settings that predicted best, and all that were tried."""
+
+    settings: FitSettings
+    trials: tuple[Trial, ...]
+
+
+def choose(
+    evidence: LogEvidence,
+    friction: FrictionModel | None = None,
+    weight: float | None = None,
+    cutoff: float | None = None,
+) -> Choice:
+    """Friction, then its load-dependence, the cut-off, and the prior's weight, one after the other.
+
+    What is given is not chosen.
+    """
+    judged = judged_at(evidence)
+    settings = FitSettings(friction or FrictionModel(), weight or FIRST_WEIGHT, cutoff or judged)
+    trials: list[Trial] = []
+    if friction is None:
+        settings = _best(evidence, [replace(settings, friction=c) for c in CANDIDATES], "friction", _friction, trials)
+        if evidence.mechanism.description.loops is None:
+            loaded = replace(settings, friction=replace(settings.friction, load=True))
+            settings = _best(evidence, [settings, loaded], "load-dependent friction", _friction, trials)
+    if cutoff is None:
+        tried = sorted(evidence.rows, key=lambda c: c != judged)
+        settings = _best(evidence, [replace(settings, cutoff=c) for c in tried], "cut-off, Hz", _cutoff, trials)
+    if weight is None:
+        allowed = [s for s in (replace(settings, weight=w) for w in WEIGHTS) if is_allowed(evidence, s)]
+        tried_weights = allowed or [replace(settings, weight=WEIGHTS[0])]
+        settings = _best(evidence, tried_weights, "weight of the prior", _weight, trials, STRONGER)
+    return Choice(settings, tuple(trials))
+
+
+def judged_at(evidence: LogEvidence) -> float:
+    """The cut-off (Hz) that predictions are compared at: 25 Hz, or what a slow log allows."""
+    return max((c for c in evidence.rows if c <= JUDGED_AT), default=min(evidence.rows))
+
+
+def cutoffs_for(rate: float) -> tuple[float, ...]:
+    """Candidates (Hz) that logs at a rate (Hz) allow."""
+    return tuple(c for c in CUTOFFS if c <= 0.1 * rate) or (0.1 * rate,)
+
+
+def predicted_rms(evidence: LogEvidence, settings: FitSettings) -> float:
+    """Root mean square (N m, all joints) of what fits on the other blocks leave of each fold's torques."""
+    squares = rows = 0.0
+    for fold in np.array_split(np.arange(evidence.blocks), FOLDS):
+        rest = [b for b in range(evidence.blocks) if b not in fold]
+        fit = evidence.fit(settings, rest)
+        judged = judged_at(evidence)
+        held_out = evidence.equations(judged, fold.tolist(), evidence.load_from(settings, rest, judged))
+        squares += float(held_out.misfit(fit.x).sum())
+        rows += float(held_out.count.sum())
+    return float(np.sqrt(squares / (rows * evidence.mechanism.dof)))
+
+
+def is_allowed(evidence: LogEvidence, settings: FitSettings) -> bool:
+    """Whether the consistent estimate fits the training rows nearly as well as least squares does."""
+    return misfit_ratio(evidence, evidence.fit(settings, range(evidence.blocks))) <= ALLOWED_MISFIT
+
+
+def misfit_ratio(evidence: LogEvidence, fit: Fit) -> float:
+    """The fit's root mean square, whitened, over that of least squares on the same rows and columns."""
+    settings, every = fit.settings, range(evidence.blocks)
+    equations = evidence.equations(settings.cutoff, every, evidence.load_from(settings, every))
+    least, _ = weighted_least_squares(equations, evidence.independent(settings.friction))
+    weight = 1.0 / fit.deviations**2
+    return float(np.sqrt((equations.misfit(fit.x) @ weight) / (equations.misfit(least) @ weight)))
+
+
+def _best(
+    evidence: LogEvidence,
+    tried: Sequence[FitSettings],
+    what: str,
+    word: Callable[[FitSettings], str],
+    trials: list[Trial],
+    better: float = BETTER,
+) -> FitSettings:
+    """The first of the tried that none of the later ones beats by the share asked for."""
+    scores = [predicted_rms(evidence, settings) for settings in tried]
+    best = 0
+    for i, score in enumerate(scores):
+        if score < (1.0 - better) * scores[best]:
+            best = i
+    trials += [Trial(what, word(s), rms, i == best) for i, (s, rms) in enumerate(zip(tried, scores, strict=True))]
+    return tried[best]
+
+
+def _friction(settings: FitSettings) -> str:
+    return settings.friction.words
+
+
+def _cutoff(settings: FitSettings) -> str:
+    return f"{settings.cutoff:g}"
+
+
+def _weight(settings: FitSettings) -> str:
+    return f"{settings.weight:g}"

@@ -1,0 +1,113 @@
+"""Which columns of a log belong to which joint, where no drives file says it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
+from adaptctl.identification.drives_file import Drives, MotorEntry
+from adaptctl.identification.reading.table import LogTable
+from adaptctl.identification.units import Units
+
+KNOWN = (
+    {"position": "position.{joint}", "torque": "effort.{joint}", "velocity": "velocity.{joint}"},
+    {"position": "p.{joint}", "torque": "applied.{joint}", "velocity": "v.{joint}"},
+    {"position": "position.{joint}", "torque": "torque.{joint}", "velocity": "velocity.{joint}"},
+    {"position": "{joint}.position", "torque": "{joint}.torque", "velocity": "{joint}.velocity"},
+    {"position": "{joint}_position", "torque": "{joint}_torque", "velocity": "{joint}_velocity"},
+)
+"""Patterns of column names that are understood by themselves: of ROS messages, of our own runs, and usual ones."""
+WHAT = ("time", "position", "torque", "velocity")
+
+
+def joint_columns(
+    mechanism: Mechanism,
+    log: LogTable,
+    columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
+) -> Drives:
+    """Joints that are measured themselves, without gears between: a log's columns by joint.
+
+    `columns` gives patterns of names by "position", "torque", "velocity" and "time", in which `{joint}` stands for
+    the joint's name and `{}` for its number from 1; `units` likewise, and what the log states itself need not be
+    given. Raises `InputError` asking for what is missing, by name.
+    """
+    given, stated = _checked("columns", columns), _checked("units", units)
+    joints = [joint.name for joint in mechanism.primary_joints]
+    pattern = _pattern(log, joints, given)
+    time = given.get("time", "time")
+    if time not in log.columns:
+        raise InputError(f"{log.source}: there is no column {time!r} for time; name it: --columns time=NAME")
+    found = {what: _named(names, joints) for what, names in pattern.items()}
+    motors = tuple(
+        MotorEntry(
+            name=joint,
+            position=found["position"][j],
+            torque=found["torque"][j],
+            velocity=found["velocity"][j] if "velocity" in found else None,
+        )
+        for j, joint in enumerate(joints)
+    )
+    r = len(joints)
+    checked = _units(log, {"time": [time], **found}, stated)
+    if checked.torque is None:
+        raise InputError(
+            f"{log.source}: torques in {stated['torque']} need torque constants: give a drives file with "
+            "torque_constant for every motor, or 'unknown'"
+        )
+    return Drives(tuple(joints), np.eye(r), np.zeros(r), motors, time, checked)
+
+
+def _checked(what: str, given: Mapping[str, str] | None) -> dict[str, str]:
+    for name in given or {}:
+        if name not in WHAT:
+            raise InputError(f"{what}: expected {', '.join(WHAT)}, got {name!r}")
+    return dict(given or {})
+
+
+def _named(pattern: str, joints: list[str]) -> list[str]:
+    return [pattern.replace("{joint}", joint).replace("{}", str(j + 1)) for j, joint in enumerate(joints)]
+
+
+def _pattern(log: LogTable, joints: list[str], given: dict[str, str]) -> dict[str, str]:
+    """Of position, torque and perhaps velocity: as given, completed by the first known naming that the log has."""
+    for known in KNOWN:
+        whole = known | {name: text for name, text in given.items() if name != "time"}
+        if all(name in log.columns for what in ("position", "torque") for name in _named(whole[what], joints)):
+            if not all(name in log.columns for name in _named(whole["velocity"], joints)) and "velocity" not in given:
+                del whole["velocity"]
+            return whole
+    for what in ("position", "torque"):
+        if what in given:
+            _require(log, what, _named(given[what], joints))
+    missing = " and ".join(what for what in ("position", "torque") if what not in given)
+    have = ", ".join(list(log.columns)[:20])
+    raise InputError(
+        f"{log.source}: which columns are each joint's {missing}? Name them with --columns, such as "
+        f"{' '.join(f'{what}={what.capitalize()}{{}}' for what in missing.split(' and '))} ({{}}: the joint's number "
+        f"from 1, {{joint}}: its name), or give a drives file; there are {have}"
+    )
+
+
+def _require(log: LogTable, what: str, names: list[str]) -> None:
+    for name in names:
+        log.column(name, what)
+
+
+def _units(log: LogTable, names: Mapping[str, list[str]], stated: dict[str, str]) -> Units:
+    """As stated, by the caller or by the log itself. Raises `InputError` naming all that are not."""
+    units = dict(stated)
+    for what, columns in names.items():
+        own = {log.units.get(name, "") for name in columns}
+        if what not in units and len(own) == 1 and own != {""}:
+            units[what] = own.pop()
+    if missing := [what for what in names if what not in units]:
+        examples = {"time": "s", "position": "rad", "torque": "'N m'", "velocity": "rad/s"}
+        raise InputError(
+            f"{log.source}: the units of {', '.join(missing)} are stated nowhere, and they are not guessed: give "
+            f"--units {' '.join(f'{what}={examples[what]}' for what in missing)}, or what they are"
+        )
+    return Units.checked(units["time"], units["position"], units["torque"], units.get("velocity"))

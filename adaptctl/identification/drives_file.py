@@ -1,0 +1,194 @@
+"""A drives file: how an arm's motors turn its joints, and which columns of a log are theirs (TOML)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+import numpy as np
+
+from adaptctl.arrays import Array, frozen_array
+from adaptctl.description.drive import Drive
+from adaptctl.description.readers.entries import MAX_ENTRIES, Name, Tensor, Triple
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import FileError, InputError
+from adaptctl.files import read_toml
+from adaptctl.identification.units import Units
+
+SCHEMA = "adaptctl/drives/1"
+
+
+class MotorEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
+    """A motor's columns in the log; `torque_constant` is N m for a unit of its torque column (an ampere, say)."""
+
+    name: Name
+    position: Name
+    torque: Name
+    velocity: Name | None = None
+    torque_constant: float | Literal["unknown"] | None = None
+
+
+class UnitsEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
+    """The units of the log's columns."""
+
+    time: str
+    position: str
+    torque: str
+    velocity: str | None = None
+
+
+class PayloadEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
+    """A known body that a link carries throughout one log, in the link's frame."""
+
+    log: Name
+    link: Name
+    mass: float
+    center_of_mass: Triple
+    inertia_at_center: Tensor
+
+
+class DrivesFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
+    """A whole file. Row i of `transmission` says how fast motor i turns with each of `joints`."""
+
+    schema: Literal["adaptctl/drives/1"]
+    joints: Annotated[list[Name], msgspec.Meta(min_length=1, max_length=MAX_ENTRIES)]
+    transmission: Annotated[list[list[float]], msgspec.Meta(min_length=1, max_length=MAX_ENTRIES)]
+    motors: Annotated[list[MotorEntry], msgspec.Meta(min_length=1, max_length=MAX_ENTRIES)]
+    time: Name
+    units: UnitsEntry
+    joint_offsets: list[float] | None = None
+    joint_offsets_deg: list[float] | None = None
+    payloads: list[PayloadEntry] = []
+    source: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Drives:
+    """How motors turn joints: motor position = transmission (joint position - offsets), and joint torque =
+    transmission' motor torque."""
+
+    joints: tuple[str, ...]
+    transmission: Array
+    """(r, r) motor speed a unit of joint speed"""
+    offsets: Array
+    """(r,) rad: joint positions where the motors are at zero"""
+    motors: tuple[MotorEntry, ...]
+    time: str
+    units: Units
+    payloads: tuple[PayloadEntry, ...] = ()
+    source: str = ""
+
+    def position(self, motor: Array) -> Array:
+        """Joint positions (..., r) of motor positions."""
+        return motor @ self._inverse.T + self.offsets
+
+    def velocity(self, motor: Array) -> Array:
+        """Joint velocities (..., r) of motor velocities."""
+        return motor @ self._inverse.T
+
+    def torque(self, motor: Array) -> Array:
+        """Joint torques (..., r) of motor torques."""
+        return motor @ self.transmission
+
+    @cached_property
+    def _inverse(self) -> Array:
+        return np.asarray(np.linalg.inv(self.transmission))
+
+    @cached_property
+    def constants(self) -> Array:
+        """Torque constants (r,), NaN where unknown."""
+        given = (motor.torque_constant for motor in self.motors)
+        return np.array([math.nan if k == "unknown" else 1.0 if k is None else float(k) for k in given])
+
+    def of(self, mechanism: Mechanism) -> Drives:
+        """The same in the mechanism's order of joints. Raises `InputError` where they are not its primary joints."""
+        names = [joint.name for joint in mechanism.primary_joints]
+        if sorted(names) != sorted(self.joints):
+            raise InputError(
+                f"the drives are of joints {', '.join(self.joints)}; {mechanism.name} has {', '.join(names)}"
+            )
+        order = [self.joints.index(name) for name in names]
+        rows = order if len(self.motors) == len(order) else list(range(len(self.motors)))
+        return Drives(
+            tuple(names),
+            frozen_array(self.transmission[np.ix_(rows, order)], (len(rows), len(order)), "transmission"),
+            frozen_array(self.offsets[order], (len(order),), "joint offsets"),
+            tuple(self.motors[i] for i in rows),
+            self.time,
+            self.units,
+            self.payloads,
+            self.source,
+        )
+
+    def on_joints(self) -> tuple[Drive, ...]:
+        """A drive for every joint (in `joints`' order), nothing modelled yet, that turns with the joints its motor
+        does."""
+        ratios = self.transmission / np.diag(self.transmission)[:, None]
+        coupled = [
+            [(name, float(x)) for j, (name, x) in enumerate(zip(self.joints, row, strict=True)) if x and j != i]
+            for i, row in enumerate(ratios)
+        ]
+        return tuple(Drive(turns_with=tuple(others)) for others in coupled)
+
+
+def read_drives(path: str | Path) -> Drives:
+    """The drives of a TOML file. Raises `FileError`, naming the element."""
+    content = read_toml(path, DrivesFile)
+    try:
+        return _checked(content)
+    except InputError as error:
+        raise FileError(f"{path}: {error}") from error
+
+
+def _checked(content: DrivesFile) -> Drives:
+    r = len(content.joints)
+    if len(set(content.joints)) < r:
+        raise InputError("$.joints: every joint once")
+    if len(content.motors) != r or len(content.transmission) != r or any(len(row) != r for row in content.transmission):
+        raise InputError(
+            f"$.transmission: expected a row for each of {len(content.motors)} motors, each with a number for each "
+            f"of {r} joints, as many motors as joints"
+        )
+    transmission = frozen_array(content.transmission, (r, r), "$.transmission")
+    for i, motor in enumerate(content.motors):
+        if not transmission[i, i]:
+            raise InputError(f"$.transmission[{i}]: motor {motor.name!r} must turn its own joint {content.joints[i]!r}")
+        k = motor.torque_constant
+        if isinstance(k, float) and not (math.isfinite(k) and k > 0.0):
+            raise InputError(f"$.motors[{i}].torque_constant: expected a positive number or 'unknown', got {k}")
+    if not np.linalg.cond(transmission) < 1e6:
+        raise InputError("$.transmission: the joints do not follow from the motors: two rows are alike")
+    units = Units.checked(**{name: getattr(content.units, name) for name in ("time", "position", "torque", "velocity")})
+    _require_constants(content, units)
+    return Drives(
+        tuple(content.joints),
+        transmission,
+        _offsets(content, r),
+        tuple(content.motors),
+        content.time,
+        units,
+        tuple(content.payloads),
+        content.source.strip(),
+    )
+
+
+def _require_constants(content: DrivesFile, units: Units) -> None:
+    for i, motor in enumerate(content.motors):
+        if units.torque is None and motor.torque_constant is None:
+            raise InputError(
+                f"$.motors[{i}].torque_constant is missing: {content.units.torque!r} is no torque; give N m for a unit "
+                "of it, or 'unknown'"
+            )
+        if units.torque is not None and motor.torque_constant not in (None, 1.0):
+            raise InputError(f"$.motors[{i}].torque_constant: the log has torques in {content.units.torque}; remove it")
+
+
+def _offsets(content: DrivesFile, r: int) -> Array:
+    if content.joint_offsets is not None and content.joint_offsets_deg is not None:
+        raise InputError("the joint offsets are given twice: keep joint_offsets (rad) or joint_offsets_deg")
+    degrees = np.radians(content.joint_offsets_deg) if content.joint_offsets_deg is not None else np.zeros(r)
+    return frozen_array(degrees if content.joint_offsets is None else content.joint_offsets, (r,), "$.joint_offsets")

@@ -1,0 +1,73 @@
+"""Parameters from energy differences: one scalar equation a window of time, without accelerations.
+
+What the torques do in a window is what the energy rises by and friction takes (Sheu and Walker 1991, section 2.2;
+Gautier and Khalil 1988):  integral tau'v dt = [E(t + T) - E(t)] D + (integral v'Y_f dt) friction. It is exact, and the
+theory of this package rests on it. As an estimator it is poor: r torques are one number a window, and what the torques
+are off by is amplified five to 35 times as much as by the momenta's r equations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adaptctl.arrays import Array
+from adaptctl.dynamics import Mechanism
+from adaptctl.identification.filtered_dynamics import SmoothMotion
+from adaptctl.identification.fir_filter import filtered
+
+OVERLAPPING = 10
+"""Windows that begin within the length of one."""
+
+
+def by_energy(
+    motions: Sequence[SmoothMotion], mechanism: Mechanism, window: float, columns: NDArray[np.int64]
+) -> Array:
+    """Parameters (P,) by least squares on energy differences over windows (s), zero off the given columns.
+
+    Factored as it is, columns scaled: the square of its condition would leave no digits.
+    """
+    H, work = energy_rows(motions, mechanism, window)
+    own = H[:, columns]
+    size = np.linalg.norm(own, axis=0)
+    size[size == 0.0] = 1.0
+    x = np.zeros(H.shape[1])
+    x[columns] = np.linalg.lstsq(own / size, work)[0] / size
+    return x
+
+
+def energy_rows(motions: Sequence[SmoothMotion], mechanism: Mechanism, window: float) -> tuple[Array, Array]:
+    """H (n, P) and the torques' work (n,), J, of overlapping windows (s) of each motion."""
+    parts = [_of_motion(motion, mechanism, window) for motion in motions]
+    return np.concatenate([H for H, _ in parts]), np.concatenate([work for _, work in parts])
+
+
+def _of_motion(motion: SmoothMotion, mechanism: Mechanism, window: float) -> tuple[Array, Array]:
+    """Integrals by the trapezium rule at the motion's rate."""
+    p, v = motion.position, motion.velocity
+    energy = mechanism.energy_regressor(p, v)
+    friction = range(mechanism.energetic, len(mechanism.parameter_names))
+    rubbing = mechanism.torque_regressor(p, v, np.zeros_like(v), friction)
+    power = np.einsum("nj,njf->nf", v, rubbing)
+    energy[:, mechanism.energetic :] = _integral(power, motion.rate)
+    work = _integral(np.sum(v * _torque(motion), axis=-1)[:, None], motion.rate)[:, 0]
+    length = max(1, round(window * motion.rate))
+    starts = np.arange(0, len(p) - length, max(1, length // OVERLAPPING))
+    return energy[starts + length] - energy[starts], work[starts + length] - work[starts]
+
+
+def _torque(motion: SmoothMotion) -> Array:
+    """The mean of those around each of the motion's samples: integrals take out what is faster."""
+    log, count = motion.log, len(motion.position)
+    around = 2 * (motion.every // 2) + 1
+    kernel = np.full(around, 1.0 / around)
+    whole = filtered(log.torque, kernel)
+    return whole[motion.first - len(kernel) // 2 :: motion.every][:count]
+
+
+def _integral(values: Array, rate: float) -> Array:
+    """From the first sample to each, (n, c)."""
+    steps = 0.5 * (values[1:] + values[:-1]) / rate
+    return np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(steps, axis=0)])

@@ -1,0 +1,169 @@
+"""Physically consistent estimation: least squares with an entropic prior.
+
+    minimise  |residuals|^2/2 + weight sum_i (tr(P0_i^-1 P_i) - log det(P0_i^-1 P_i) - 4)
+
+over inertial parameters, P_i the pseudo-inertia of link i and P0_i a prior one (Lee, Wensing and Park 2020, equation
+27: the Bregman divergence of -log det). The divergence is its own barrier: it grows without bound towards what no
+body can have, so that Newton's method, damped, keeps to links that can be, and no semidefinite programme is needed.
+It is self-concordant, hence a few dozen steps from anywhere (Boyd and Vandenberghe 2004, section 9.6). What must be
+positive alone, rotors, viscous and Coulomb friction, has the same divergence of a positive number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
+
+from adaptctl.arrays import Array
+from adaptctl.description.inertia import pseudo_inertia
+from adaptctl.errors import AdaptctlError, InputError
+
+UNITS = np.stack([pseudo_inertia(unit) for unit in np.eye(10)])
+"""(10, 4, 4): the pseudo-inertia of each unit parameter."""
+MOST, STAGES = 60, 12
+ENOUGH = 1e-10
+"""Newton's decrement, relative to the objective, at which the search ends."""
+SLIGHT = 1e-2
+"""Weight of the divergence of what need only be positive."""
+RIDGE = 1e-11
+"""Of each column's own square: keeps columns without a prior apart that the data cannot tell apart."""
+
+
+@dataclass(frozen=True, eq=False)
+class EntropicPrior:
+    """What is expected of N links and of positive parameters, before any log is read.
+
+    `tens` (N, 10) are consistent links, the first 10N columns; `positive` are columns, and `scales` their rough sizes.
+    """
+
+    tens: Array
+    positive: NDArray[np.int64]
+    scales: Array
+
+    def __post_init__(self) -> None:
+        for i, matrix in enumerate(map(pseudo_inertia, self.tens)):
+            if not np.linalg.eigvalsh(matrix)[0] > 0.0:
+                raise InputError(f"prior: no rigid body has the ten of link {i + 1}: {self.tens[i].tolist()}")
+
+    @cached_property
+    def inverses(self) -> Array:
+        """(N, 4, 4) of the links' pseudo-inertias."""
+        return np.linalg.inv(np.stack([pseudo_inertia(ten) for ten in self.tens]))
+
+    def start(self, size: int) -> Array:
+        """The prior itself (P,), other columns zero."""
+        x = np.zeros(size)
+        x[: self.tens.size] = self.tens.ravel()
+        x[self.positive] = self.scales
+        return x
+
+    def divergence(self, x: Array, weight: float) -> float:
+        """Of x from the prior, weighted; infinite where no body can have x."""
+        matrices = self._matrices(x)
+        sign, determinants = np.linalg.slogdet(matrices)
+        ratios = x[self.positive] / self.scales
+        if np.any(sign <= 0.0) or np.any(ratios <= 0.0) or np.any(np.linalg.eigvalsh(matrices)[:, 0] <= 0.0):
+            return np.inf
+        links = np.sum(self.inverses * matrices) - float(np.sum(determinants))
+        return float(weight * links + SLIGHT * np.sum(ratios - np.log(ratios)))
+
+    def distance(self, x: Array) -> float:
+        """The links' divergence from the prior: 0 at the prior itself."""
+        _, logarithms = np.linalg.slogdet(self.inverses @ self._matrices(x))
+        return float(np.sum(self.inverses * self._matrices(x)) - np.sum(logarithms) - 4 * len(self.tens))
+
+    def gradient(self, x: Array, weight: float) -> Array:
+        """Of the divergence (P,)."""
+        out = np.zeros_like(x)
+        slopes = self.inverses - np.linalg.inv(self._matrices(x))
+        out[: self.tens.size] = weight * np.einsum("kij,nij->nk", UNITS, slopes).ravel()
+        out[self.positive] = SLIGHT * (1.0 / self.scales - 1.0 / x[self.positive])
+        return out
+
+    def curvature(self, x: Array, weight: float) -> Array:
+        """Second derivatives of the divergence (P, P): a block a link."""
+        inverse = np.linalg.inv(self._matrices(x))[:, None]
+        bent = inverse @ UNITS @ inverse
+        blocks = weight * np.einsum("naij,bij->nab", bent, UNITS)
+        out = np.zeros((len(x), len(x)))
+        for i, block in enumerate(blocks):
+            out[10 * i : 10 * i + 10, 10 * i : 10 * i + 10] = block
+        out[self.positive, self.positive] = SLIGHT / x[self.positive] ** 2
+        return out
+
+    def _matrices(self, x: Array) -> Array:
+        return np.einsum("nk,kij->nij", x[: self.tens.size].reshape(-1, 10), UNITS)
+
+
+def consistent_estimate(A: Array, b: Array, prior: EntropicPrior, weight: float, start: Array | None = None) -> Array:
+    """x (P,) that minimises x'A x/2 - b'x plus `weight` times the divergence from the prior; links that can be.
+
+    Columns of A that are zero keep what the prior says, or zero. Where the data outweigh the prior by far, Newton's
+    steps are short; the weight is then brought down to what is asked, from where they are not. Raises `AdaptctlError`
+    where that does not come to an end either, which is not expected.
+    """
+    begun = prior.start(len(b)) if start is None else start
+    x, done = _newton(A, b, prior, weight, 1.0, begun)
+    if done:
+        return x
+    x = prior.start(len(b))
+    for times in np.geomspace(1.0 + abs(_value(A, b, prior, weight, 1.0, x)) / weight, 1.0, STAGES).tolist():
+        x, done = _newton(A, b, prior, weight, times, x)
+    if not done:
+        raise AdaptctlError("the consistent estimate was not found: are the columns scaled beyond reason?")
+    return x
+
+
+def _newton(A: Array, b: Array, prior: EntropicPrior, weight: float, times: float, x: Array) -> tuple[Array, bool]:
+    """Damped, with the divergence so many times as heavy; where it got to, and whether that is the minimum."""
+    own = np.diag(A)
+    absent = own == 0.0
+    absent[: prior.tens.size] = False
+    absent[prior.positive] = False
+    ridge = RIDGE * np.where(own > 0.0, own, 0.0) + np.where(absent, 1.0, 0.0)
+    value = _value(A, b, prior, weight, times, x)
+    for _ in range(MOST):
+        gradient = A @ x - b + times * prior.gradient(x, weight)
+        curvature = A + times * prior.curvature(x, weight)
+        curvature[np.diag_indices_from(curvature)] += ridge
+        step = -_solved(curvature, gradient)
+        decrement = float(-gradient @ step)
+        there, found = _stepped(lambda y: _value(A, b, prior, weight, times, y), x, value, step, decrement)
+        if decrement <= ENOUGH * (1.0 + abs(value)) or found == value:
+            return there, True
+        x, value = there, found
+    return x, False
+
+
+def _solved(curvature: Array, gradient: Array) -> Array:
+    """Of a positive definite matrix, made more so where round-off has spoilt that: any descent will do."""
+    scale = 1.0 / np.sqrt(np.diag(curvature))
+    scaled = curvature * np.outer(scale, scale)
+    for more in (0.0, 1e-10, 1e-8, 1e-6):
+        with suppress(LinAlgError):
+            return scale * cho_solve(cho_factor(scaled + more * np.eye(len(scaled))), scale * gradient)
+    raise AdaptctlError("the consistent estimate was not found: are the columns scaled beyond reason?")
+
+
+def _value(A: Array, b: Array, prior: EntropicPrior, weight: float, times: float, x: Array) -> float:
+    return float(0.5 * x @ A @ x - b @ x + times * prior.divergence(x, weight))
+
+
+def _stepped(
+    objective: Callable[[Array], float], x: Array, value: float, step: Array, decrement: float
+) -> tuple[Array, float]:
+    """As far along a Newton step as the objective falls enough, by halves (Armijo)."""
+    share = 1.0
+    while share > 1e-14:
+        there = x + share * step
+        found = objective(there)
+        if found <= value - 1e-4 * share * decrement:
+            return there, found
+        share *= 0.5
+    return x, value

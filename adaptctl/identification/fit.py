@@ -1,0 +1,177 @@
+"""One fit of a robot's parameters to rows: by least squares, or consistent, with or without load-dependent friction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adaptctl.arrays import Array
+from adaptctl.description.drive import MAY_BE_NEGATIVE, DriveParameter
+from adaptctl.dynamics import Mechanism
+from adaptctl.identifiability import FundamentalBasis
+from adaptctl.identification.drives_file import Drives
+from adaptctl.identification.entropic import EntropicPrior, consistent_estimate
+from adaptctl.identification.filtered_dynamics import Rows, SmoothMotion
+from adaptctl.identification.friction_model import FrictionModel, load_columns
+from adaptctl.identification.least_squares import weighted_least_squares
+from adaptctl.identification.normal_equations import NormalEquations, blocks_of
+
+ROTOR, LOAD = 0.1, 0.1
+"""Rough sizes of a rotor's inertia over that of the first link, and of load-dependent friction's share."""
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """What a fit has to choose: friction, the prior's weight, and the rows' cut-off (Hz)."""
+
+    friction: FrictionModel
+    weight: float
+    cutoff: float
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Parameters of all columns, and what they were fitted with."""
+
+    x: Array
+    """(P + r,): the mechanism's, then load-dependent friction's shares"""
+    deviations: Array
+    """(r,) N m, of the joints' residuals"""
+    curvature: Array
+    """(P + r, P + r) of the whitened squares"""
+    settings: FitSettings
+
+
+@dataclass(frozen=True, eq=False)
+class LogEvidence:
+    """Everything that fits are made from: rows at each cut-off, summed by blocks of time."""
+
+    mechanism: Mechanism
+    """with all kinds of friction"""
+    basis: FundamentalBasis
+    drives: Drives
+    prior: EntropicPrior
+    motions: Sequence[SmoothMotion]
+    rows: dict[float, Rows]
+    edges: Sequence[tuple[int, float]]
+    kept: dict[float, NDArray[np.bool_]] | None = None
+    """which of the motions' rows these are, where not all"""
+
+    def part(self, blocks: Sequence[int]) -> LogEvidence:
+        """Of some of the blocks alone."""
+        kept = {cutoff: np.isin(block, blocks) for cutoff, block in self._block.items()}
+        rows = {cutoff: rows.chosen(kept[cutoff]) for cutoff, rows in self.rows.items()}
+        return replace(self, rows=rows, edges=[self.edges[b] for b in blocks], kept=kept)
+
+    @cached_property
+    def _plain(self) -> dict[float, NormalEquations]:
+        """At each cut-off, without load-dependent friction."""
+        return {cutoff: NormalEquations.of(rows, self._block[cutoff]) for cutoff, rows in self.rows.items()}
+
+    @cached_property
+    def _block(self) -> dict[float, NDArray[np.int64]]:
+        return {cutoff: blocks_of(rows, self.edges) for cutoff, rows in self.rows.items()}
+
+    @property
+    def blocks(self) -> int:
+        """Their number B."""
+        return len(self.edges)
+
+    def load(self, cutoff: float, x: Array) -> Array:
+        """The columns (n, r, r) of load-dependent friction at the rigid torques of x."""
+        columns = load_columns(self.motions, self.mechanism, x, cutoff, self.drives)
+        return columns if self.kept is None else columns[self.kept[cutoff]]
+
+    def equations(self, cutoff: float, blocks: Sequence[int], load: Array | None = None) -> NormalEquations:
+        """Of some blocks, summed, on P + r columns; those of load-dependent friction are zero unless given."""
+        plain = self._plain[cutoff].over(blocks)
+        if load is None:
+            return plain.with_blank_columns(self.mechanism.dof)
+        here = np.isin(self._block[cutoff], blocks)
+        return plain.with_columns(self.rows[cutoff].chosen(here), load[here])
+
+    def mask(self, friction: FrictionModel) -> Array:
+        """Which of the P + r columns a friction model has, as 0 and 1."""
+        return np.concatenate([friction.columns(self.mechanism), np.full(self.mechanism.dof, float(friction.load))])
+
+    def independent(self, friction: FrictionModel) -> NDArray[np.int64]:
+        """The columns that least squares is made on: the fundamental ones, and friction's."""
+        energetic = self.mechanism.energetic
+        others = [c for c in np.flatnonzero(self.mask(friction)).tolist() if c >= energetic]
+        return np.array([*self.basis.columns, *others])
+
+    def fit(self, settings: FitSettings, blocks: Sequence[int], start: Array | None = None) -> Fit:
+        """Consistent parameters from some of the blocks."""
+        load = self.load_from(settings, blocks)
+        return self.fitted(self.equations(settings.cutoff, blocks, load), settings, start)
+
+    def load_from(self, settings: FitSettings, blocks: Sequence[int], cutoff: float | None = None) -> Array | None:
+        """Load-dependent friction's columns at a cut-off, the settings' own by default, as far as some blocks tell:
+        at the rigid torques of a fit to them without it. None where it is not modelled."""
+        if not settings.friction.load:
+            return None
+        at = settings.cutoff if cutoff is None else cutoff
+        key = (settings.friction.kinds, tuple(blocks), at)
+        if key not in self._loads:
+            self._loads[key] = self.load(at, self._rigid(settings, tuple(blocks)))
+        return self._loads[key]
+
+    def _rigid(self, settings: FitSettings, blocks: tuple[int, ...]) -> Array:
+        """Parameters found without load-dependent friction, whose rigid torques it grows with."""
+        key = (settings.friction.kinds, blocks)
+        if key not in self._plain_fits:
+            plain = replace(settings, friction=replace(settings.friction, load=False))
+            self._plain_fits[key] = self.fit(plain, blocks).x
+        return self._plain_fits[key]
+
+    @cached_property
+    def _loads(self) -> dict[object, Array]:
+        return {}
+
+    @cached_property
+    def _plain_fits(self) -> dict[object, Array]:
+        return {}
+
+    def fitted(self, equations: NormalEquations, settings: FitSettings, start: Array | None = None) -> Fit:
+        """Consistent parameters from summed equations."""
+        mask = self.mask(settings.friction)
+        _, deviations = weighted_least_squares(equations, self.independent(settings.friction))
+        A, b = equations.whitened(deviations)
+        A, b = A * np.outer(mask, mask), b * mask
+        prior = self.prior_of(settings.friction)
+        x = consistent_estimate(A, b, prior, settings.weight, None if start is None else _begun(start, prior, mask))
+        return Fit(x, deviations, A, settings)
+
+    def prior_of(self, friction: FrictionModel) -> EntropicPrior:
+        """With the shares of load-dependent friction among what must be positive, where it is modelled."""
+        r, P = self.mechanism.dof, len(self.mechanism.parameter_names)
+        kept = self.mask(friction)[self.prior.positive] > 0.0
+        loads = np.arange(P, P + r) if friction.load else np.arange(0)
+        positive = np.concatenate([self.prior.positive[kept], loads])
+        scales = np.concatenate([self.prior.scales[kept], np.full(len(loads), LOAD)])
+        return EntropicPrior(self.prior.tens, positive, scales)
+
+    def ordinary(self, friction: FrictionModel, cutoff: float, blocks: Sequence[int]) -> Array:
+        """x (P + r,) by weighted least squares alone, which need not be what any body has."""
+        return weighted_least_squares(self.equations(cutoff, blocks), self.independent(friction))[0]
+
+
+def _begun(start: Array, prior: EntropicPrior, mask: Array) -> Array:
+    """Where a search can begin: what is new among the positive at its scale."""
+    x = start * mask
+    x[prior.positive] = np.where(x[prior.positive] > 0.0, x[prior.positive], prior.scales)
+    return x
+
+
+def positive_columns(mechanism: Mechanism, tens: Array) -> tuple[NDArray[np.int64], Array]:
+    """The columns of drives that must be positive, and their rough sizes."""
+    first = 10 * len(mechanism.description.bodies)
+    drives = mechanism.description.drive_parameters
+    own = [first + k for k, (_, kind) in enumerate(drives) if kind not in MAY_BE_NEGATIVE]
+    inertia = float(np.mean(np.trace(tens[:, [[4, 5, 7], [5, 6, 8], [7, 8, 9]]], axis1=1, axis2=2))) / 3.0
+    rotor = {first + k for k, (_, kind) in enumerate(drives) if kind is DriveParameter.ROTOR_INERTIA}
+    return np.array(own), np.array([max(ROTOR * inertia, 1e-6) if c in rotor else 1.0 for c in own])

@@ -1,0 +1,326 @@
+"""From logs to a robot: the whole way, step by step."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.description.drive import Drive, DriveParameter
+from adaptctl.dynamics import Mechanism, load
+from adaptctl.errors import InputError
+from adaptctl.identifiability import EssentialSpace, ReducedModel, essential_space, fundamental_basis
+from adaptctl.identifiability.factorisation import one_thread
+from adaptctl.identification.choice import BLOCKS, Choice, choose, cutoffs_for, judged_at, misfit_ratio
+from adaptctl.identification.columns import joint_columns
+from adaptctl.identification.comparisons import alternatives
+from adaptctl.identification.drives_file import Drives, read_drives
+from adaptctl.identification.entropic import EntropicPrior
+from adaptctl.identification.filtered_dynamics import SmoothMotion, motions_of, rows_of
+from adaptctl.identification.fit import Fit, LogEvidence, positive_columns
+from adaptctl.identification.friction_model import FrictionModel, with_all_friction
+from adaptctl.identification.instrumental import halves, joined_first_stage
+from adaptctl.identification.joint_log import JointLog, joint_log
+from adaptctl.identification.normal_equations import block_edges
+from adaptctl.identification.payloads import without_payloads
+from adaptctl.identification.plausibility import require_plausible
+from adaptctl.identification.preparation import PreparationStep, prepare
+from adaptctl.identification.prior_links import prior_links
+from adaptctl.identification.reading.registry import read_log
+from adaptctl.identification.torque_constants import known_drives, torque_constants, with_constants
+from adaptctl.identification.uncertainty import uncertainty
+from adaptctl.identification.unexcited import Combination, combinations, essential_components, unexcited
+from adaptctl.identification.validation import Validation, predicted_torques
+
+HELD_OUT = 0.4
+"""Of the blocks, from the end, where no log for validation is given."""
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """A robot as its logs show it, and how far that can be trusted."""
+
+    mechanism: Mechanism
+    """with the identified parameters, its links ones that bodies can have, and its drives coupled as they are"""
+    model: ReducedModel
+    """of that mechanism, on its fundamental parameters"""
+    deviations: Array
+    """(k,) standard deviations of the fundamental parameters, by the block jackknife and what the prior leaves open"""
+    nominal_deviations: Array
+    """(k,) as if residuals were white"""
+    load: Array
+    """(r,) shares of load-dependent friction, which mechanisms do not have; zero where it was not chosen"""
+    validation: Validation
+    alternatives: dict[str, Validation]
+    """simpler models on the same rows"""
+    choice: Choice
+    steps: tuple[PreparationStep, ...]
+    remarks: tuple[str, ...]
+    misfit_ratio: float
+    """the training rows' root mean square, whitened, over that of least squares"""
+    space: EssentialSpace
+    """with the logs' motion as its states"""
+    components: int
+    """how many essential components carry the logs' energy to a percent"""
+    combinations: tuple[Combination, ...]
+    """of fundamental parameters, the least excited first"""
+    motions: tuple[SmoothMotion, ...]
+    drives: Drives
+
+    @property
+    def estimate(self) -> Array:
+        """The fundamental parameters (k,), a first estimate for an adaptive controller."""
+        return self.model.fundamental_parameters
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the fundamental parameters."""
+        return self.model.names
+
+    @property
+    def inflation(self) -> float:
+        """How many times the deviations are those of white residuals, at the median."""
+        known = self.nominal_deviations > 0.0
+        return float(np.median(self.deviations[known] / self.nominal_deviations[known]))
+
+    @cached_property
+    def prior_ranges(self) -> Array:
+        """(k,) how far an adaptive controller should expect the truth from the estimate: two deviations, and at least
+        a twentieth of the estimate."""
+        return np.maximum(2.0 * self.deviations, 0.05 * np.abs(self.estimate))
+
+    def adaptation_gain(self, rate: float = 0.6) -> Array:
+        """(k,) the diagonal of Gamma: rate times the square of each parameter's prior range."""
+        return rate * np.maximum(self.prior_ranges, 1e-9 * np.max(self.prior_ranges)) ** 2
+
+    @property
+    def unexcited(self) -> list[Combination]:
+        """Combinations that the logs leave about as open as they were."""
+        return unexcited(self.combinations, self.inflation)
+
+
+@one_thread()
+def identify(
+    logs: str | Path | Sequence[str | Path],
+    robot: Mechanism | str | Path,
+    drives: Drives | str | Path | None = None,
+    *,
+    validate: str | Path | Sequence[str | Path] = (),
+    columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
+    rate: float | None = None,
+    topic: str | None = None,
+    skip: Collection[str] = (),
+    friction: str | None = None,
+    cutoff: float | None = None,
+    weight: float | None = None,
+    instruments: bool = False,
+) -> Identification:
+    """Identify a robot's inertial and friction parameters from logs of its motion.
+
+    `robot` is its mechanism or its file (with links as a first guess); `drives` how motors turn joints, or, where
+    joints are measured themselves, `columns` and `units` (`joint_columns`) and perhaps a sampling `rate` (Hz).
+    Without logs to `validate` on, the last 40 % of the given ones are held out for it, and everything is chosen on
+    the rest; the estimate then takes them all. `skip` names steps of the preparation, `friction` the terms, `cutoff`
+    (Hz) and `weight` (of the prior) what else is chosen by an inner validation. With `instruments`, regressors are
+    freed of noise by instrumental variables, for encoders that are coarse or noisy. Raises `InputError`, `FileError`.
+    """
+    mechanism = load(robot, snap=True) if not isinstance(robot, Mechanism) else robot
+    given = _paths(logs)
+    known = read_drives(drives) if isinstance(drives, str | Path) else drives
+    if known is None:
+        known = joint_columns(mechanism, read_log(given[0], topic), columns, units)
+    turned = known.of(mechanism)
+    train = [joint_log(read_log(path, topic), turned, mechanism, rate) for path in given]
+    test = [joint_log(read_log(path, topic), turned, mechanism, rate) for path in _paths(validate)]
+    terms = None if friction is None else FrictionModel.named(friction)
+    return identified(
+        mechanism,
+        turned,
+        train,
+        test,
+        skip=skip,
+        friction=terms,
+        cutoff=cutoff,
+        weight=weight,
+        instruments=instruments,
+    )
+
+
+def _paths(given: str | Path | Sequence[str | Path]) -> list[str | Path]:
+    return [given] if isinstance(given, str | Path) else list(given)
+
+
+def identified(
+    mechanism: Mechanism,
+    drives: Drives,
+    train: Sequence[JointLog],
+    test: Sequence[JointLog] = (),
+    *,
+    skip: Collection[str] = (),
+    friction: FrictionModel | None = None,
+    cutoff: float | None = None,
+    weight: float | None = None,
+    instruments: bool = False,
+) -> Identification:
+    """The same from logs that are read already, in the drives' order of joints."""
+    drives, train, test, known = _with_constants(mechanism, drives, train, test, skip)
+    measured, steps, remarks = gathered(mechanism, drives, train, skip, cutoff)
+    evidence = freed_of_noise(measured) if instruments else measured
+    held_out = [] if test else list(range(round((1.0 - HELD_OUT) * evidence.blocks), evidence.blocks))
+    training = evidence.part([b for b in range(evidence.blocks) if b not in held_out])
+    require_plausible(training, train[0].source, judged_at(training))
+    choice = choose(training, friction, weight, cutoff)
+    every = range(training.blocks)
+    fit = training.fit(choice.settings, every)
+    plain = _plain(training, fit)
+    judged = measured.part(held_out) if held_out else gathered(mechanism, drives, test, skip, cutoff)[0]
+    origin = "the last 40 % of the logs, held out" if held_out else ", ".join(log.source for log in test)
+    validation = _validated(judged, fit.x, origin)
+    others = {other.name: _validated(judged, other.x, origin) for other in alternatives(training, fit, plain)}
+    final = evidence.fit(choice.settings, range(evidence.blocks), fit.x) if held_out else fit
+    own = _plain(evidence, final) if held_out else plain
+    return _result(mechanism, evidence, own, final, validation, others, choice, steps, remarks + known)
+
+
+def _with_constants(
+    mechanism: Mechanism, drives: Drives, train: Sequence[JointLog], test: Sequence[JointLog], skip: Collection[str]
+) -> tuple[Drives, Sequence[JointLog], Sequence[JointLog], tuple[str, ...]]:
+    """Drives and logs whose torque constants are known, and in words how, where they were not."""
+    if not np.isnan(drives.constants).any():
+        return drives, train, test, ()
+    evidence, _, _ = gathered(mechanism, drives, train, (*skip, "limits") if "limits" not in skip else skip)
+    constants, words = torque_constants(evidence, judged_at(evidence))
+    train, test = ([with_constants(log, drives, constants) for log in logs] for logs in (train, test))
+    return known_drives(drives, constants), train, test, (words,)
+
+
+def gathered(
+    mechanism: Mechanism,
+    drives: Drives,
+    logs: Sequence[JointLog],
+    skip: Collection[str] = (),
+    cutoff: float | None = None,
+) -> tuple[LogEvidence, tuple[PreparationStep, ...], tuple[str, ...]]:
+    """What fits are made from, and what was done to the logs and to the prior, in words."""
+    prepared = [prepare(log, mechanism, skip) for log in logs]
+    pieces = [piece for found, _ in prepared for piece in found]
+    steps = tuple(dict.fromkeys(step for _, own in prepared for step in own))
+    full, (tens, remarks) = with_all_friction(mechanism, drives), prior_links(mechanism)
+    motions = list(motions_of(pieces))
+    cutoffs = cutoffs_for(min(piece.rate for piece in pieces))
+    cutoffs = cutoffs if cutoff is None or cutoff in cutoffs else (*cutoffs, cutoff)
+    whole = rows_of(motions, full, cutoffs)
+    settled = not np.isnan(drives.constants).any()
+    own = [without_payloads(rows, motions, full, drives) for rows in whole] if settled else whole
+    rows = dict(zip(cutoffs, own, strict=True))
+    _require_enough(pieces[0].source, min(len(part) for part in rows.values()), full)
+    positive, scales = positive_columns(full, tens)
+    basis = fundamental_basis(essential_space(full))
+    edges = block_edges(rows[cutoffs[0]], BLOCKS)
+    prior = EntropicPrior(tens, positive, scales)
+    return LogEvidence(full, basis, drives, prior, motions, rows, edges), steps, tuple(remarks)
+
+
+def freed_of_noise(evidence: LogEvidence) -> LogEvidence:
+    """With regressors by instrumental variables: even samples' on odd samples'."""
+    pairs = [halves(motion.log) for motion in evidence.motions]
+    cutoffs = [cutoff for cutoff in evidence.rows if cutoff <= 0.1 * min(log.rate for log, _ in pairs)]
+    if not cutoffs:
+        raise InputError("instruments: the log is too slow to be split into even and odd samples")
+    motions = [SmoothMotion.of(own, number) for number, (own, _) in enumerate(pairs)]
+    others = [SmoothMotion.of(other, number) for number, (_, other) in enumerate(pairs)]
+    own, instruments = (rows_of(each, evidence.mechanism, cutoffs) for each in (motions, others))
+    rows = dict(zip(cutoffs, joined_first_stage(own, instruments), strict=True))
+    return replace(evidence, motions=motions, rows=rows, edges=block_edges(rows[cutoffs[0]], BLOCKS))
+
+
+def _require_enough(source: str, rows: int, mechanism: Mechanism) -> None:
+    if rows < 2 * BLOCKS:
+        raise InputError(
+            f"{source}: only {rows} independent instants of motion are left of the log; at least {2 * BLOCKS} are "
+            "needed, a few seconds"
+        )
+
+
+def _plain(evidence: LogEvidence, fit: Fit) -> Fit:
+    """The fit itself, or without the load-dependent friction that mechanisms do not have."""
+    friction = fit.settings.friction
+    if not friction.load:
+        return fit
+    return evidence.fit(replace(fit.settings, friction=replace(friction, load=False)), range(evidence.blocks), fit.x)
+
+
+def _validated(evidence: LogEvidence, x: Array, origin: str) -> Validation:
+    rows = evidence.rows[judged_at(evidence)]
+    P = len(evidence.mechanism.parameter_names)
+    load = evidence.load(rows.cutoff, x) if np.any(x[P:]) else None
+    return Validation(origin, rows.cutoff, rows.time, rows.torque, predicted_torques(rows, x, load))
+
+
+def _result(
+    mechanism: Mechanism,
+    evidence: LogEvidence,
+    own: Fit,
+    final: Fit,
+    validation: Validation,
+    others: dict[str, Validation],
+    choice: Choice,
+    steps: tuple[PreparationStep, ...],
+    remarks: tuple[str, ...],
+) -> Identification:
+    identified = identified_mechanism(evidence, own)
+    P = len(evidence.mechanism.parameter_names)
+    model = ReducedModel(identified, fundamental_basis(essential_space(identified)))
+    places = [evidence.mechanism.parameter_names.index(name) for name in identified.parameter_names]
+    onto = np.zeros((len(model.columns), len(own.x)))
+    onto[:, places] = model.regrouping
+    spread = uncertainty(evidence, own)
+    kept = [places[c] for c in model.columns]
+    space, components = essential_components(*_states(identified, evidence))
+    return Identification(
+        identified,
+        model,
+        spread.of(onto),
+        spread.nominal_of(onto),
+        final.x[P:],
+        validation,
+        others,
+        choice,
+        steps,
+        remarks,
+        misfit_ratio(evidence, own),
+        space,
+        components,
+        tuple(combinations(own.curvature[np.ix_(kept, kept)], model.names)),
+        tuple(evidence.motions),
+        evidence.drives,
+    )
+
+
+def identified_mechanism(evidence: LogEvidence, fit: Fit) -> Mechanism:
+    """With the drives' terms that a fit has, and its parameters."""
+    full = evidence.mechanism
+    mask = evidence.mask(fit.settings.friction)
+    names = [name for name, kept in zip(full.parameter_names, mask, strict=False) if kept]
+    values = dict(zip(full.parameter_names, fit.x.tolist(), strict=False))
+    drives = [_with_terms(link.joint.drive, link.joint.name, names) for link in full.links]
+    shaped = full.with_drives(drives)
+    return shaped.with_parameters([values[name] for name in shaped.parameter_names])
+
+
+def _with_terms(drive: Drive, joint: str, names: Sequence[str]) -> Drive:
+    """The drive with those of its terms that have a name among the parameters, zero each."""
+    return drive.with_terms({kind: 0.0 if f"{joint}.{kind.value}" in names else None for kind in DriveParameter})
+
+
+def _states(mechanism: Mechanism, evidence: LogEvidence) -> tuple[Mechanism, Array, Array]:
+    """At most so many of the logs' positions and velocities as tell their energy."""
+    p = np.concatenate([motion.position for motion in evidence.motions])
+    v = np.concatenate([motion.velocity for motion in evidence.motions])
+    every = max(1, len(p) // 1000)
+    return mechanism, p[::every], v[::every]

@@ -1,0 +1,48 @@
+"""Known payloads: bodies that a link carries throughout a log, whose torques are known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.description.inertia import from_center_of_mass, is_physically_consistent
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
+from adaptctl.identification.drives_file import Drives, PayloadEntry
+from adaptctl.identification.filtered_dynamics import Rows, SmoothMotion
+from adaptctl.identification.joint_log import same_place
+
+
+def payload_torques(rows: Rows, motions: Sequence[SmoothMotion], mechanism: Mechanism, drives: Drives) -> Array:
+    """The torques (n, r) that known payloads take of the rows' torques. Raises `InputError` for links without names."""
+    out = np.zeros_like(rows.torque)
+    for payload in drives.payloads:
+        columns, ten = _columns(payload, mechanism), _ten(payload)
+        for motion in motions:
+            if same_place(payload.log, motion.log.source):
+                here = rows.log == motion.number
+                out[here] += rows.regressor[here][:, :, columns] @ ten
+    return out
+
+
+def without_payloads(rows: Rows, motions: Sequence[SmoothMotion], mechanism: Mechanism, drives: Drives) -> Rows:
+    """The rows with the torques that are the robot's own."""
+    return replace(rows, torque=rows.torque - payload_torques(rows, motions, mechanism, drives))
+
+
+def _columns(payload: PayloadEntry, mechanism: Mechanism) -> slice:
+    names = mechanism.description.body_names
+    if payload.link not in names:
+        raise InputError(f"payload in {payload.log}: there is no link {payload.link!r}; there is {', '.join(names)}")
+    first = 10 * names.index(payload.link)
+    return slice(first, first + 10)
+
+
+def _ten(payload: PayloadEntry) -> Array:
+    ten = from_center_of_mass(payload.mass, payload.center_of_mass, payload.inertia_at_center.matrix())
+    if not is_physically_consistent(ten):
+        raise InputError(f"payload in {payload.log}: no body has this mass, centre and inertia")
+    return ten

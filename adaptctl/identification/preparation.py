@@ -1,0 +1,234 @@
+"""A log made ready: even in time, without jumps, its velocities checked, where it moves."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adaptctl.arrays import Array
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
+from adaptctl.identification.fir_filter import derivative, filtered, low_pass
+from adaptctl.identification.joint_log import JointLog
+
+JITTER, GAP = 0.01, 8.0
+"""Of a sampling period: what stamps may be off and still count as even, and what counts as a hole in the log."""
+AGREEMENT = 0.1
+"""How far logged velocities may differ from differentiated positions, as a share."""
+REST, SLOW, AT_REST = 0.01, 1e-3, 0.1
+"""A joint slower than this share of its greatest speed, or so many rad/s (m/s), rests; when all do for so many s, the
+arm is at rest."""
+TOO_FAST, TOO_FAR = 3.0, 0.25
+"""Times the greatest speed, and rad or m beyond the range, that a robot's file allows."""
+SLOWEST, FASTEST = 20.0, 1e5
+"""Hz, between which logs of arms are sampled."""
+STEPS = ("resample", "unwrap", "velocities", "limits", "standstill")
+"""What can be skipped, by name."""
+
+
+class PreparationStep(NamedTuple):
+    """One step of the preparation, and what it found or did, in words."""
+
+    name: str
+    outcome: str
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedLog:
+    """A piece of a log, evenly sampled at `rate` Hz, without holes."""
+
+    source: str
+    rate: float
+    time: Array
+    """(n,) s, as in the log"""
+    position: Array
+    """(n, r)"""
+    torque: Array
+    """(n, r)"""
+    moving: NDArray[np.bool_]
+    """(n,) whether the arm moves"""
+
+
+def prepare(
+    log: JointLog, mechanism: Mechanism, skip: Collection[str] = ()
+) -> tuple[list[PreparedLog], list[PreparationStep]]:
+    """The log's pieces between its holes, and what was done, step by step, those in `skip` left out.
+
+    Raises `InputError` naming the joint for units that cannot be, a log of another robot, and a log at rest.
+    """
+    _require_known(skip)
+    steps = [PreparationStep(name, "skipped") for name in STEPS if name in skip]
+    pieces = list(_pieces(log))
+    _require_plausible_rate(log)
+    if "resample" not in skip:
+        done = [_resampled(piece) for piece in pieces]
+        pieces = [piece for piece, _ in done]
+        steps.append(PreparationStep("resample", _resampling([how for _, how in done], len(pieces))))
+    if "unwrap" not in skip:
+        turned = [_unwrapped(piece, mechanism) for piece in pieces]
+        pieces = [piece for piece, _ in turned]
+        steps.append(
+            PreparationStep("unwrap", f"{sum(count for _, count in turned)} jumps of a turn taken out of the angles")
+        )
+    speeds = [_speed(piece) for piece in pieces]
+    if "velocities" not in skip:
+        steps.append(PreparationStep("velocities", _compared(log.source, pieces, speeds, mechanism)))
+    if "limits" not in skip:
+        steps.append(PreparationStep("limits", _within_limits(log.source, pieces, speeds, mechanism)))
+    moving = [np.ones(len(piece), dtype=np.bool_) for piece in pieces]
+    if "standstill" not in skip:
+        moving = _moving(pieces, speeds)
+        share = float(np.mean(np.concatenate(moving)))
+        if share * sum(len(piece) for piece in pieces) < 50:
+            raise InputError(f"{log.source}: the arm is at rest throughout: nothing but its weight is in the torques")
+        steps.append(
+            PreparationStep("standstill", f"{1.0 - share:.1%} of the samples dropped, where the whole arm is at rest")
+        )
+    return [_prepared(piece, where) for piece, where in zip(pieces, moving, strict=True)], steps
+
+
+def _require_known(skip: Collection[str]) -> None:
+    if unknown := [name for name in skip if name not in STEPS]:
+        raise InputError(f"skip: expected {', '.join(STEPS)}, got {unknown[0]!r}")
+
+
+def _require_plausible_rate(log: JointLog) -> None:
+    rate = 1.0 / float(np.median(np.diff(log.time)))
+    if not SLOWEST <= rate <= FASTEST:
+        likely = "ms taken for s" if rate < SLOWEST else "s taken for ms"
+        raise InputError(
+            f"{log.source}: samples are {rate:.3g} a second, where {SLOWEST:g} to {FASTEST:g} are expected: is the "
+            f"unit of time right ({likely})?"
+        )
+
+
+def _prepared(piece: JointLog, moving: NDArray[np.bool_]) -> PreparedLog:
+    rate = (len(piece) - 1) / float(piece.time[-1] - piece.time[0])
+    return PreparedLog(piece.source, rate, piece.time, piece.position, piece.torque, moving)
+
+
+def _pieces(log: JointLog) -> Iterator[JointLog]:
+    """Between holes; pieces too short to be filtered are left out."""
+    steps = np.diff(log.time)
+    holes = np.flatnonzero(steps > GAP * np.median(steps)) + 1
+    ends = [0, *holes.tolist(), len(log)]
+    found = [(a, b) for a, b in pairwise(ends) if b - a >= 50]
+    if not found:
+        raise InputError(f"{log.source}: no 50 samples follow each other without a hole in time")
+    for a, b in found:
+        velocity = None if log.velocity is None else log.velocity[a:b]
+        yield JointLog(log.source, log.time[a:b], log.position[a:b], log.torque[a:b], velocity)
+
+
+def _resampled(log: JointLog) -> tuple[JointLog, str]:
+    """Even in time at the stamps' mean rate, by straight lines between samples, unless it is already."""
+    steps = np.diff(log.time)
+    even = np.linspace(log.time[0], log.time[-1], len(log))
+    off = float(np.abs(log.time - even).max() * (len(log) - 1) / (log.time[-1] - log.time[0]))
+    if off <= JITTER:
+        return log, f"even at {1.0 / np.mean(steps):.6g} Hz"
+
+    def lines(values: Array) -> Array:
+        return np.stack([np.interp(even, log.time, column) for column in values.T], axis=-1)
+
+    velocity = None if log.velocity is None else lines(log.velocity)
+    how = f"stamps {steps.min():.3g} to {steps.max():.3g} s apart, resampled at {1.0 / np.mean(steps):.4g} Hz"
+    return JointLog(log.source, even, lines(log.position), lines(log.torque), velocity), how
+
+
+def _resampling(each: list[str], pieces: int) -> str:
+    return f"{'; '.join(dict.fromkeys(each))}{f'; {pieces} pieces between holes' if pieces > 1 else ''}"
+
+
+def _unwrapped(log: JointLog, mechanism: Mechanism) -> tuple[JointLog, int]:
+    turns = np.array([joint.kind.turns for joint in mechanism.primary_joints])
+    continued = np.where(turns, np.unwrap(log.position, axis=0), log.position)
+    offset = np.abs(np.diff(continued - log.position, axis=0)) > 1.0
+    return replace(log, position=continued), int(offset.sum())
+
+
+def _speed(log: JointLog) -> Array:
+    """Velocities (n, r) through a filter of a twentieth of the rate, those at the ends repeated."""
+    rate = (len(log) - 1) / float(log.time[-1] - log.time[0])
+    kernel = derivative(low_pass(min(50.0, 0.1 * rate), rate), rate)
+    inner = filtered(log.position, kernel) if len(kernel) < len(log) else np.gradient(log.position, 1 / rate, axis=0)
+    around = len(log) - len(inner)
+    return np.pad(inner, ((around // 2, around - around // 2), (0, 0)), mode="edge")
+
+
+def _compared(source: str, logs: list[JointLog], speeds: list[Array], mechanism: Mechanism) -> str:
+    """Logged velocities against differentiated positions, by regression through zero."""
+    if any(log.velocity is None for log in logs):
+        return "no logged velocities to compare with"
+    logged = np.concatenate([log.velocity for log in logs if log.velocity is not None])
+    found = np.concatenate(speeds)
+    ratios = (logged * found).sum(axis=0) / np.square(found).sum(axis=0)
+    for joint, ratio in zip(mechanism.primary_joints, ratios.tolist(), strict=True):
+        if not abs(ratio - 1.0) <= AGREEMENT:
+            raise InputError(
+                f"{source}: joint {joint.name!r}: logged velocities are {ratio:.4g} times the differentiated "
+                f"positions{_explained(ratio)}; state the right units, or leave the velocities out"
+            )
+    return f"logged velocities are {ratios.min():.3f} to {ratios.max():.3f} of differentiated positions"
+
+
+def _explained(ratio: float) -> str:
+    likely = {
+        57.29578: "velocities in deg/s, or positions in rad taken for deg",
+        1.0 / 57.29578: "positions in deg taken for rad, or velocities in rad/s taken for deg/s",
+        1000.0: "time in s taken for ms",
+        0.001: "time in ms taken for s",
+        1e6: "time in s taken for us",
+        1e-6: "time in us taken for s",
+        9.549297: "velocities in rpm",
+        1.0 / 9.549297: "velocities in rad/s taken for rpm",
+    }
+    near = [text for value, text in likely.items() if abs(abs(ratio) / value - 1.0) < AGREEMENT]
+    turned = "one of them has the wrong sign" if ratio < 0.0 else ""
+    return "".join(f": {text}" for text in (near[:1] or [turned]) if text)
+
+
+def _within_limits(source: str, logs: list[JointLog], speeds: list[Array], mechanism: Mechanism) -> str:
+    """Speeds and positions against the robot's limits: wrong units and other robots show there."""
+    fastest = np.percentile(np.abs(np.concatenate(speeds)), 99.0, axis=0)
+    position = np.concatenate([log.position for log in logs])
+    for j, joint in enumerate(mechanism.primary_joints):
+        limits, low, high = joint.limits, float(position[:, j].min()), float(position[:, j].max())
+        if fastest[j] > TOO_FAST * limits.velocity:
+            raise InputError(
+                f"{source}: joint {joint.name!r} moves at {fastest[j]:.3g} rad/s, its robot at most at "
+                f"{limits.velocity:.3g}: are the positions in deg, the time in ms, or is the gear ratio wrong?"
+            )
+        if low < limits.lower - TOO_FAR or high > limits.upper + TOO_FAR:
+            raise InputError(
+                f"{source}: joint {joint.name!r} goes from {low:.3g} to {high:.3g}, in its robot's file from "
+                f"{limits.lower:.3g} to {limits.upper:.3g}: are units, gear ratio (and its sign) and offset right, and "
+                "is it this robot's log?"
+            )
+        strongest = max(float(np.percentile(np.abs(log.torque[:, j]), 99.0)) for log in logs)
+        if strongest > TOO_FAST * limits.effort:
+            raise InputError(
+                f"{source}: joint {joint.name!r} takes {strongest:.3g} N m, its robot at most {limits.effort:.3g}: are "
+                "the unit of torque, the torque constant and the gear ratio right?"
+            )
+    return "positions, speeds and torques are within the robot's limits"
+
+
+def _moving(logs: list[JointLog], speeds: list[Array]) -> list[NDArray[np.bool_]]:
+    """Where any joint is faster than a share of its greatest speed, rests shorter than AT_REST counted as motion."""
+    fastest = np.max([np.abs(v).max(axis=0) for v in speeds], axis=0)
+    slow = np.maximum(REST * fastest, SLOW)
+    return [_bridged((np.abs(v) > slow).any(axis=1), log.time) for log, v in zip(logs, speeds, strict=True)]
+
+
+def _bridged(moving: NDArray[np.bool_], time: Array) -> NDArray[np.bool_]:
+    out = moving.copy()
+    edges = np.flatnonzero(np.diff(np.concatenate(([True], moving, [True])).astype(np.int8)))
+    for start, end in edges.reshape(-1, 2).tolist():
+        out[start:end] = time[min(end, len(time) - 1)] - time[start] < AT_REST
+    return out

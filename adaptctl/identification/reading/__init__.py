@@ -1,0 +1,1 @@
+"""Readers of logs: delimited text, Parquet, and ROS bags."""

@@ -1,0 +1,47 @@
+"""Logs as delimited text: a line of column names, then a line a sample."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.errors import FileError
+from adaptctl.identification.reading.table import MAX_ROWS, LogTable, table
+
+
+def read_delimited(path: str | Path) -> LogTable:
+    """The columns of a text file separated by commas, semicolons or tabs, whichever its first line has most of.
+
+    Cells may be empty or words, which become NaN and are refused where the column is needed. Raises `FileError`.
+    """
+    from pyarrow import ArrowInvalid
+    from pyarrow.csv import ConvertOptions, ParseOptions, read_csv
+
+    try:
+        with Path(path).open("rb") as file:
+            head = file.readline(1_000_000)
+        read = read_csv(
+            path,
+            parse_options=ParseOptions(delimiter=max((",", ";", "\t"), key=lambda mark: head.count(mark.encode()))),
+            convert_options=ConvertOptions(strings_can_be_null=True, null_values=["", "NaN", "nan", "NA", "null"]),
+        )
+    except (ArrowInvalid, UnicodeDecodeError) as error:
+        raise FileError(f"{path}: not a table in text ({str(error).splitlines()[0]})") from error
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read ({(error.strerror or str(error)).lower()})") from error
+    if read.num_rows > MAX_ROWS:
+        raise FileError(f"{path}: has {read.num_rows} rows, more than the {MAX_ROWS} that are read")
+    names = [name.strip() for name in read.column_names]
+    return table(str(path), ((name, _numbers(read.column(i))) for i, name in enumerate(names)))
+
+
+def _numbers(column: object) -> Array:
+    """The column as floats, NaN where a cell is no number."""
+    from pyarrow import ArrowInvalid, ArrowNotImplementedError, float64
+
+    try:
+        return np.asarray(column.cast(float64()).to_numpy(), dtype=np.float64)  # type: ignore[attr-defined]
+    except (ArrowInvalid, ArrowNotImplementedError):
+        return np.full(len(column), np.nan)  # type: ignore[arg-type]

@@ -1,0 +1,43 @@
+"""Logs as Parquet, those of our own runs with the units that they state."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.errors import FileError
+from adaptctl.identification.reading.table import MAX_ROWS, LogTable, table
+
+
+def read_parquet(path: str | Path) -> LogTable:
+    """The numeric columns of a Parquet file, a list of numbers as `name[0]`, `name[1]`. Raises `FileError`."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        with pq.ParquetFile(path, memory_map=True) as file:
+            if file.metadata.num_rows > MAX_ROWS:
+                raise FileError(f"{path}: has {file.metadata.num_rows} rows, more than the {MAX_ROWS} that are read")
+            read = file.read()
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read ({(error.strerror or str(error)).splitlines()[0].lower()})") from error
+    except pa.ArrowException as error:
+        raise FileError(f"{path}: not a Parquet file ({str(error).splitlines()[0]})") from error
+    units = {field.name: (field.metadata or {}).get(b"unit", b"").decode() for field in read.schema}
+    return table(str(path), _columns(read), {name: unit for name, unit in units.items() if unit})
+
+
+def _columns(read: object) -> Iterator[tuple[str, Array]]:
+    import pyarrow as pa
+
+    for field in read.schema:  # type: ignore[attr-defined]
+        column = read.column(field.name).combine_chunks()  # type: ignore[attr-defined]
+        if pa.types.is_fixed_size_list(field.type) and not column.null_count:
+            width = field.type.list_size
+            cells = np.asarray(column.flatten().to_numpy(zero_copy_only=False), dtype=np.float64).reshape(-1, width)
+            yield from ((f"{field.name}[{i}]", cells[:, i]) for i in range(width))
+        elif pa.types.is_integer(field.type) or pa.types.is_floating(field.type) or pa.types.is_boolean(field.type):
+            yield field.name, np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False), dtype=np.float64)

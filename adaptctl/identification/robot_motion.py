@@ -1,0 +1,216 @@
+"""Motions that a robot can run: from rest to rest, within its limits, and telling of its parameters on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import comb
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.arrays import Array, checked, per_joint
+from adaptctl.control.excitation.exciting_reference import MotionLimits, exciting_reference
+from adaptctl.control.references import Sinusoids
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
+from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
+
+BLEND = np.polynomial.Polynomial([0.0, 0.0, 0.0, 0.0, 35.0, -84.0, 70.0, -20.0])
+"""From 0 to 1 with three derivatives zero at both ends."""
+RATE = 250.0
+"""Hz, at which limits are looked at."""
+SLOWEST = 100.0
+HALVINGS = 12
+Allowed = Callable[[Array], bool]
+"""Whether all of the positions (n, r) are allowed."""
+
+
+@dataclass(frozen=True, eq=False)
+class RobotLimits:
+    """What a motion may use: (r,) each, infinite where nothing limits."""
+
+    velocity: Array
+    acceleration: Array
+    jerk: Array
+    torque: Array
+
+    @classmethod
+    def of(
+        cls, mechanism: Mechanism, share: float, acceleration: ArrayLike | None = None, jerk: ArrayLike | None = None
+    ) -> RobotLimits:
+        """A share of the robot's own speeds and torques; accelerations (rad/s^2) and jerks (rad/s^3) as given."""
+        speeds = np.array([joint.limits.velocity for joint in mechanism.primary_joints])
+        bends = _each(acceleration, mechanism.dof, "acceleration")
+        return cls(share * speeds, bends, _each(jerk, mechanism.dof, "jerk"), share * mechanism.effort_limits)
+
+
+def _each(limit: ArrayLike | None, dof: int, what: str) -> Array:
+    return np.full(dof, np.inf) if limit is None else per_joint(limit, dof, what)
+
+
+@dataclass(frozen=True, eq=False)
+class RobotMotion:
+    """A periodic reference, entered from rest at one pose and left to rest at another.
+
+    p(t) = (1 - b) pose + b s, with s the reference and b a polynomial blend over `fade` s at either end; all of it
+    `slower` times slower than the reference was made.
+    """
+
+    reference: Sinusoids
+    start: Array
+    end: Array
+    period: float
+    """s of the reference"""
+    fade: float
+    slower: float = 1.0
+
+    @property
+    def duration(self) -> float:
+        """s in all."""
+        return self.slower * (self.period + 2.0 * self.fade)
+
+    def at(self, time: ArrayLike) -> tuple[Array, Array, Array, Array]:
+        """Positions, velocities, accelerations and jerks (n, r) at times (n,) s from its start."""
+        t = np.asarray(time, dtype=np.float64) / self.slower
+        whole = self.period + 2.0 * self.fade
+        entering, leaving = _blend(t / self.fade, 1.0 / self.fade), _blend((whole - t) / self.fade, -1.0 / self.fade)
+        swing = self._swing(t - self.fade)
+        late = (t > 0.5 * whole)[:, None]
+        pose = np.where(late, self.end, self.start)
+        b = [np.where(late, after[:, None], before[:, None]) for before, after in zip(entering, leaving, strict=True)]
+        off = [swing[0] - pose, *swing[1:]]
+        found = [sum(comb(k, i) * b[i] * off[k - i] for i in range(k + 1)) for k in range(4)]
+        p, v, a, jerk = (found[k] / self.slower**k for k in range(4))
+        return pose + p, v, a, jerk
+
+    def sampled(self, rate: float = RATE) -> tuple[Array, Array, Array, Array, Array]:
+        """Times and what `at` tells, evenly to the end."""
+        time = np.linspace(0.0, self.duration, max(2, round(self.duration * rate)) + 1)
+        return time, *self.at(time)
+
+    def _swing(self, t: Array) -> list[Array]:
+        """The reference and its three derivatives (n, r)."""
+        phase = np.zeros(1) if self.reference.phase is None else self.reference.phase
+        angle = 2.0 * np.pi * self.reference.frequency * t[:, None, None] + phase
+        omega = 2.0 * np.pi * self.reference.frequency
+        waves = [
+            np.sum(self.reference.amplitude * omega**k * np.sin(angle + 0.5 * np.pi * k), axis=-2) for k in range(4)
+        ]
+        return [waves[0] + self.reference.center, *waves[1:]]
+
+
+def _blend(x: Array, rate: float) -> list[Array]:
+    """The blend and its three derivatives over time, of its argument x clipped to 0..1."""
+    inside = np.clip(x, 0.0, 1.0)
+    return [BLEND.deriv(k)(inside) * rate**k if k else BLEND(inside) for k in range(4)]
+
+
+def exciting_motion(
+    mechanism: Mechanism,
+    limits: RobotLimits,
+    *,
+    start: ArrayLike | None = None,
+    end: ArrayLike | None = None,
+    duration: float = 14.0,
+    fade: float = 2.0,
+    harmonics: int = 5,
+    share: float = 0.8,
+    seed: int = 0,
+    iterations: int = 10,
+    allowed: Allowed | None = None,
+) -> RobotMotion:
+    """A motion that excites a mechanism's parameters, from `start` (r,) to `end`, by default the middle of its ranges.
+
+    An exciting reference within a `share` of the positions, made smaller until every position is `allowed`, and slower
+    until speeds, accelerations, jerks and torques, friction included, keep to their limits. Raises `InputError` where
+    no motion can.
+    """
+    if not 0.0 < 2.0 * fade < duration:
+        raise InputError(f"fade: expected a time up to half of the duration of {duration:g} s, got {fade:g}")
+    model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))
+    space = MotionLimits.of(model, share)
+    middle = 0.5 * (space.lower + space.upper)
+    first, last = (middle if pose is None else checked(pose, mechanism.dof, "pose") for pose in (start, end))
+    _require_poses(mechanism, first, last, limits, allowed)
+    period = duration - 2.0 * fade
+    found = exciting_reference(
+        model, frequency=1.0 / period, harmonics=harmonics, share=share, limits=space, iterations=iterations, seed=seed
+    )
+    motion = RobotMotion(found.reference, first, last, period, fade)
+    return _slowed(_smaller(motion, allowed), mechanism, limits)
+
+
+def _require_poses(
+    mechanism: Mechanism, start: Array, end: Array, limits: RobotLimits, allowed: Allowed | None
+) -> None:
+    still = np.zeros(mechanism.dof)
+    for what, pose in (("start", start), ("end", end)):
+        for joint, place in zip(mechanism.primary_joints, pose.tolist(), strict=True):
+            if not joint.limits.lower <= place <= joint.limits.upper:
+                raise InputError(
+                    f"{what}: joint {joint.name!r} at {place:g} is outside its range, {joint.limits.lower:g} to "
+                    f"{joint.limits.upper:g}"
+                )
+        held = np.abs(mechanism.inverse_dynamics(pose, still, still))
+        if np.any(held > limits.torque):
+            joint = mechanism.primary_joints[int(np.argmax(held - limits.torque))]
+            raise InputError(f"{what}: joint {joint.name!r} cannot hold the pose within its share of the torque limit")
+        if allowed is not None and not allowed(pose[None]):
+            raise InputError(f"{what}: the pose collides, or leaves the workspace")
+
+
+def _smaller(motion: RobotMotion, allowed: Allowed | None) -> RobotMotion:
+    """With as much of the reference's swing about the start as is allowed."""
+    if allowed is None or allowed(motion.sampled(50.0)[1]):
+        return motion
+    share = 1.0
+    for _ in range(HALVINGS):
+        share *= 0.75
+        reference = motion.reference
+        nearer = Sinusoids(
+            motion.start + share * (reference.center - motion.start),
+            share * reference.amplitude,
+            reference.frequency,
+            reference.phase,
+            start_time=0.0,
+        )
+        smaller = RobotMotion(nearer, motion.start, motion.end, motion.period, motion.fade)
+        if allowed(smaller.sampled(50.0)[1]):
+            return smaller
+    raise InputError("no motion between these poses is free of collisions and within the workspace; choose others")
+
+
+def _slowed(motion: RobotMotion, mechanism: Mechanism, limits: RobotLimits) -> RobotMotion:
+    """As fast as the limits allow, at most as fast as it is."""
+    if _use(motion, mechanism, limits) <= 1.0:
+        return motion
+    slow, fast = 1.0, 1.0
+    while _use(at_pace(motion, slow), mechanism, limits) > 1.0:
+        fast, slow = slow, 1.5 * slow
+        if slow > SLOWEST:
+            raise InputError(
+                f"{mechanism.name}: even slowly the motion's torques pass their limits; narrow the positions (share)"
+            )
+    for _ in range(HALVINGS):
+        middle = 0.5 * (slow + fast)
+        slow, fast = (middle, fast) if _use(at_pace(motion, middle), mechanism, limits) <= 1.0 else (slow, middle)
+    return at_pace(motion, slow)
+
+
+def at_pace(motion: RobotMotion, slower: float) -> RobotMotion:
+    """The same path, so many times slower."""
+    return RobotMotion(motion.reference, motion.start, motion.end, motion.period, motion.fade, slower)
+
+
+def _use(motion: RobotMotion, mechanism: Mechanism, limits: RobotLimits) -> float:
+    """The largest of speeds, accelerations, jerks and torques over their limits."""
+    _, p, v, a, jerk = motion.sampled()
+    torque = mechanism.inverse_dynamics(p, v, a)
+    pairs = (
+        (v, limits.velocity),
+        (a, limits.acceleration),
+        (jerk, limits.jerk),
+        (torque, limits.torque),
+    )
+    return max(float((np.abs(values) / limit).max()) for values, limit in pairs)

@@ -1,0 +1,121 @@
+"""Torque constants of motors, from logs: with a known payload, or up to one scale.
+
+With W the joint torques of a unit of every motor's torque column, Y beta - W K = 0 is homogeneous: constants K and
+parameters beta can be stretched alike. A known payload's torques, or one known constant, make an end of that (Gautier
+and Briot 2014); without either, K is the direction that Y explains best, and the stretch that at which the links are
+what the robot's file says, as well as may be.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from msgspec import structs
+
+from adaptctl.arrays import Array
+from adaptctl.errors import InputError
+from adaptctl.identification.drives_file import Drives
+from adaptctl.identification.filtered_dynamics import Rows
+from adaptctl.identification.fit import LogEvidence
+from adaptctl.identification.friction_model import FrictionModel
+from adaptctl.identification.joint_log import JointLog
+from adaptctl.identification.payloads import payload_torques
+
+ROUNDS = 3
+DISTINCT = 1.5
+"""Of the two smallest shares that are left."""
+
+
+def torque_constants(evidence: LogEvidence, cutoff: float) -> tuple[Array, str]:
+    """Constants (r,) of all motors, N m for a unit of their columns, and in words how far they are known.
+
+    The evidence's torques are of constants of 1 where they are unknown, its payloads not taken off.
+    """
+    drives, rows = evidence.drives, evidence.rows[cutoff]
+    unknown = np.flatnonzero(np.isnan(drives.constants))
+    names = ", ".join(drives.motors[i].name for i in unknown.tolist())
+    of_motors = _of_motors(rows, drives)
+    carried = payload_torques(rows, evidence.motions, evidence.mechanism, drives)
+    columns = evidence.independent(FrictionModel())
+    known = of_motors[..., [i for i in range(len(drives.motors)) if i not in unknown]].sum(axis=-1)
+    wanted = known - carried
+    if np.any(wanted):
+        found = _solved(rows.regressor[..., columns], of_motors[..., unknown], wanted)
+        words = f"torque constants of {names} are identified with what is known of the others and of payloads"
+    else:
+        direction = _direction(rows.regressor[..., columns], of_motors[..., unknown], names)
+        found = _scale(evidence, rows, of_motors[..., unknown] @ direction) * direction
+        words = (
+            f"torque constants of {names} are identified up to one scale, at which the links weigh what the robot's "
+            "file says; a known payload or one known constant would settle it"
+        )
+    if not np.all(found > 0.0):
+        raise InputError(
+            f"torque constants of {names}: the log gives {found.round(4).tolist()}, which are not all positive"
+        )
+    constants = drives.constants.copy()
+    constants[unknown] = found
+    return constants, words
+
+
+def with_constants(log: JointLog, drives: Drives, constants: Array) -> JointLog:
+    """A log whose unknown constants were taken as 1, with those that were found."""
+    factors = np.where(np.isnan(drives.constants), constants, 1.0)
+    motors = log.torque @ np.linalg.inv(drives.transmission)
+    return replace(log, torque=drives.torque(motors * factors))
+
+
+def known_drives(drives: Drives, constants: Array) -> Drives:
+    """The drives with their constants."""
+    pairs = zip(drives.motors, constants.tolist(), strict=True)
+    return replace(drives, motors=tuple(structs.replace(motor, torque_constant=k) for motor, k in pairs))
+
+
+def _of_motors(rows: Rows, drives: Drives) -> Array:
+    """The joint torques (n, r, r) that each motor's part of the rows' torques makes."""
+    motors = rows.torque @ np.linalg.inv(drives.transmission)
+    return np.asarray(motors[:, None, :] * drives.transmission.T)
+
+
+def _solved(Y: Array, W: Array, wanted: Array) -> Array:
+    """K of Y beta - W K = wanted, joints weighted by their residuals."""
+    whole = np.concatenate([Y, -W], axis=-1)
+    deviations = np.sqrt(np.mean(wanted**2, axis=0)) + 1e-9
+    x = np.zeros(whole.shape[-1])
+    for _ in range(ROUNDS):
+        rows = (whole / deviations[:, None]).reshape(-1, whole.shape[-1])
+        size = np.linalg.norm(rows, axis=0)
+        size[size == 0.0] = 1.0
+        x = np.linalg.lstsq(rows / size, (wanted / deviations).ravel())[0] / size
+        deviations = np.sqrt(np.mean((whole @ x - wanted) ** 2, axis=0)) + 1e-9
+    return x[Y.shape[-1] :]
+
+
+def _direction(Y: Array, W: Array, names: str) -> Array:
+    """K, up to its length, of which Y leaves the smallest share. Raises `InputError` where two are as good."""
+    size = np.sqrt(np.mean(W**2, axis=(0, 2)))
+    rows, wide = (part / size[:, None] for part in (Y, W))
+    flat, torques = rows.reshape(-1, Y.shape[-1]), wide.reshape(-1, W.shape[-1])
+    length = np.linalg.norm(torques, axis=0)
+    norms = np.linalg.norm(flat, axis=0)
+    explained = np.linalg.lstsq(flat / np.where(norms > 0.0, norms, 1.0), torques / length)[0]
+    left = torques / length - flat / np.where(norms > 0.0, norms, 1.0) @ explained
+    _, values, vectors = np.linalg.svd(left, full_matrices=False)
+    if len(values) > 1 and values[-2] < DISTINCT * values[-1]:
+        raise InputError(
+            f"torque constants of {names}: the log does not tell them from each other; log a motion of more joints at "
+            "once, or one with a known payload"
+        )
+    direction = vectors[-1] / length
+    return np.asarray(direction * np.sign(direction.sum()))
+
+
+def _scale(evidence: LogEvidence, rows: Rows, torque: Array) -> float:
+    """By which torques become those of the prior's links, friction and rotors free."""
+    tens = evidence.prior.tens.ravel()
+    drives = evidence.mask(FrictionModel())[: rows.regressor.shape[-1]].copy()
+    drives[: tens.size] = 0.0
+    own = rows.regressor[..., np.flatnonzero(drives)]
+    weight = rows.regressor[..., : tens.size] @ tens
+    return float(_solved(own, torque[..., None], -weight)[0])

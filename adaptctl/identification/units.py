@@ -1,0 +1,42 @@
+"""The units of a log's columns: stated, or refused."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from adaptctl.errors import InputError
+
+TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+POSITION = {"rad": 1.0, "deg": math.pi / 180.0, "rev": 2.0 * math.pi, "m": 1.0, "mm": 1e-3}
+VELOCITY = {"rad/s": 1.0, "deg/s": math.pi / 180.0, "rpm": math.pi / 30.0, "m/s": 1.0, "mm/s": 1e-3}
+TORQUE = {"N m": 1.0, "mN m": 1e-3, "N": 1.0}
+OTHER_TORQUE = ("A", "mA", "%", "1")
+"""What is only proportional to a torque."""
+
+
+@dataclass(frozen=True)
+class Units:
+    """Factors to s, rad (or m), N m (or N) and rad/s (or m/s)."""
+
+    time: float
+    position: float
+    torque: float | None
+    """None where the column is only proportional to a torque"""
+    velocity: float | None = None
+
+    @classmethod
+    def checked(cls, time: str, position: str, torque: str, velocity: str | None = None) -> Units:
+        """By their symbols. Raises `InputError`, which lists those that are known."""
+        return cls(
+            _factor("time", time, TIME),
+            _factor("position", position, POSITION),
+            None if torque in OTHER_TORQUE else _factor("torque", torque.replace("Nm", "N m"), TORQUE, OTHER_TORQUE),
+            None if velocity is None else _factor("velocity", velocity, VELOCITY),
+        )
+
+
+def _factor(what: str, symbol: str, known: dict[str, float], others: tuple[str, ...] = ()) -> float:
+    if symbol not in known:
+        raise InputError(f"unit of {what}: expected one of {', '.join((*known, *others))}, got {symbol!r}")
+    return known[symbol]

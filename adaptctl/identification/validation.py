@@ -1,0 +1,64 @@
+"""Measured against predicted torques, on rows that no fit has seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.identification.filtered_dynamics import Rows
+
+
+@dataclass(frozen=True, eq=False)
+class Validation:
+    """Torques (n, r) at the joints, N m, both through one filter of `cutoff` Hz, where the arm moves."""
+
+    origin: str
+    """which samples, in words"""
+    cutoff: float
+    time: Array
+    """(n,) s, as in the log"""
+    measured: Array
+    predicted: Array
+    """from the measured motion alone"""
+
+    @property
+    def rms_error(self) -> float:
+        """Root mean square over all joints and instants, N m."""
+        return float(np.sqrt(np.mean(np.square(self.error))))
+
+    @property
+    def relative_error(self) -> float:
+        """The errors' root of summed squares over that of the measured torques."""
+        return float(np.linalg.norm(self.error) / np.linalg.norm(self.measured))
+
+    @property
+    def joint_rms_errors(self) -> Array:
+        """(r,) N m."""
+        return np.sqrt(np.mean(np.square(self.error), axis=0))
+
+    @property
+    def joint_relative_errors(self) -> Array:
+        """(r,)"""
+        return np.linalg.norm(self.error, axis=0) / np.linalg.norm(self.measured, axis=0)
+
+    @cached_property
+    def error(self) -> Array:
+        """Predicted minus measured (n, r), N m."""
+        return self.predicted - self.measured
+
+    def autocorrelation(self, lags: int = 50) -> Array:
+        """(lags + 1, r) of the errors, from row to row: white ones would have 1 and then nothing."""
+        centred = self.error - self.error.mean(axis=0)
+        whole = np.square(centred).sum(axis=0)
+        count = min(lags, len(centred) - 1)
+        return np.stack([(centred[: len(centred) - k] * centred[k:]).sum(axis=0) / whole for k in range(count + 1)])
+
+
+def predicted_torques(rows: Rows, x: Array, load: Array | None) -> Array:
+    """Torques (n, r) of parameters x (P + r,), the last of load-dependent friction with its columns (n, r, r)."""
+    P = rows.regressor.shape[-1]
+    rigid = rows.regressor @ x[:P]
+    return rigid if load is None else rigid + load @ x[P:]

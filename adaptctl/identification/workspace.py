@@ -1,0 +1,100 @@
+"""Where a robot may be: free of collisions with itself, as far as its geometry is known, and within a box."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.recursion.kinematics import link_poses
+from adaptctl.errors import SimplificationWarning
+
+
+@dataclass(frozen=True, eq=False)
+class Workspace:
+    """A box (m) that the links' frames stay in, and the robot's collision geometry."""
+
+    mechanism: Mechanism
+    lower: Array
+    upper: Array
+    collides: Callable[[Array], bool] | None
+    """of one configuration (r,); None where no geometry is known"""
+
+    def allows(self, p: Array) -> bool:
+        """Whether all of the positions (n, r) are inside and free of collisions."""
+        places = link_poses(self.mechanism, p).translations
+        if np.any(places < self.lower) or np.any(places > self.upper):
+            return False
+        return self.collides is None or not any(self.collides(q) for q in p)
+
+
+def workspace(
+    mechanism: Mechanism, robot: str | Path, lower: Array | None = None, upper: Array | None = None
+) -> Workspace:
+    """Of a robot's file: the <collision> geometry of URDF, as far as its meshes are found; no box unless given.
+
+    Pairs of links that touch at the middle of the joints' ranges, neighbours above all, are taken as made so. Warns
+    (SimplificationWarning) where no geometry is known, so that nothing is checked.
+    """
+    box = (np.full(3, -np.inf) if lower is None else lower, np.full(3, np.inf) if upper is None else upper)
+    return Workspace(mechanism, *box, _self_collision(mechanism, robot))
+
+
+def _self_collision(mechanism: Mechanism, robot: str | Path) -> Callable[[Array], bool] | None:
+    path = Path(robot)
+    if path.suffix.lower() != ".urdf" or not path.exists() or mechanism.description.loops is not None:
+        return None
+    import pinocchio
+
+    model = pinocchio.buildModelFromUrdf(str(path))
+    try:
+        geometry = pinocchio.buildGeomFromUrdf(
+            model, str(path), pinocchio.GeometryType.COLLISION, package_dirs=_folders(path)
+        )
+    except (ValueError, RuntimeError) as error:
+        reason = str(error).strip().splitlines()[-1] if str(error).strip() else type(error).__name__
+        warnings.warn(f"{path}: self-collision is not checked ({reason})", SimplificationWarning, stacklevel=2)
+        return None
+    names = [joint.name for joint in mechanism.primary_joints]
+    if geometry.ngeoms == 0 or any(joint.nq != 1 for joint in list(model.joints)[1:]):
+        return None
+    return _checked(model, geometry, [model.idx_qs[model.getJointId(name)] for name in names], mechanism)
+
+
+def _folders(path: Path) -> list[str]:
+    """Where `package://` may begin."""
+    return [str(folder) for folder in path.resolve().parents[:4]]
+
+
+def _checked(model: Any, geometry: Any, places: list[int], mechanism: Mechanism) -> Callable[[Array], bool]:
+    import pinocchio
+
+    geometry.addAllCollisionPairs()
+    data, found = model.createData(), pinocchio.GeometryData(geometry)
+
+    def collisions(p: Array, stop: bool) -> bool:
+        q = pinocchio.neutral(model)
+        q[places] = p
+        return bool(pinocchio.computeCollisions(model, data, geometry, found, q, stop))
+
+    collisions(_middle(mechanism), False)
+    touching = [
+        pair
+        for pair, result in zip(geometry.collisionPairs, found.collisionResults, strict=True)
+        if result.isCollision()
+    ]
+    for pair in [pinocchio.CollisionPair(pair.first, pair.second) for pair in touching]:
+        geometry.removeCollisionPair(pair)
+    found = pinocchio.GeometryData(geometry)
+    return lambda p: collisions(p, True)
+
+
+def _middle(mechanism: Mechanism) -> Array:
+    bounds = np.array([[joint.limits.lower, joint.limits.upper] for joint in mechanism.primary_joints])
+    return np.where(np.isfinite(bounds).all(axis=1), bounds.mean(axis=1), 0.0)

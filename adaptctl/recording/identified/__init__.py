@@ -1,0 +1,1 @@
+"""An identified robot made visible, and as files: robot, estimates, report, recording, validation."""

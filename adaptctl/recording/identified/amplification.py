@@ -1,0 +1,130 @@
+"""How far torques that are off throw two estimators off: a result that can be told and kept."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import rerun.blueprint as rrb
+from matplotlib.figure import Figure
+
+from adaptctl.arrays import Array
+from adaptctl.files import write_json, write_text
+from adaptctl.recording.drawing import WIDTH, Drawing, write_drawings
+from adaptctl.recording.page import embedded, rendered
+from adaptctl.recording.palette import run_color
+from adaptctl.recording.scene import entity
+from adaptctl.recording.series import Style, log_series
+from adaptctl.recording.stream import log_markdown, saved_stream
+
+
+class TorqueCase(NamedTuple):
+    """What both estimators make of one kind of torques: errors on the log's end, over the torques there."""
+
+    torques: str
+    off: float
+    """how far the torques are off, relative"""
+    momentum: float
+    energy: float
+
+
+class Curves(NamedTuple):
+    """Torques (n, r) on the log's last part: measured, and predicted by both estimators from measured torques."""
+
+    joints: tuple[str, ...]
+    time: Array
+    measured: Array
+    momentum: Array
+    energy: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Amplification:
+    """How far torques that are off throw either estimator off."""
+
+    experiment: str
+    title: str
+    window: float
+    measured: tuple[TorqueCase, ...]
+    curves: Curves
+    seed: int
+    complete: bool = True
+
+    def headline(self) -> str:
+        """The finding."""
+        last, exact = self.measured[-1], self.measured[0]
+        return (
+            f"From exact torques, energy differences predict to {exact.energy:.2%}; from measured ones to "
+            f"{last.energy:.0%}, where filtered dynamics is {last.momentum:.1%} off: one scalar equation a window "
+            f"amplifies what torques are off by {last.energy / last.momentum:.0f} times as much."
+        )
+
+    def facts(self) -> Iterator[tuple[str, str]]:
+        """Each kind of torques."""
+        for entry in self.measured:
+            yield entry.torques, f"filtered dynamics {entry.momentum:.2%}, energy differences {entry.energy:.2%}"
+
+    def write(self, folder: Path, progress: Callable[[str, float], object]) -> None:
+        """Summary, figure, report and recording."""
+        progress("summary", 0.0)
+        content = {
+            "schema": "adaptctl/energy-differences/1",
+            "experiment": self.experiment,
+            "window": self.window,
+            "torques": [entry._asdict() for entry in self.measured],
+        }
+        (folder / "figures").mkdir(exist_ok=True)
+        figures = write_drawings(folder / "figures", self._drawings())
+        page = rendered(
+            "findings.html",
+            "adaptctl.recording.identified",
+            title=self.title,
+            lead=self.headline(),
+            facts=list(self.facts()),
+            rows=[(e.torques, f"{e.off:.2%}", f"{e.momentum:.2%}", f"{e.energy:.2%}") for e in self.measured],
+            figures=embedded(self._drawings(), figures),
+        )
+        write_text(folder / "report.html", page)
+        write_json(folder / "summary.json", content)
+        self._record(folder / "recording.rrd")
+        progress("report", 1.0)
+
+    def _record(self, path: Path) -> None:
+        """Torques over time, a joint a view."""
+        curves = self.curves
+        views = [rrb.TimeSeriesView(origin=entity(name), name=f"{name}: torque") for name in curves.joints]
+        text = rrb.TextDocumentView(origin="summary", name="summary")
+        layout = rrb.Blueprint(rrb.Vertical(text, *views), collapse_panels=True)
+        with saved_stream(path, self, curves.energy.tobytes(), layout) as recording:
+            log_markdown(recording, "summary", self.headline())
+            for j, name in enumerate(curves.joints):
+                values = np.stack([curves.measured[:, j], curves.momentum[:, j], curves.energy[:, j]], axis=-1)
+                labels = ("measured", "filtered dynamics", "energy differences")
+                style = Style(labels, [run_color(i) for i in range(3)])
+                log_series(recording, entity(name), curves.time, values, style)
+
+    def _drawings(self) -> Iterator[Drawing]:
+        yield Drawing(
+            "amplification", "Error of predicted torques on the log's last part, of both estimators.", self._draw
+        )
+
+    def _draw(self) -> Figure:
+        figure = Figure(figsize=(WIDTH, 3.0), layout="constrained")
+        ax: Any = figure.subplots()
+        place = np.arange(len(self.measured))
+        for i, (label, values) in enumerate(
+            (
+                ("filtered dynamics", [e.momentum for e in self.measured]),
+                ("energy differences", [e.energy for e in self.measured]),
+            )
+        ):
+            ax.barh(place + 0.38 * i, np.maximum(values, 1e-5), 0.36, color=run_color(i).hex, label=label)
+        ax.set_yticks(place + 0.19, [e.torques for e in self.measured])
+        ax.set_xscale("log")
+        ax.invert_yaxis()
+        ax.set_xlabel("error over the torques")
+        ax.legend(loc="lower right")
+        return figure

@@ -1,0 +1,93 @@
+"""An identification as one HTML page that needs nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from adaptctl.files import write_text
+from adaptctl.identification import Identification
+from adaptctl.recording.identified.figures import drawings
+from adaptctl.recording.page import embedded, rendered
+from adaptctl.recording.trace import parameter_unit
+
+HOME = "adaptctl.recording.identified"
+
+
+def write_report(path: str | Path, found: Identification, figures: Mapping[str, Path]) -> None:
+    """Write the page with the figures, given as files by name, inside."""
+    write_text(path, report(found, figures))
+
+
+def report(found: Identification, figures: Mapping[str, Path]) -> str:
+    """The page's HTML."""
+    validation = found.validation
+    joints = found.mechanism.primary_joints
+    each = zip(joints, validation.joint_rms_errors, validation.joint_relative_errors, strict=True)
+    return rendered(
+        "report.html",
+        HOME,
+        found=found,
+        validation=validation,
+        verdict=verdict(found),
+        facts=list(facts(found)),
+        joints=[(j.name, f"{rms:.3g} {'N m' if j.kind.turns else 'N'}", f"{x:.1%}") for j, rms, x in each],
+        consistency=consistency(found),
+        parameters=list(_parameters(found)),
+        loads=", ".join(f"{j.name} {x:.3f}" for j, x in zip(joints, found.load, strict=True) if x),
+        equations=[str(equation) for equation in _equations(found)],
+        components=components(found),
+        unexcited=[c.words for c in found.unexcited],
+        figures=embedded(drawings(found), figures),
+    )
+
+
+def verdict(found: Identification) -> str:
+    """The outcome in a sentence."""
+    validation = found.validation
+    return (
+        f"Predicts the torques of {validation.origin} to {validation.rms_error:.3g} N m over all joints, "
+        f"{validation.relative_error:.1%} of what was measured."
+    )
+
+
+def consistency(found: Identification) -> str:
+    """Whether bodies can have the parameters, and what that costs."""
+    wrong = found.mechanism.description.inconsistent_links
+    cost = f"The training rows are fitted {found.misfit_ratio - 1.0:.1%} worse than by least squares without that."
+    return (
+        f"No body can have the parameters of {', '.join(wrong)}. {cost}"
+        if wrong
+        else (f"Every link is one that a rigid body can be, and the drives only take energy. {cost}")
+    )
+
+
+def components(found: Identification) -> str:
+    """The paper's model reduction, of the logs' own motion."""
+    return (
+        f"Of the {found.space.rank} essential components of the parameters, {found.components} carry the energy of the "
+        "logs' motion to 1 % (Sheu and Walker 1991, equation 23)."
+    )
+
+
+def facts(found: Identification) -> Iterator[tuple[str, str]]:
+    """Questions that a reader has, and their answers."""
+    validation, settings = found.validation, found.choice.settings
+    yield "error on data not seen", f"{validation.rms_error:.3g} N m"
+    yield "of the measured torque", f"{validation.relative_error:.1%}"
+    yield "fundamental parameters", str(len(found.names))
+    yield "friction", settings.friction.words.replace("_", " ")
+    yield "physically consistent", "no" if found.mechanism.description.inconsistent_links else "yes"
+    yield "combinations left open", str(len(found.unexcited))
+    yield "weight of the prior", f"{settings.weight:g}"
+    yield "cut-off", f"{settings.cutoff:g} Hz"
+
+
+def _parameters(found: Identification) -> Iterator[tuple[str, str, str, str]]:
+    for name, value, deviation in zip(found.names, found.estimate, found.deviations, strict=True):
+        yield name, parameter_unit(name), f"{value:.4g}", f"{deviation:.2g}"
+
+
+def _equations(found: Identification) -> tuple[object, ...]:
+    basis = found.model.basis
+    return tuple(basis.equations()) if basis is not None else ()

@@ -1,0 +1,84 @@
+"""An identification as a rerun recording: the arm in the validation's motion, and its torques."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from adaptctl.identification import Identification
+from adaptctl.recording.identified.report import components, consistency, verdict
+from adaptctl.recording.palette import GOAL, joint_color, run_color
+from adaptctl.recording.scene import WORLD, entity, log_arm, log_base, log_trail, solid_look
+from adaptctl.recording.series import Style, log_series, thinned
+from adaptctl.recording.skeleton import skeleton
+from adaptctl.recording.stream import log_markdown, saved_stream
+from adaptctl.recording.viewpoint import floor_height
+
+SAMPLES = 3000
+
+
+@dataclass(frozen=True)
+class Named:
+    """What names the recording."""
+
+    title: str
+    experiment: str = "identify"
+    seed: int = 0
+    complete: bool = True
+
+
+def write_recording(path: str | Path, found: Identification) -> None:
+    """Write the recording whole or not at all. Raises FileError."""
+    content = np.ascontiguousarray(found.validation.measured).tobytes()
+    with saved_stream(path, Named(f"{found.mechanism.name}, identified"), content, _blueprint(found)) as recording:
+        log_markdown(recording, "summary", "\n\n".join((verdict(found), consistency(found), components(found))))
+        _log_arm(recording, found)
+        _log_torques(recording, found)
+
+
+def _log_arm(recording: rr.RecordingStream, found: Identification) -> None:
+    """The motion of the logs that were learnt from, one after the other."""
+    mechanism, parts = found.mechanism, skeleton(found.mechanism)
+    p = np.concatenate([motion.position for motion in found.motions])
+    time = np.concatenate(
+        [_times(motion.log.time[motion.first :], motion.every, len(motion.position)) for motion in found.motions]
+    )
+    order = np.argsort(time, kind="stable")
+    kept = order[thinned(len(order), SAMPLES)]
+    log_base(recording, mechanism, parts, floor_height(mechanism, parts, p))
+    tip = log_arm(recording, "logged", mechanism, parts, time[kept], p[kept], solid_look(run_color(0)))
+    log_trail(recording, "logged", time[kept], tip, run_color(0))
+
+
+def _times(time: np.ndarray, every: int, count: int) -> np.ndarray:
+    return time[::every][:count]
+
+
+def _log_torques(recording: rr.RecordingStream, found: Identification) -> None:
+    validation, joints = found.validation, found.mechanism.primary_joints
+    every = thinned(len(validation.time), SAMPLES)
+    for j, joint in enumerate(joints):
+        both = np.stack([validation.measured[every, j], validation.predicted[every, j]], axis=-1)
+        style = Style(("measured", "predicted"), (GOAL, joint_color(j)))
+        log_series(recording, f"torque/{entity(joint.name)}", validation.time[every], both, style)
+    colors = [joint_color(j) for j in range(len(joints))]
+    names = [joint.name for joint in joints]
+    log_series(recording, "error", validation.time[every], validation.error[every], Style(names, colors))
+
+
+def _blueprint(found: Identification) -> rrb.Blueprint:
+    torques = [
+        rrb.TimeSeriesView(origin=f"torque/{entity(joint.name)}", name=f"{joint.name}: torque")
+        for joint in found.mechanism.primary_joints
+    ]
+    left = rrb.Vertical(
+        rrb.Spatial3DView(origin=WORLD, name="the log's motion"),
+        rrb.TextDocumentView(origin="summary", name="summary"),
+        row_shares=[3, 1],
+    )
+    errors = rrb.TimeSeriesView(origin="error", name="predicted minus measured")
+    return rrb.Blueprint(rrb.Horizontal(left, rrb.Vertical(*torques, errors)), collapse_panels=True)

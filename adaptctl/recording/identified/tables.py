@@ -1,0 +1,102 @@
+"""An identification in JSON's types, and its validation as a table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from adaptctl.files import write_json
+from adaptctl.identification import Identification, Validation
+from adaptctl.recording.trace import Quantity, parameter_unit, write_columns
+
+SUMMARY_SCHEMA, ESTIMATES_SCHEMA, VALIDATION_SCHEMA = (
+    "adaptctl/identification-summary/1",
+    "adaptctl/estimates/1",
+    "adaptctl/validation/1",
+)
+
+
+def write_summary(path: str | Path, found: Identification) -> None:
+    """What was chosen and how well it predicts, as JSON."""
+    write_json(path, summary(found))
+
+
+def summary(found: Identification) -> dict[str, Any]:
+    """`validation` and `alternatives` are on the same rows: rms_error in N m over all joints, and relative."""
+    settings = found.choice.settings
+    return {
+        "schema": SUMMARY_SCHEMA,
+        "robot": found.mechanism.name,
+        "robot_sha256": found.mechanism.description.sha256,
+        "logs": list(dict.fromkeys(motion.log.source for motion in found.motions)),
+        "validation": {"of": found.validation.origin, **_errors(found, found.validation)},
+        "alternatives": {name: _errors(found, other) for name, other in found.alternatives.items()},
+        "friction": settings.friction.words,
+        "prior_weight": settings.weight,
+        "cutoff": settings.cutoff,
+        "consistent": not found.mechanism.description.inconsistent_links,
+        "training_misfit_over_least_squares": found.misfit_ratio,
+        "deviations_over_nominal": found.inflation,
+        "essential_components": {"rank": found.space.rank, "for_energy_to_1_percent": found.components},
+        "unexcited": [combination.words for combination in found.unexcited],
+        "trials": [trial._asdict() for trial in found.choice.trials],
+        "steps": {step.name: step.outcome for step in found.steps},
+        "remarks": list(found.remarks),
+    }
+
+
+def _errors(found: Identification, validation: Validation) -> dict[str, Any]:
+    names = [joint.name for joint in found.mechanism.primary_joints]
+    each = zip(names, validation.joint_rms_errors.tolist(), validation.joint_relative_errors.tolist(), strict=True)
+    return {
+        "rms_error": validation.rms_error,
+        "relative_error": validation.relative_error,
+        "cutoff": validation.cutoff,
+        "rows": len(validation.time),
+        "joints": {name: {"rms_error": rms, "relative_error": relative} for name, rms, relative in each},
+    }
+
+
+def write_estimates(path: str | Path, found: Identification) -> None:
+    """First estimates and prior ranges of the fundamental parameters, for an adaptive controller, as JSON."""
+    joints = [joint.name for joint in found.mechanism.primary_joints]
+    columns = zip(
+        found.names,
+        found.estimate.tolist(),
+        found.deviations.tolist(),
+        found.prior_ranges.tolist(),
+        found.adaptation_gain().tolist(),
+        strict=True,
+    )
+    content = {
+        "schema": ESTIMATES_SCHEMA,
+        "robot": found.mechanism.name,
+        "robot_sha256": found.mechanism.description.sha256,
+        "fundamental": {
+            name: {"value": value, "deviation": s, "prior_range": wide, "gain": gain, "unit": parameter_unit(name)}
+            for name, value, s, wide, gain in columns
+        },
+        "parameters": dict(zip(found.mechanism.parameter_names, found.mechanism.inertial_parameters, strict=True)),
+        "load_dependent_friction": dict(zip(joints, found.load.tolist(), strict=True)),
+    }
+    write_json(path, content)
+
+
+def write_validation(path: str | Path, found: Identification) -> None:
+    """Measured and predicted torques as Parquet: `time` as in the log, then `measured_J` and `predicted_J`."""
+    about = {"schema": VALIDATION_SCHEMA, "of": found.validation.origin, "cutoff": repr(found.validation.cutoff)}
+    write_columns(path, list(_columns(found)), about)
+
+
+def _columns(found: Identification) -> Iterator[Quantity]:
+    validation = found.validation
+    yield Quantity("time", "s", "time as in the log", validation.time)
+    filtered = f"at the joint, below {validation.cutoff:g} Hz"
+    for j, joint in enumerate(found.mechanism.primary_joints):
+        unit = "N m" if joint.kind.turns else "N"
+        measured, predicted = np.ascontiguousarray(validation.measured[:, j]), validation.predicted[:, j]
+        yield Quantity(f"measured_{joint.name}", unit, f"measured torque {filtered}", measured)
+        yield Quantity(f"predicted_{joint.name}", unit, f"torque predicted from the motion {filtered}", predicted)

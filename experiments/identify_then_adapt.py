@@ -1,0 +1,153 @@
+"""From a real arm's log to a better controller: adaptation that starts from what was identified."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.control import SlotineLi
+from adaptctl.dynamics import Mechanism, load
+from adaptctl.experiments.contest import Contender, Outcome
+from adaptctl.experiments.experiment import setting
+from adaptctl.experiments.learning import ADAPTATION_OFF, ADAPTIVE, Found
+from adaptctl.experiments.on_real_plant import OnRealPlant
+from adaptctl.experiments.rough_model import deviations
+from adaptctl.identifiability import FundamentalBasis, ReducedModel
+from adaptctl.recording import Finding
+
+if TYPE_CHECKING:
+    from adaptctl.simulation.effects import Effect
+
+FROM_ZERO, FROM_FILE = "from-zero", "from-urdf"
+BEGINNING = 2.0
+"""s over which the first errors are taken"""
+
+
+@dataclass(frozen=True)
+class IdentifyThenAdapt(OnRealPlant):
+    """Slotine-Li on a simulated arm from zero, from its URDF, and from what the first part of its log shows.
+
+    The simulated arm is what the whole of the real log shows; the first estimate knows the log's first part alone.
+    """
+
+    name: ClassVar[str] = "identify-then-adapt"
+    title: ClassVar[str] = "{robot}: adaptation from an identified estimate"
+    first_estimate: ClassVar[str] = "identified from the first part of the log"
+
+    robot: str = setting("tx40", "an example that comes with a real log")
+    known: float = setting(0.6, "share of the log that the first estimate is identified from", low=0.3, high=1.0)
+    rate: float = setting(
+        50.0,
+        "adaptation rate: the gain is it times the square of each parameter's deviation",
+        symbol="Γ",
+        low=1e-6,
+        high=1e6,
+    )
+    parameter_error: float = setting(
+        0.9, "what the gain takes each link and drive to be off by, as a share of its size", low=0.01, high=0.9
+    )
+    duration: float = setting(10.0, "length of every run, s", low=2.5, high=300.0)
+    center: tuple[float, ...] = setting(
+        (0.0, 0.3, 1.0, 0.0, 0.6, 0.0), "centre of the reference, rad", low=-10.0, high=10.0
+    )
+    amplitude: tuple[float, ...] = setting(
+        (0.6, 0.5, 0.5, 0.6, 0.5, 0.8), "amplitude of the reference, rad", low=0.0, high=3.2
+    )
+    frequency: tuple[float, ...] = setting(
+        (0.4, 0.45, 0.5, 0.55, 0.6, 0.7), "frequency of the reference, Hz", low=0.0, high=5.0
+    )
+
+    @property
+    def purpose(self) -> str:
+        """What is asked."""
+        return (
+            "A log of a real arm, motor positions and torques, is worth a first estimate. The simulated arm has the "
+            "parameters that the whole log shows, rotors, friction and the wrist's coupling included. Slotine and Li's "
+            "controller adapts on it with one gain, from three first estimates: zero, the links of the arm's URDF, and "
+            f"what the first {self.known:.0%} of the log shows, made physically consistent."
+        )
+
+    def mechanism(self) -> Mechanism:
+        """What the whole log shows."""
+        return identified_from(self.robot, 1.0)
+
+    def effects(self, mechanism: Mechanism) -> Sequence[Effect]:
+        """None besides."""
+        return ()
+
+    def adaptation(self, model: ReducedModel) -> Array:
+        """Gamma from a share of the true links' and drives' sizes, the same for all."""
+        true = model.mechanism.inertial_parameters
+        return np.asarray(self.rate * deviations(model, true, self.parameter_error) ** 2)
+
+    def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
+        """Who drives, in order; the first is the subject."""
+        model = ReducedModel(mechanism, basis)
+        part = _parameters(mechanism, identified_from(self.robot, self.known))
+        file = _parameters(mechanism, robot_file(self.robot))
+        share = f"{self.known:.0%} of the log"
+        return [
+            Contender(ADAPTIVE, "Identified, adapting", share, self._from(model, part)),
+            Contender(ADAPTATION_OFF, "Identified, adaptation off", share, self._from(model, part, adapting=False)),
+            Contender(FROM_FILE, "From the URDF, adapting", "the URDF's links", self._from(model, file)),
+            Contender(FROM_ZERO, "From zero, adapting", "nothing", self._from(model, 0.0 * part)),
+        ]
+
+    def _from(self, model: ReducedModel, parameters: Array, *, adapting: bool = True) -> SlotineLi:
+        return self.slotine_li(model, self.adaptation(model) if adapting else None, model.regrouping @ parameters)
+
+    def answer(self, outcome: Outcome, found: Found) -> str | None:
+        """What the log is worth in the first seconds."""
+        first = {run.name: 1e3 * (run.rms_error(stop=BEGINNING) or np.nan) for run in outcome.runs}
+        if not {ADAPTIVE, FROM_ZERO, FROM_FILE} <= set(first):
+            return None
+        return (
+            f"In the first {BEGINNING:g} s the arm is off by {first[ADAPTIVE]:.2g} mrad from the identified estimate, "
+            f"by {first[FROM_FILE]:.2g} from the URDF and by {first[FROM_ZERO]:.2g} from zero."
+        )
+
+    def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
+        """The errors of the first seconds."""
+        first = {run.name: run.rms_error(stop=BEGINNING) or np.nan for run in outcome.runs}
+        for name, value in first.items():
+            yield Finding(f"first_error.{name}", value, "rad", f"RMS error of the first {BEGINNING:g} s, {name}")
+        if {ADAPTIVE, FROM_ZERO} <= set(first):
+            meaning = f"RMS error of the first {BEGINNING:g} s, from zero over from the identified estimate"
+            yield Finding("zero_over_identified", first[FROM_ZERO] / first[ADAPTIVE], "1", meaning)
+
+
+@cache
+def identified_from(name: str, share: float) -> Mechanism:
+    """What the first share of an example's log shows. Raises `NotFoundError`."""
+    from adaptctl.identification.drives_file import read_drives
+    from adaptctl.identification.examples import example
+    from adaptctl.identification.identify import identified
+    from adaptctl.identification.joint_log import JointLog, joint_log
+    from adaptctl.identification.reading.registry import read_log
+
+    with example(name) as files:
+        mechanism = load(files.robot, snap=True)
+        drives = read_drives(files.drives).of(mechanism)
+        log = joint_log(read_log(files.log), drives, mechanism)
+    part = slice(0, round(share * len(log)))
+    kept = JointLog(log.source, log.time[part], log.position[part], log.torque[part])
+    return identified(mechanism, drives, [kept], [kept]).mechanism
+
+
+def robot_file(name: str) -> Mechanism:
+    """An example's robot as its file has it."""
+    from adaptctl.identification.examples import example
+
+    with example(name) as files:
+        return load(files.robot, snap=True)
+
+
+def _parameters(mechanism: Mechanism, other: Mechanism) -> Array:
+    """Another mechanism's parameters (P,) by the names of this one's, zero where it has none."""
+    values: dict[str, Any] = dict(zip(other.parameter_names, other.inertial_parameters.tolist(), strict=True))
+    return np.array([values.get(name, 0.0) for name in mechanism.parameter_names])

@@ -1,0 +1,175 @@
+"""Motions for a robot to run: from rest to rest, within every limit, and as telling as forecast."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from random_trees import random_chain
+from synthetic_logs import joint_drives
+
+from adaptctl.cli.main import main
+from adaptctl.dynamics import Mechanism, load
+from adaptctl.errors import InputError
+from adaptctl.identification.forecast import forecast
+from adaptctl.identification.friction_model import FrictionModel
+from adaptctl.identification.identify import identified
+from adaptctl.identification.joint_log import JointLog
+from adaptctl.identification.robot_motion import RobotLimits, RobotMotion, at_pace, exciting_motion
+from adaptctl.identification.workspace import workspace
+
+
+@pytest.fixture(scope="module")
+def puma() -> Mechanism:
+    return load("puma560_friction")
+
+
+@pytest.fixture(scope="module")
+def motion(puma: Mechanism) -> RobotMotion:
+    limits = RobotLimits.of(puma, 0.8, 10.0, 100.0)
+    return exciting_motion(puma, limits, start=START, end=END, iterations=3)
+
+
+START, END = [0.0, -0.7, 0.5, 0.0, 0.3, 0.0], [0.5, -0.9, 0.9, 0.2, 0.1, 0.0]
+
+
+def test_it_keeps_to_every_limit_and_rests_at_both_ends(puma: Mechanism, motion: RobotMotion) -> None:
+    time, p, v, a, jerk = motion.sampled(1000.0)
+    np.testing.assert_allclose(p[[0, -1]], [START, END], atol=1e-12)
+    for ends in (v[[0, -1]], a[[0, -1]], jerk[[0, -1]]):
+        np.testing.assert_allclose(ends, 0.0, atol=1e-9)
+    slack = 1.0 + 1e-3  # limits are looked at 250 times a second
+    for values, limit in ((a, 10.0), (jerk, 100.0)):
+        assert np.abs(values).max() <= slack * limit
+    joints = puma.primary_joints
+    assert np.all(np.abs(v).max(axis=0) <= slack * 0.8 * np.array([j.limits.velocity for j in joints]))
+    assert np.all(np.abs(puma.inverse_dynamics(p, v, a)).max(axis=0) <= slack * 0.8 * puma.effort_limits)
+    assert np.all(p >= [j.limits.lower for j in joints])
+    assert np.all(p <= [j.limits.upper for j in joints])
+    assert time[-1] == pytest.approx(motion.duration)
+    assert np.all(np.ptp(p, axis=0) > 0.3)
+
+
+def test_its_derivatives_are_its_derivatives(motion: RobotMotion) -> None:
+    time = np.linspace(0.0, motion.duration, 40)
+    step = 1e-5
+    before, now, after = (motion.at(time + shift) for shift in (-step, 0.0, step))
+    inner = slice(1, -1)
+    for lower, higher in ((0, 1), (1, 2), (2, 3)):
+        difference = (after[lower] - before[lower]) / (2.0 * step)
+        size = np.abs(now[higher]).max()
+        np.testing.assert_allclose(difference[inner], now[higher][inner], atol=1e-5 * size)
+    slower = at_pace(motion, 2.0 * motion.slower)
+    np.testing.assert_allclose(slower.at(2.0 * time)[0], now[0], atol=1e-12)
+    np.testing.assert_allclose(8.0 * slower.at(2.0 * time)[3], now[3], atol=1e-9)
+
+
+def test_what_is_forecast_is_found() -> None:
+    """Deviations to be expected are those of the identification of its log, to a factor of some."""
+    arm = random_chain(3, 2).with_drives(load("puma560_friction").links[0].joint.drive)
+    motion = exciting_motion(arm, RobotLimits.of(arm, 0.8, 8.0, 200.0), iterations=3, duration=12.0)
+    told = forecast(arm, motion, 0.5)
+    time, p, v, a, _ = motion.sampled(250.0)
+    rng = np.random.default_rng(0)
+    torque = arm.inverse_dynamics(p, v, a) + 0.5 * np.sqrt(250.0 / 50.0) * rng.normal(size=p.shape)
+    log = JointLog("made", time, p, torque)
+    result = identified(arm, joint_drives(arm), [log], [log], friction=FrictionModel(), cutoff=25.0, weight=0.5)
+    expected = dict(zip(told.model.names, told.deviations.tolist(), strict=True))
+    ratios = [s / expected[name] for name, s in zip(result.names, result.deviations, strict=True)]
+    assert 0.3 < float(np.median(ratios)) < 3.0
+    assert told.condition > 1.0
+    assert len(told.combinations) == len(told.model.names)
+
+
+BOXES = """<robot name="boxes">
+  <link name="ground">
+    <collision><origin xyz="0 1.2 0"/><geometry><box size="0.4 0.4 2"/></geometry></collision>
+  </link>
+  <link name="arm">
+    <inertial><mass value="1"/><origin xyz="0.5 0 0"/>
+      <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision><origin xyz="0.5 0 0"/><geometry><box size="1 0.1 0.1"/></geometry></collision>
+  </link>
+  <joint name="turn" type="revolute"><parent link="ground"/><child link="arm"/><axis xyz="0 0 1"/>
+    <limit lower="-2" upper="2" velocity="3" effort="50"/></joint>
+  <link name="tip">
+    <inertial><mass value="1"/><origin xyz="0.5 0 0"/>
+      <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision><origin xyz="0.5 0 0"/><geometry><box size="1 0.1 0.1"/></geometry></collision>
+  </link>
+  <joint name="bend" type="revolute"><parent link="arm"/><child link="tip"/><origin xyz="1 0 0"/><axis xyz="0 0 1"/>
+    <limit lower="-2" upper="2" velocity="3" effort="50"/></joint>
+</robot>
+"""
+
+
+def test_collisions_and_the_workspace_are_kept_clear_of(tmp_path: Path) -> None:
+    (tmp_path / "boxes.urdf").write_text(BOXES)
+    arm = load(tmp_path / "boxes.urdf")
+    area = workspace(arm, tmp_path / "boxes.urdf")
+    assert area.collides is not None
+    assert area.allows(np.array([[0.0, 0.0], [0.3, 0.0]]))
+    assert not area.allows(np.array([[0.0, 0.0], [1.5, 0.0]]))
+    limits = RobotLimits.of(arm, 0.8)
+    free = exciting_motion(arm, limits, iterations=2)
+    assert not area.allows(free.sampled(50.0)[1])
+    clear = exciting_motion(arm, limits, iterations=2, allowed=area.allows)
+    assert area.allows(clear.sampled(50.0)[1])
+    with pytest.raises(InputError, match="start: the pose collides, or leaves the workspace"):
+        exciting_motion(arm, limits, start=[1.5, 0.0], iterations=2, allowed=area.allows)
+    boxed = workspace(arm, "boxes", np.array([-2.0, -0.5, -1.0]), np.array([2.0, 0.5, 1.0]))
+    assert boxed.collides is None
+    assert boxed.allows(np.array([[0.1, 0.0]]))
+    assert not boxed.allows(np.array([[1.5, 0.0]]))
+
+
+def test_the_command_writes_what_robots_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "boxes.urdf").write_text(BOXES)
+    line = ["excite", str(tmp_path / "boxes.urdf"), "--iterations", "2", "--rate", "50", "--out", str(tmp_path / "out")]
+    assert main([*line, "--acceleration", "5", "--jerk", "50", "80"]) == 0
+    assert "self-collision                       checked" in capsys.readouterr().out
+    for name in ("excitation", "validation"):
+        rows = np.genfromtxt(tmp_path / "out" / f"{name}.csv", delimiter=",", names=True, deletechars="")
+        assert rows.dtype.names == (
+            "time",
+            *(f"{w}.{j}" for w in ("position", "velocity", "acceleration") for j in ("turn", "bend")),
+        )
+        message = json.loads((tmp_path / "out" / f"{name}.json").read_text())
+        assert message["joint_names"] == ["turn", "bend"]
+        assert len(message["points"]) == len(rows)
+        first, last = message["points"][0], message["points"][-1]
+        assert first["velocities"] == last["velocities"] == [0.0, 0.0]
+        seconds = last["time_from_start"]["sec"] + 1e-9 * last["time_from_start"]["nanosec"]
+        assert seconds == pytest.approx(rows["time"][-1], abs=1e-6)
+        text = (tmp_path / "out" / f"{name}.yaml").read_text().splitlines()
+        assert json.loads(text[1].removeprefix("joint_names: ")) == ["turn", "bend"]
+        assert json.loads(text[-1].removeprefix("- ")) == last
+    told = json.loads((tmp_path / "out" / "forecast.json").read_text())
+    assert told["self_collision_checked"] is True
+    assert all(entry["deviation"] > 0.0 for entry in told["parameters"].values())
+    assert main(line) == 2
+    assert "the folder is not empty" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (["--start", "9", "0"], "start: joint 'turn' at 9 is outside its range"),
+        (["--start", "0"], "pose: expected"),
+        (["--box", "0", "0"], "--box: expected six numbers"),
+        (["--box", "5", "5", "5", "6", "6", "6"], "start: the pose collides, or leaves the workspace"),
+        (["--duration", "3"], "fade: expected a time up to half of the duration of 3 s"),
+        (["--jerk", "1", "2", "3"], "jerk: expected"),
+    ],
+)
+def test_what_cannot_be_is_refused(
+    given: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "boxes.urdf").write_text(BOXES)
+    assert (
+        main(["excite", str(tmp_path / "boxes.urdf"), "--iterations", "1", "--out", str(tmp_path / "out"), *given]) == 2
+    )
+    assert message in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

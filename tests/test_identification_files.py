@@ -1,0 +1,224 @@
+"""What an identification writes: robot, estimates, validation, report and recording, each whole and in agreement."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from random_trees import random_chain
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from adaptctl.cli.main import main
+from adaptctl.description.drive import Drive
+from adaptctl.description.readers.registry import builtin_names
+from adaptctl.description.writers.mechanism_file import write_mechanism
+from adaptctl.description.writers.urdf_inertials import with_inertials, write_urdf
+from adaptctl.dynamics import load
+from adaptctl.errors import FileError
+from adaptctl.experiments.identify_then_adapt import IdentifyThenAdapt
+from adaptctl.identification.examples import example
+from adaptctl.identification.reading.registry import read_log
+from adaptctl.recording import Comparison
+from adaptctl.simulation import Rollout
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An example identified in one command."""
+    out = tmp_path_factory.mktemp("identified") / "out"
+    assert (
+        main(["identify", "tx40", "--out", str(out), "--friction", "viscous,coulomb,square_root", "--weight", "5"]) == 0
+    )
+    return out
+
+
+def test_the_summary_and_the_validation_agree(folder: Path) -> None:
+    summary = json.loads((folder / "summary.json").read_text())
+    rows = pq.read_table(folder / "validation.parquet")
+    joints = [f"joint_{j}" for j in range(1, 7)]
+    assert rows.column_names == ["time", *(f"{what}_{j}" for j in joints for what in ("measured", "predicted"))]
+    measured, predicted = (np.stack([rows[f"{what}_{j}"] for j in joints]) for what in ("measured", "predicted"))
+    validation = summary["validation"]
+    assert validation["rms_error"] == pytest.approx(np.sqrt(np.mean((predicted - measured) ** 2)), rel=1e-12)
+    assert validation["relative_error"] == pytest.approx(
+        np.linalg.norm(predicted - measured) / np.linalg.norm(measured), rel=1e-12
+    )
+    each = np.sqrt(np.mean((predicted - measured) ** 2, axis=1))
+    assert [validation["joints"][j]["rms_error"] for j in joints] == pytest.approx(each.tolist(), rel=1e-12)
+    time = rows["time"].to_numpy()
+    assert 3.2 < time[0] < 3.4
+    assert time[-1] < 5.4
+    assert summary["consistent"] is True
+    assert validation["rms_error"] < 1.2
+    assert rows.schema.field("measured_joint_1").metadata[b"unit"] == b"N m"
+
+
+def test_the_robot_is_the_estimate_in_both_formats(folder: Path) -> None:
+    estimates = json.loads((folder / "estimates.json").read_text())
+    robot = load(folder / "robot.toml")
+    np.testing.assert_allclose(
+        robot.inertial_parameters, list(estimates["parameters"].values()), rtol=1e-12, atol=1e-15
+    )
+    assert list(robot.parameter_names) == list(estimates["parameters"])
+    assert robot.description.shafts == [[5, [["joint_5", "1.0"]]]]
+    again = load(folder / "robot.urdf")
+    np.testing.assert_allclose(again.inertial_parameters, robot.inertial_parameters[:60], rtol=1e-9, atol=1e-12)
+    for name, entry in estimates["fundamental"].items():
+        assert entry["deviation"] > 0.0, name
+        assert entry["prior_range"] >= 2.0 * entry["deviation"]
+        assert entry["gain"] > 0.0
+
+
+def test_only_the_inertials_of_the_urdf_are_new(folder: Path) -> None:
+    with example("tx40") as files:
+        old = files.robot.read_bytes()
+    new = (folder / "robot.urdf").read_bytes()
+    inertial = re.compile(rb"<inertial>.*?</inertial>", re.DOTALL)
+    moving = inertial.split(old)
+    assert inertial.split(new) == moving
+    assert len(inertial.findall(new)) == len(inertial.findall(old))
+    assert inertial.findall(new)[0] == inertial.findall(old)[0]  # of the base, which does not move
+    assert inertial.findall(new)[1] != inertial.findall(old)[1]
+
+
+def test_the_report_needs_nothing_else_and_the_recording_is_there(folder: Path) -> None:
+    page = (folder / "report.html").read_text()
+    assert "http" not in re.sub(r"<footer>.*", "", page, flags=re.DOTALL)
+    for part in ("link_2.mc_x", "Newton", "block jackknife", "cut-off", "data:image/png"):
+        assert (part in page) is (part != "Newton")
+    assert (folder / "recording.rrd").stat().st_size > 10_000
+
+
+def test_a_folder_that_is_not_empty_is_kept(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = {path: path.read_bytes() for path in folder.glob("*.json")}
+    assert main(["identify", "tx40", "--out", str(folder)]) == 2
+    assert "the folder is not empty" in capsys.readouterr().err
+    assert {path: path.read_bytes() for path in folder.glob("*.json")} == before
+
+
+@pytest.mark.parametrize("name", builtin_names())
+@pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
+def test_mechanisms_are_written_and_read_back(name: str, tmp_path: Path) -> None:
+    robot = load(name)
+    write_mechanism(tmp_path / f"{name}.toml", robot.description)
+    assert load(tmp_path / f"{name}.toml").description == robot.description
+
+
+def test_drives_are_written_and_read_back(tmp_path: Path) -> None:
+    tree = random_chain(1, 3)
+    last = Drive(0.1, 1.0, 2.0, -0.5, 0.3, -0.2, turns_with=((tree.links[0].joint.name, -0.5),))
+    robot = tree.with_drives([Drive(), Drive(viscous=1.0), last])
+    write_mechanism(tmp_path / "robot.toml", robot.description)
+    again = load(tmp_path / "robot.toml")
+    np.testing.assert_array_equal(again.inertial_parameters, robot.inertial_parameters)
+    assert again.links[2].joint.drive == last
+    p, v, a = np.random.default_rng(0).normal(size=(3, 5, 3))
+    np.testing.assert_allclose(again.inverse_dynamics(p, v, a), robot.inverse_dynamics(p, v, a), rtol=1e-9)
+
+
+URDF = b"""<?xml version="1.0"?>
+<!-- <link name="arm"><inertial/></link> -->
+<robot name="a &gt; b">
+  <link name="ground"/>
+  <link name="arm"><visual><geometry><box size="1 1 1"/></geometry></visual></link>
+  <joint name="turn" type="continuous"><parent link="ground"/><child link="arm"/></joint>
+  <link name="tool">
+    <inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
+  </link>
+  <joint name="held" type="fixed"><parent link="arm"/><child link="tool"/><origin xyz="0 0 1"/></joint>
+</robot>
+"""
+
+
+def test_links_held_fast_keep_theirs_where_bodies_can_have_the_rest(tmp_path: Path) -> None:
+    (tmp_path / "robot.urdf").write_bytes(URDF)
+    robot = load(tmp_path / "robot.urdf")
+    heavy = robot.inertial_parameters + np.array([2.0, 0.0, 0.0, 0.0, 3.0, 0.0, 3.0, 0.0, 0.0, 3.0])
+    light = 0.5 * robot.inertial_parameters
+    for D, kept in ((heavy, True), (light, False)):
+        write_urdf(
+            tmp_path / "new.urdf", tmp_path / "robot.urdf", robot.description, robot.description.with_parameters(D)
+        )
+        np.testing.assert_allclose(load(tmp_path / "new.urdf").inertial_parameters, D, rtol=1e-12, atol=1e-12)
+        text = (tmp_path / "new.urdf").read_bytes()
+        assert (b'<mass value="1"/>' in text) is kept
+        assert text.startswith(URDF[:90])
+    assert b'<link name="ground">\n    <inertial>' in with_inertials(URDF, {"ground": heavy})
+
+
+def test_ros_bags_are_read(tmp_path: Path) -> None:
+    types = get_typestore(Stores.LATEST)
+    state, header, stamp = (
+        types.types[name]
+        for name in ("sensor_msgs/msg/JointState", "std_msgs/msg/Header", "builtin_interfaces/msg/Time")
+    )
+    names, count = ["shoulder", "elbow"], 50
+    with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connection = writer.add_connection("/joint_states", state.__msgtype__, typestore=types)
+        for i in range(count):
+            at = header(stamp=stamp(sec=7, nanosec=10_000_000 * i), frame_id="")
+            values = [np.array([float(i), 2.0 * i]), np.array([1.0, 2.0]), np.array([3.0, float(i)])]
+            message = state(header=at, name=names, position=values[0], velocity=values[1], effort=values[2])
+            writer.write(connection, 10_000_000 * i, types.serialize_cdr(message, state.__msgtype__))
+    for place in (tmp_path / "bag", next((tmp_path / "bag").glob("*.mcap"))):
+        log = read_log(place)
+        assert len(log) == count
+        np.testing.assert_allclose(log.column("time", "time"), 0.01 * np.arange(count), atol=1e-12)
+        np.testing.assert_array_equal(log.column("position.elbow", "position"), 2.0 * np.arange(count))
+        np.testing.assert_array_equal(log.column("effort.elbow", "torque"), np.arange(count))
+        assert log.units["effort.elbow"] == "N m"
+    with pytest.raises(FileError, match="there is no joint state topic /nothing; there is /joint_states"):
+        read_log(tmp_path / "bag", "/nothing")
+    (tmp_path / "bad.mcap").write_bytes(b"nonsense")
+    with pytest.raises(FileError, match=r"bad\.mcap: cannot be read as a ROS bag"):
+        read_log(tmp_path / "bad.mcap")
+
+
+def test_runs_are_kept_and_read_back_and_identified(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    arrays = {name: rng.normal(size=(40, 2)) for name in ("p", "v", "reference_p", "reference_v", "reference_a")}
+    arrays |= {name: rng.normal(size=(40, 2)) for name in ("torque", "applied", "measured_p", "measured_v")}
+    single = {name: rng.normal(size=40) for name in ("clipped", "energy", "reward")}
+    single["energy"][3] = np.nan
+    run = Rollout(
+        time=np.arange(40) * 0.01,
+        **arrays,
+        **single,
+        estimate=rng.normal(size=(40, 3)),
+        control_period=0.01,
+        wall_time=0.5,
+        terminated=True,
+        marks={"payload": rng.normal(size=40)},
+    )
+    run.save(tmp_path / "run.parquet", ["shoulder", "elbow"])
+    again = Rollout.load(tmp_path / "run.parquet")
+    for name in (*arrays, *single, "time", "estimate"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(run, name))
+        assert not getattr(again, name).flags.writeable
+    np.testing.assert_array_equal(again.marks["payload"], run.marks["payload"])
+    assert (again.control_period, again.wall_time, again.complete, again.terminated) == (0.01, 0.5, True, True)
+    log = read_log(tmp_path / "run.parquet")
+    np.testing.assert_array_equal(log.column("applied.elbow", "torque"), run.applied[:, 1])
+    assert (log.units["p.elbow"], log.units["applied.elbow"], log.units["time"]) == ("rad", "N m", "s")
+    for content, message in ((b"no", "cannot be read as Parquet"), (None, "not a run of ours")):
+        if content is None:
+            with example("tx40") as files:
+                content = files.log.read_bytes()
+        (tmp_path / "bad.parquet").write_bytes(content)
+        with pytest.raises(FileError, match=message):
+            Rollout.load(tmp_path / "bad.parquet")
+
+
+def test_an_identified_estimate_starts_three_times_closer_than_none() -> None:
+    result = IdentifyThenAdapt(duration=2.5).compare(lambda what, share: None)
+    assert isinstance(result, Comparison)
+    found = {finding.name: finding.value for finding in result.findings}
+    assert found["zero_over_identified"] > 3.0
+    assert found["first_error.adaptive"] < 2.5e-3
+    assert found["first_error.adaptive"] < 0.5 * found["first_error.from-urdf"]
+    assert found["first_error.adaptive"] < 0.5 * found["first_error.adaptation-off"]

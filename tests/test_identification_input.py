@@ -1,0 +1,298 @@
+"""Bad logs and bad files: each refused by name, with nothing written."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from random_trees import random_chain
+
+from adaptctl.cli.main import main
+from adaptctl.dynamics import load
+from adaptctl.errors import FileError, InputError, NotFoundError
+from adaptctl.identification import read_drives
+from adaptctl.identification.columns import joint_columns
+from adaptctl.identification.examples import example
+from adaptctl.identification.joint_log import joint_log
+from adaptctl.identification.preparation import prepare
+from adaptctl.identification.prior_links import prior_links
+from adaptctl.identification.reading.registry import read_log
+from adaptctl.identification.reading.table import LogTable, table
+
+MOTORS = range(1, 7)
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Path:
+    """The example's files, to spoil."""
+    with example("tx40") as found:
+        shutil.copy(found.robot, tmp_path / "tx40.urdf")
+        shutil.copy(found.drives, tmp_path / "drives.toml")
+        log = pq.read_table(found.log).slice(0, 2500)
+    pq.write_table(log, tmp_path / "log.parquet")
+    return tmp_path
+
+
+def columns(files: Path) -> dict[str, np.ndarray]:
+    read = pq.read_table(files / "log.parquet")
+    return {name: read[name].to_numpy().astype(np.float64) for name in read.column_names}
+
+
+Spoil = Callable[[dict[str, np.ndarray]], object]
+
+
+def times(name: str, factor: float) -> Spoil:
+    def spoil(log: dict[str, np.ndarray]) -> None:
+        for column in log:
+            if column.startswith(name):
+                log[column] = factor * log[column]
+
+    return spoil
+
+
+def put(name: str, where: slice, value: float) -> Spoil:
+    def spoil(log: dict[str, np.ndarray]) -> None:
+        log[name] = log[name].copy()
+        log[name][where] = value
+
+    return spoil
+
+
+def cut(count: int) -> Spoil:
+    def spoil(log: dict[str, np.ndarray]) -> None:
+        log.update({name: values[:count] for name, values in log.items()})
+
+    return spoil
+
+
+def at_rest(log: dict[str, np.ndarray]) -> None:
+    rng = np.random.default_rng(0)
+    for name in log:
+        if name.startswith("motor_position"):
+            log[name] = log[name][0] + 1e-5 * rng.normal(size=len(log[name]))
+
+
+BAD: dict[str, tuple[Spoil, str]] = {
+    "missing column": (
+        lambda log: log.pop("motor_torque_3"),
+        "no column 'motor_torque_3' for torque of motor_3; did you",
+    ),
+    "constant position": (
+        put("motor_position_2", slice(None), 1.0),
+        "'motor_position_2' is 1 in every row: the joint is",
+    ),
+    "constant torque": (put("motor_torque_4", slice(None), 0.0), "'motor_torque_4' is 0 in every row: no torque was"),
+    "NaN": (put("motor_torque_1", slice(7, 9), np.nan), "'motor_torque_1' .*: row 8 of 2500 is nan, as are 1 more"),
+    "infinity": (put("motor_position_1", slice(3, 4), np.inf), "'motor_position_1' .*: row 4 of 2500 is inf"),
+    "repeated stamp": (put("time", slice(10, 11), 0.0094), "'time': the stamp 0.0094 of row 11 comes twice; time must"),
+    "stamps backwards": (put("time", slice(10, 11), 0.0), "'time': the stamp 0 of row 11 comes after a later one"),
+    "rows for time": (
+        lambda log: log.update(time=np.arange(len(log["time"]), dtype=float)),
+        "'time' counts rows .*, it is no time: give the sampling rate with --rate HZ",
+    ),
+    "three samples": (cut(3), "has 3 samples; at least 100 are needed"),
+    "too short": (cut(150), "150 samples without a hole are too few|only .* independent instants"),
+    "milliseconds": (times("time", 1e3), r"samples are 1 a second, .*: is the unit of time right \(ms taken for s\)"),
+    "microseconds": (times("time", 1e-3), r"samples are 1e\+06 a second, .* \(s taken for ms\)"),
+    "degrees": (times("motor_position", 180.0 / np.pi), "joint 'joint_1' moves at .*: are the positions in deg"),
+    "another robot": (
+        lambda log: log.update(motor_position_2=log["motor_position_2"] + 200.0),
+        "joint 'joint_2' goes from .*, in its robot's file from -2.18 to 2.18: .* is it this robot's log",
+    ),
+    "milli": (
+        times("motor_torque", 1e3),
+        "joint 'joint_1' takes .* N m, its robot at most 132: are the unit of torque",
+    ),
+    "wrong sign": (times("motor_torque_4", -1.0), "joint 'joint_4': its torques go against its motion, as if friction"),
+    "noise for torque": (
+        lambda log: log.update({f"motor_torque_{i}": 0.1 * np.random.default_rng(i).normal(size=2500) for i in MOTORS}),
+        "the equations of staubli_tx40 leave .* of the torques unexplained: is it this robot's log",
+    ),
+    "at rest": (at_rest, "the arm is at rest throughout"),
+}
+
+
+@pytest.mark.parametrize("fault", BAD)
+def test_a_bad_log_is_refused_by_name_and_nothing_is_written(
+    fault: str, files: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    spoil, message = BAD[fault]
+    log = columns(files)
+    spoil(log)
+    pq.write_table(pa.table(log), files / "bad.parquet")
+    line = [
+        files / "bad.parquet",
+        "--robot",
+        files / "tx40.urdf",
+        "--drives",
+        files / "drives.toml",
+        "--out",
+        files / "out",
+    ]
+    assert main(["identify", *map(str, line)]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    with pytest.raises(AssertionError, match=message):
+        raise AssertionError(said)
+    assert "bad.parquet" in said
+    assert not (files / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("[0, 32, 0, 0, 0, 0]", "[0, 32, 0, 0, 0]", r"\$.transmission: expected a row for each of 6 motors"),
+        (
+            "[0, 32, 0, 0, 0, 0]",
+            "[32, 0, 0, 0, 0, 0]",
+            r"\$.transmission\[1\]: motor 'motor_2' must turn its own joint",
+        ),
+        ('"joint_6"]', '"joint_5"]', r"\$.joints: every joint once"),
+        ('"joint_6"]', '"tool"]', "the drives are of joints .*tool; staubli_tx40 has .*joint_6"),
+        ('position = "rad"', 'position = "grad"', "unit of position: expected one of rad, deg, rev"),
+        ('torque = "N m"', 'torque = "A"', r"\$.motors\[0\].torque_constant is missing: 'A' is no torque"),
+        ("joint_offsets_deg", "joint_offsets = [0, 0, 0, 0, 0, 0]\njoint_offsets_deg", "offsets are given twice"),
+        ("time =", "colour = 1\ntime =", "unknown field `colour`.*expected one of schema"),
+        (
+            'torque = "motor_torque_1"',
+            'torque = "motor_torque_1", torque_constant = 2.0',
+            r"\[0\].torque_constant: the log has",
+        ),
+    ],
+)
+def test_a_bad_drives_file_is_refused_by_name(old: str, new: str, message: str, files: Path) -> None:
+    text = (files / "drives.toml").read_text()
+    assert old in text
+    (files / "bad.toml").write_text(text.replace(old, new, 1))
+    with pytest.raises(InputError, match=message):
+        read_drives(files / "bad.toml").of(load(files / "tx40.urdf"))
+
+
+def test_velocities_that_disagree_tell_wrong_units(files: Path) -> None:
+    mechanism = random_chain(1, 2)
+    time = np.arange(1000) / 250.0
+    p = np.stack([np.sin(time), np.cos(2.0 * time)], axis=-1)
+    v = np.stack([np.cos(time), -2.0 * np.sin(2.0 * time)], axis=-1)
+    names = [joint.name for joint in mechanism.primary_joints]
+
+    def log(factor: float, scale: float = 1.0) -> LogTable:
+        found = {"time": scale * time}
+        for j, name in enumerate(names):
+            found |= {
+                f"{name}.position": p[:, j],
+                f"{name}.velocity": factor * v[:, j],
+                f"{name}.torque": p[:, j] + v[:, j],
+            }
+        return table("mine.csv", found.items())
+
+    units = {"time": "s", "position": "rad", "velocity": "rad/s", "torque": "N m"}
+
+    def prepared(log: LogTable, **other: str) -> None:
+        drives = joint_columns(mechanism, log, units=units | other)
+        prepare(joint_log(log, drives, mechanism), mechanism)
+
+    prepared(log(1.0))
+    prepared(log(180.0 / np.pi), velocity="deg/s")
+    for wrong, message in (
+        (180.0 / np.pi, "logged velocities are 57.2. times the differentiated positions: velocities in deg/s"),
+        (np.pi / 180.0, "0.0174.* times .*: positions in deg taken for rad"),
+        (-1.0, "-(1|0.9997) times .*: one of them has the wrong sign"),
+    ):
+        with pytest.raises(InputError, match=message):
+            prepared(log(wrong))
+    with pytest.raises(InputError, match=r"1000 times .*: time in s taken for ms|samples are 2.5e.05 a second"):
+        prepared(log(1.0), time="ms")
+
+
+def test_what_is_not_stated_is_asked_for_by_name() -> None:
+    mechanism = random_chain(1, 2)
+    numbers = np.arange(200.0)
+    log = table(
+        "arm.csv", {"t": numbers, **{f"q{i}": numbers for i in (1, 2)}, **{f"cur{i}": numbers for i in (1, 2)}}.items()
+    )
+    with pytest.raises(
+        InputError, match=r"which columns are each joint's position and torque\? .*--columns.*there are t, q1"
+    ):
+        joint_columns(mechanism, log)
+    with pytest.raises(InputError, match=r"which columns are each joint's torque\?"):
+        joint_columns(mechanism, log, {"position": "q{}"})
+    with pytest.raises(FileError, match="no column 'p1' for position; there are t, q1"):
+        joint_columns(mechanism, log, {"position": "p{}"})
+    named = {"position": "q{}", "torque": "cur{}"}
+    with pytest.raises(InputError, match="no column 'time' for time; name it: --columns time=NAME"):
+        joint_columns(mechanism, log, named)
+    named |= {"time": "t"}
+    with pytest.raises(
+        InputError, match="units of time, position, torque are stated nowhere, and they are not guessed"
+    ):
+        joint_columns(mechanism, log, named)
+    units = {"time": "s", "position": "rad"}
+    with pytest.raises(InputError, match="torques in A need torque constants: give a drives file"):
+        joint_columns(mechanism, log, named, units | {"torque": "A"})
+    with pytest.raises(InputError, match="columns: expected time, position, torque, velocity, got 'angle'"):
+        joint_columns(mechanism, log, {"angle": "q{}"})
+    assert joint_columns(mechanism, log, named, units | {"torque": "Nm"}).motors[1].torque == "cur2"
+
+
+def test_text_logs_are_read_whatever_separates_them(tmp_path: Path) -> None:
+    for mark in (",", ";", "\t"):
+        (tmp_path / "log.csv").write_text(
+            mark.join(("time", "q", "note")) + "\n" + mark.join(("0.5", "2", "start")) + "\n"
+        )
+        read = read_log(tmp_path / "log.csv")
+        assert (read.column("time", "time"), read.column("q", "position")) == ([0.5], [2.0])
+        with pytest.raises(FileError, match=r"column 'note' .*row 1 of 1 is nan"):
+            read.column("note", "position")
+    for text, message in (
+        ("", "not a table in text|no rows"),
+        ("a,b\n", "no rows"),
+        ("a,b\n1\n", "not a table in text"),
+    ):
+        (tmp_path / "bad.csv").write_text(text)
+        with pytest.raises(FileError, match=message):
+            read_log(tmp_path / "bad.csv")
+    (tmp_path / "twice.csv").write_text("a,a\n1,2\n")
+    with pytest.raises(FileError, match="two columns are named 'a'"):
+        read_log(tmp_path / "twice.csv")
+    (tmp_path / "bad.parquet").write_bytes(b"nonsense")
+    with pytest.raises(FileError, match="not a Parquet file"):
+        read_log(tmp_path / "bad.parquet")
+    with pytest.raises(FileError, match="does not exist"):
+        read_log(tmp_path / "nowhere.csv")
+    (tmp_path / "log.mat").write_bytes(b"")
+    with pytest.raises(FileError, match=r"logs are read from .csv, .*not from .mat"):
+        read_log(tmp_path / "log.mat")
+
+
+def test_priors_are_made_consistent_and_said() -> None:
+    with example("tx40") as files:
+        arm = load(files.robot)
+    tens, remarks = prior_links(arm)
+    assert len(remarks) == 1
+    assert remarks[0].startswith("link_6: no body has its inertia")
+    np.testing.assert_array_equal(tens[:5].ravel(), arm.inertial_parameters[:50])
+    np.testing.assert_array_equal(tens[5][:4], arm.inertial_parameters[50:54])
+    D = arm.inertial_parameters.copy()
+    D[20:30] = 0.0
+    with pytest.raises(InputError, match="link 'link_3' has no mass in the robot's file"):
+        prior_links(arm.with_parameters(D))
+
+
+def test_the_command_says_what_it_needs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for line, message in (
+        (["log.csv"], "--robot is missing: name the robot's file, or try the example: adaptctl identify tx40"),
+        (["log.csv", "--robot", "puma560_measured"], "log.csv: does not exist"),
+        (["tx40", "--columns", "position", "--out", str(tmp_path / "out")], "--columns: expected WHAT=VALUE"),
+        (["tx40", "--friction", "glue", "--out", str(tmp_path / "out")], "friction: expected some of viscous"),
+        (["tx40", "--skip", "thinking", "--out", str(tmp_path / "out")], "skip: expected resample, unwrap"),
+    ):
+        assert main(["identify", *line]) == 2
+        assert message in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+    with pytest.raises(NotFoundError, match="unknown example 'ur5'; there is tx40"), example("ur5"):
+        pass
