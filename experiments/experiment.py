@@ -13,6 +13,8 @@ from adaptctl.recording import Progress, Result, Setting
 
 LONGEST = 300_000
 """control periods a run may have: all of them are kept in memory"""
+FAR = 100.0
+"""rad or m: the error that ends a run where all are to be compared to the end; what passes it has diverged"""
 
 
 def setting(default: Any, meaning: str, *, symbol: str = "", low: float = -math.inf, high: float = math.inf) -> Any:

@@ -56,7 +56,8 @@ app.command("adaptctl.cli.experiment:app", name="experiment", help="List experim
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run a command line; returns 0 when done, 1 when it failed, 2 when the input was wrong, 130 on Ctrl-C."""
+    """Run a command line; returns 0 when done, 1 when it failed, 2 when the input was wrong, 3 when an
+    experiment's verdict is failure, 130 on Ctrl-C."""
     given = list(sys.argv[1:] if argv is None else argv)
     with _warnings_as_notes():
         try:
