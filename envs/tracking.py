@@ -25,7 +25,7 @@ from adaptctl.simulation.effects import Effect, Payload, PlantEffects
 from adaptctl.simulation.episode import Episode
 from adaptctl.simulation.plant import require_ten_a_link
 from adaptctl.simulation.sampled_references import Preview
-from adaptctl.simulation.stiffness import substeps_for_friction
+from adaptctl.simulation.stiffness import integration
 
 if TYPE_CHECKING:
     from adaptctl.envs.rendering.render import Renderer
@@ -126,7 +126,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     | `duration`       | 20.0                 | s                                                              |
     | `control_period` | 0.001                | s a torque is held                                             |
     | `substeps`       | `None`               | integration steps a control period; `None` for as many as friction needs, else 1 |
-    | `integrator`     | `RungeKutta4()`      | or `SemiImplicitEuler()`                                       |
+    | `integrator`     | `None`               | `RungeKutta4()`, `LinearlyImplicitEuler()` where friction is stiff |
     | `look_ahead`     | (0.05, 0.2)          | s; may be empty                                                |
     | `error_bound`    | 1.0                  | rad (m), one number or one a joint                             |
     | `reward_weights` | `RewardWeights()`    |                                                                |
@@ -181,9 +181,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         placed = PlantEffects.of(effects := tuple(effects))
         placed.require(self.mechanism.dof, self.mechanism.description.body_names, period)
         if substeps is None:
-            substeps = substeps_for_friction(self.mechanism, placed.joints, period)
-        method = integrator or RungeKutta4()
-        self.plant = Plant(self.mechanism, period, substeps, method, limits, effects=effects)
+            substeps, integrator = integration(self.mechanism, placed.joints, period, integrator)
+        self.plant = Plant(self.mechanism, period, substeps, integrator or RungeKutta4(), limits, effects=effects)
         self.control_period = self.plant.control_period
         self.steps = _steps(duration, self.control_period)
         self.look_ahead = _times_ahead(look_ahead)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
+from operator import mul
 
 from adaptctl.dynamics.equations import Equations, Motion
 from adaptctl.dynamics.loops.constraint import Closing
@@ -145,10 +146,24 @@ class LoopEquations(Equations):
         """Rows of M(p) = J' M_tree J."""
         return self._mass_matrix(self.posture(q), q, parameters)
 
+    def damping(self, q: Column, v: Column, parameters: Column) -> list[list[Scalar]]:
+        """Rows of B = J' B_tree J."""
+        posture = self.posture(q)
+        shares = self.tree.joint_damping(posture.tree(v), parameters)
+        rubbing = [k for k, share in enumerate(shares) if not (isinstance(share, float) and share == 0.0)]
+        ways = [[way[k] for k in rubbing] for way in self._ways(posture)]
+        loads = [[shares[k] * x for k, x in zip(rubbing, way, strict=True)] for way in ways]
+        products = ((map(mul, way, load) for load in loads) for way in ways)
+        return [[sum(terms, 0.0) for terms in row] for row in products]
+
+    def _ways(self, posture: Posture) -> list[Column]:
+        """Columns of J, each (n,)."""
+        units = (Column(float(i == j) for j in range(self.dof)) for i in range(self.dof))
+        return [posture.tree(unit) for unit in units]
+
     def _mass_matrix(self, posture: Posture, q: Column, parameters: Column) -> list[list[Scalar]]:
         rows = [Column(row) for row in self.tree.mass_matrix(q, parameters)]
-        units = [Column(float(i == j) for j in range(self.dof)) for i in range(self.dof)]
-        ways = [posture.tree(unit) for unit in units]
+        ways = self._ways(posture)
         loads = [Column(row @ way for row in rows) for way in ways]
         return [[ways[max(i, j)] @ loads[min(i, j)] for j in range(self.dof)] for i in range(self.dof)]
 

@@ -34,7 +34,7 @@ class TreeMotion(Motion):
         self.layout, self.places, self.links, self.drives = layout, places, links, drives
 
     def torque(self, parameters: Column) -> Column:
-        """M a_r + C(p, v) v_r + g + friction at v (r,)."""
+        """M a_r + C(p, v) v_r + g + friction at v_r (r,)."""
         total = list(joint_torques(self.places, self.links, self.layout.tens(parameters)))
         shares = zip(self.layout.drives, self.drives, self.layout.of_drives(parameters), strict=True)
         for term, share, value in shares:
@@ -119,7 +119,7 @@ class TreeEquations(Equations):
     def motion(self, p: Column, v: Column, v_r: Column, a_r: Column) -> TreeMotion:
         """The links' motion by Newton-Euler's forward recursion, and the drives' shares."""
         places = placements(self.segments, p)
-        drives = [term.torque(v[term.joint], a_r[term.joint]) for term in self.layout.drives]
+        drives = [term.torque(v_r[term.joint], a_r[term.joint]) for term in self.layout.drives]
         return TreeMotion(self.layout, places, motions(places, v, v_r, a_r, self.gravity), drives)
 
     def remembered(self, numbers: Column) -> TreeMotion:
@@ -141,6 +141,21 @@ class TreeEquations(Equations):
             if not term.kind.is_friction:
                 rows[term.joint][term.joint] = rows[term.joint][term.joint] + value
         return rows
+
+    def damping(self, p: Column, v: Column, parameters: Column) -> list[list[Scalar]]:
+        """Rows of B, which is diagonal."""
+        rows: list[list[Scalar]] = [[0.0] * self.dof for _ in range(self.dof)]
+        for joint, share in enumerate(self.joint_damping(v, parameters)):
+            rows[joint][joint] = share
+        return rows
+
+    def joint_damping(self, v: Column, parameters: Column) -> list[Scalar]:
+        """Friction of each joint over its velocity (n,)."""
+        shares: list[Scalar] = [0.0] * self.dof
+        for term, value in zip(self.layout.drives, self.layout.of_drives(parameters), strict=True):
+            if term.kind.is_friction:
+                shares[term.joint] = shares[term.joint] + value * term.damping(v[term.joint])
+        return shares
 
     def weightless(self) -> TreeEquations:
         """The same equations without gravity."""

@@ -22,6 +22,12 @@ class DriveTerm:
         """v^2/2 for a rotor, nothing for friction."""
         return 0.0 if self.kind.is_friction else 0.5 * v * v
 
+    def damping(self, v: Scalar) -> Scalar:
+        """Friction at v over v, the secant of its curve: 1 for viscous friction; 0 for a rotor."""
+        if not self.kind.is_friction:
+            return 0.0
+        return 1.0 if self.kind is DriveParameter.VISCOUS else 1.0 / sqrt(v * v + SLOW * SLOW)
+
     def torque(self, v: Scalar, a: Scalar) -> Scalar:
         """a for a rotor, v for viscous friction, the sign of v, smoothed, for Coulomb friction."""
         if self.kind is DriveParameter.ROTOR_INERTIA:
