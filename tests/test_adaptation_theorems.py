@@ -266,7 +266,7 @@ def test_the_trapezium_holds_v_where_euler_lets_it_rise(name: str, excess: float
 class Unchecked(SlotineLi):
     """The law with whatever damping."""
 
-    def _require_carried(self, damping: object) -> None:
+    def _require_carried(self) -> None:
         pass
 
 

@@ -18,8 +18,12 @@ from adaptctl.control.gains.gain_design import GainDesign as GainDesign
 from adaptctl.control.gains.gains import Gains as Gains
 from adaptctl.control.gains.gains import sampled_gain as sampled_gain
 from adaptctl.control.gains.gains import typical_inertia as typical_inertia
+from adaptctl.control.gains.hold import HoldNumber as HoldNumber
+from adaptctl.control.gains.hold import hold_number as hold_number
+from adaptctl.control.gains.hold import least_definite as least_definite
 from adaptctl.control.gains.margins import Margins as Margins
 from adaptctl.control.gains.margins import margins as margins
+from adaptctl.control.gains.workspace import Workspace as Workspace
 from adaptctl.control.guards import Guarded as Guarded
 from adaptctl.control.guards import GuardedState as GuardedState
 from adaptctl.control.lyapunov import lyapunov as lyapunov

@@ -7,14 +7,12 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array
 from adaptctl.control.adaptation.gradient import Gradient
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
 from adaptctl.control.controller import Controller
-from adaptctl.control.gains.gains import require_sampled_gain
-from adaptctl.errors import InputError
+from adaptctl.control.gains.hold import require_period
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, spread
 
@@ -59,8 +57,7 @@ class AdaptiveController(Controller[AdaptiveState]):
     def _settle(self) -> None:
         """Check the period, the first estimate and the adaptation law, and freeze them."""
         k = len(self.model.columns)
-        if not (np.isfinite(self.period) and self.period > 0.0):
-            raise InputError(f"control period: expected a positive time in s, got {self.period}")
+        require_period(self.period)
         initial = np.zeros(k) if self.initial is None else self.initial
         object.__setattr__(self, "initial", frozen_array(initial, (k,), "initial estimate"))
         if self.adaptation_law is None:
@@ -68,9 +65,6 @@ class AdaptiveController(Controller[AdaptiveState]):
         if not isinstance(self.adaptation, AdaptationLaw):
             object.__setattr__(self, "adaptation", self.adaptation_law.gain)  # type: ignore[attr-defined]
         self.adaptation_law.require(self.model, np.asarray(self.initial), self.period)
-
-    def _require_carried(self, damping: ArrayLike) -> None:
-        require_sampled_gain(self.model.mechanism, damping, self.period)
 
     @cached_property
     def adaptation_law(self) -> AdaptationLaw[Any] | None:

@@ -10,6 +10,8 @@ from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
 from adaptctl.control.adaptive import AdaptiveController, AdaptiveState
 from adaptctl.control.controller import ReferencePoint
 from adaptctl.control.gains.gains import positive_per_joint
+from adaptctl.control.gains.hold import require_hold
+from adaptctl.control.gains.workspace import Workspace
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, column
 
@@ -40,7 +42,7 @@ class SlotineLi(AdaptiveController):
     `model` has the k parameters; `bandwidth` is Lambda (1/s) and `damping` K (N m s/rad), each one number or one a
     joint (r,); `adaptation` is an adaptation law, or Gamma for `Gradient`, its diagonal (k,) or whole (k, k), or None
     to switch adaptation off; `initial` (k,) is the first estimate, zero when not given; `period` is the control period
-    T_c in s.
+    T_c in s; `workspace` is where the period must carry the gains, all that the limits allow unless given.
 
     Raises `GainError` when the period cannot carry the damping, `InputError` on wrong shapes and on an adaptation law
     that does not fit the model.
@@ -52,12 +54,13 @@ class SlotineLi(AdaptiveController):
     adaptation: AdaptationLaw[Any] | Array | None = None
     initial: Array | None = None
     period: float = 1e-3
+    workspace: Workspace | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "bandwidth", positive_per_joint(self.bandwidth, self._coordinates, "bandwidth"))
         object.__setattr__(self, "damping", positive_per_joint(self.damping, self.dof, "damping"))
         self._settle()
-        self._require_carried(self.damping)
+        self._require_carried()
 
     def law(
         self, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
@@ -85,6 +88,15 @@ class SlotineLi(AdaptiveController):
         bandwidth = column(self.bandwidth)
         e, e_rate = p - reference.p, v - reference.v
         return ReferenceVelocity(reference.v - bandwidth * e, reference.a - bandwidth * e_rate, NoMemory())
+
+    def _require_carried(self) -> None:
+        """Raise `GainError` where the period cannot carry the gains."""
+        require_hold(self.model.mechanism, self.damping, self.period, self._velocity_feedback, self.workspace)
+
+    @property
+    def _velocity_feedback(self) -> Array:
+        """What a_r feeds back of the joints' velocities (r,), 1/s."""
+        return self.bandwidth
 
     @property
     def _motion_size(self) -> int:

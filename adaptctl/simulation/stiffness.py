@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.control.gains.gains import sampled_configurations
+from adaptctl.control.gains.workspace import sampled_configurations
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.recursion.drive import SLOW
 from adaptctl.errors import InputError
