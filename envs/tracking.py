@@ -15,10 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.arrays import Array, frozen_array, per_joint
 from adaptctl.control.controller import Reference, ReferencePoint
+from adaptctl.control.gains.torque_limits import finite_torque_limits
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs.random_reference import Trajectory, drawn
 from adaptctl.envs.reward import RewardWeights
-from adaptctl.envs.torque_limits import finite_torque_limits
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.simulation import Integrator, Plant, PlantState, RungeKutta4
 from adaptctl.simulation.effects import Effect, Payload, PlantEffects
@@ -68,7 +68,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     `Box(-limit, limit, (r,), float64)`: the torque of every joint in N m (the force in N of a prismatic one). The
     limits are the mechanism's own. A joint without one gets four times the largest torque that inverse dynamics
     asks of it in 200 random states at up to 2 rad/s and 10 rad/s^2 (m/s, m/s^2), and at least 1: see
-    `adaptctl.envs.torque_limits`. What is out of bounds is clipped and counted; NaN and infinity raise
+    `adaptctl.control.gains.torque_limits`. What is out of bounds is clipped and counted; NaN and infinity raise
     `NonFiniteError`, a wrong shape `InputError`.
 
     Actions are in physical units, so that a control law can be used as it is. Learning algorithms expect

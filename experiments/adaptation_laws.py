@@ -32,8 +32,8 @@ from adaptctl.control import (
 )
 from adaptctl.control.adaptation.natural import pseudos
 from adaptctl.control.controller import leaves
+from adaptctl.control.gains.torque_limits import finite_torque_limits
 from adaptctl.dynamics import Mechanism
-from adaptctl.envs.torque_limits import finite_torque_limits
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.experiments.contest import Contender, Outcome
 from adaptctl.experiments.experiment import setting

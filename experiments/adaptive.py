@@ -10,11 +10,11 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.control import Gains, PriorRanges, sampled_gain, typical_inertia
+from adaptctl.control.gains.torque_limits import finite_torque_limits
 from adaptctl.description import GROUND
 from adaptctl.description.reach import reach_behind
 from adaptctl.dynamics import Mechanism
 from adaptctl.envs.random_reference import random_sinusoids
-from adaptctl.envs.torque_limits import finite_torque_limits
 from adaptctl.experiments.experiment import setting
 from adaptctl.experiments.learning import Learning, numbers
 from adaptctl.identifiability import ReducedModel

@@ -14,9 +14,9 @@ from adaptctl.control import AdaptationLaw, ComputedTorque, Gains, SlotineLi, ma
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.experiments.contest import Contender, Outcome, contest
 from adaptctl.experiments.experiment import ClosedLoopExperiment, setting, stated
-from adaptctl.experiments.rough_model import scaled_links
 from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
 from adaptctl.recording import Comparison, ControllerRun, Failure, Finding, Progress, Result, Setting, shown, wording
+from adaptctl.tuning.rough_links import scaled_links
 
 if TYPE_CHECKING:
     import gymnasium

@@ -11,8 +11,8 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.control import Sinusoids, SlotineLi
+from adaptctl.control.gains.torque_limits import finite_torque_limits
 from adaptctl.dynamics import Mechanism
-from adaptctl.envs.torque_limits import finite_torque_limits
 from adaptctl.errors import InputError
 from adaptctl.experiments.experiment import FAR, require_count, setting
 from adaptctl.experiments.learning import Learning

@@ -25,6 +25,7 @@ ORDER = (
     "identifiability",
     "control",
     "simulation",
+    "tuning",
     "recording",
     "envs",
     "experiments",

@@ -14,6 +14,9 @@ from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, column
 
+ROUND_OFF = 1e-12
+"""of a gain's largest entry"""
+
 
 @dataclass(frozen=True, eq=False)
 class Descent(AdaptationLaw[Memory]):
@@ -71,5 +74,10 @@ def require_size(values: Array, model: ReducedModel, what: str) -> None:
 
 
 def _is_positive_definite(matrix: Array) -> bool:
-    symmetric = np.allclose(matrix, matrix.T, rtol=1e-12, atol=0.0)
-    return bool(symmetric and np.linalg.eigvalsh(matrix)[0] > 0.0)
+    """Whether a matrix is symmetric to round-off, and positive definite when its diagonal is scaled to 1: parameters
+    of kilograms and of gram square centimetres stand in one gain."""
+    diagonal = np.diagonal(matrix)
+    if not np.all(diagonal > 0.0) or np.abs(matrix - matrix.T).max() > ROUND_OFF * np.abs(matrix).max():
+        return False
+    root = np.sqrt(diagonal)
+    return bool(np.linalg.eigvalsh(matrix / root[:, None] / root)[0] > 0.0)

@@ -62,4 +62,5 @@ def mapped_gain(model: ReducedModel, gain: ArrayLike) -> Array:
     With it, adapting the k fundamental parameters is the same controller as adapting all P, to round-off.
     """
     full = frozen_array(gain, (model.regrouping.shape[1],), "gain on all parameters")
-    return (model.regrouping * full) @ model.regrouping.T
+    mapped = (model.regrouping * full) @ model.regrouping.T
+    return np.asarray(0.5 * (mapped + mapped.T))
