@@ -20,20 +20,18 @@ import adaptctl
 from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.errors import AdaptctlError
 from adaptctl.tuning import Tuning, Verification, tune
+from benchmarks.real_robots import robots as urdfs
 
 FIELDS = ("first", "last", "off", "largest", "limited")
 
 
 def files() -> Iterator[tuple[str, Path]]:
     """Names and files of the robots."""
-    import example_robot_data.robots_loader as loader
     import gymnasium
 
-    found = Path(loader.getModelPath("ur_description"))
-    for path in sorted(found.glob("*/robots/*.urdf")) + sorted(found.glob("*/*/robots/*.urdf")):
-        yield path.stem, path
+    yield from ((f"{path.parent.parent.name}/{path.stem}", path) for path in urdfs())
     for path in sorted((Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets").glob("*.xml")):
-        yield f"gym:{path.stem}", path
+        yield f"gym/{path.stem}", path
 
 
 def robots(names: list[str]) -> list[tuple[str, adaptctl.Mechanism]]:

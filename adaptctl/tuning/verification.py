@@ -52,10 +52,9 @@ class Verification:
 
     def __str__(self) -> str:
         if not self.stayed:
-            why = (
-                f"error up to {self.largest:.2g}" if self.largest >= ASTRAY else f"{self.limited:.0%} at a torque limit"
-            )
-            return f"{self.name}: FAILS, {why}"
+            astray = self.largest >= ASTRAY
+            why = f"an error of {self.largest:.2g}" if astray else f"{self.limited:.0%} at a torque limit"
+            return f"{self.name}: fails, {why}"
         without = f"{1e3 * self.off:.3g} mrad" if np.isfinite(self.off) else "falls"
         return f"{self.name}: {1e3 * self.first:.3g} to {1e3 * self.last:.3g} mrad; adaptation off {without}"
 
@@ -64,8 +63,8 @@ def verifications(trials: Trials, gains: Gains, gain: Array, seed: int) -> tuple
     """Runs as described, with links off by LINKS_OFF, with a torque one period late, and with both."""
     mechanism = trials.plant.mechanism
     own, other = mechanism.inertial_parameters, scaled_links(mechanism, LINKS_OFF, seed)
-    cases = (("as described", own, False), ("torque late", own, True), ("links off", other, False))
-    cases = (*cases, ("both", other, True))
+    cases = [("as described", own, False), ("torque late", own, True), ("links off", other, False)]
+    cases.append(("both", other, True))
     settings = [
         TrialSetting(gains.bandwidth, gains.damping, share * gain, true, late)
         for _, true, late in cases

@@ -25,7 +25,7 @@ INNER = 0.8
 HORIZON, TIMES = 20.0, 201
 """s of the reference that are looked at, and at how many times"""
 EVEN, COUPLED, AWAY = 0.1, 0.03, 0.1
-"""weights in a centre's cost besides the largest share: the mean share, decades of condition, distance from mid-range"""
+"""weights in a centre's cost besides the largest share: the mean share, decades of condition, and offset"""
 SMALLER, ROUNDS_OF_FITTING = 0.7, 40
 
 
