@@ -202,12 +202,15 @@ def numbers(values: Array) -> str:
     return ", ".join(f"{value:.4g}" for value in values)
 
 
-def one_controller(outcome: Outcome) -> Iterator[Finding]:
-    """Finding on whether reduced and full adaptation are one controller: the largest difference of torques."""
+def one_controller(outcome: Outcome, mapped: str = MAPPED) -> Iterator[Finding]:
+    """Finding on whether reduced and full adaptation are one controller: the largest difference of torques.
+
+    `mapped` is the name of the reduced run whose gain is mapped.
+    """
     runs = {run.name: run for run in outcome.runs}
-    if MAPPED not in runs or FULL not in runs:
+    if mapped not in runs or FULL not in runs:
         return
-    reduced, full = runs[MAPPED], runs[FULL]
+    reduced, full = runs[mapped], runs[FULL]
     k, everything = reduced.rollout.estimate.shape[1], full.rollout.estimate.shape[1]
     common = min(len(reduced.rollout.time), len(full.rollout.time))
     difference = np.abs(reduced.rollout.torque[:common] - full.rollout.torque[:common]).max(initial=0.0)

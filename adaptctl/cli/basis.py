@@ -31,6 +31,9 @@ def basis(
             help="Also tell how many components keep the energy's error below this, within the joints' limits.",
         ),
     ] = None,
+    floating_base: Annotated[
+        bool, Parameter(help="Let a URDF file's root link float instead of being fixed to the ground.")
+    ] = False,
     json: Annotated[bool, Parameter(help="Print JSON instead of tables.")] = False,
     out: Annotated[
         Path | None, Parameter(metavar="FILE", help="Also save the basis, as JSON that adaptctl can load.")
@@ -40,7 +43,7 @@ def basis(
     from adaptctl.dynamics import load
     from adaptctl.identifiability import Priority, essential_space, fundamental_basis
 
-    mechanism = load(robot)
+    mechanism = load(robot, floating_base=floating_base)
     order = Priority.default(mechanism) if priority is None else Priority.read(priority, mechanism)
     space = essential_space(mechanism)
     found = fundamental_basis(space, order)

@@ -52,6 +52,7 @@ app = App(
 # Named, not given: a command's module is imported when it is asked for.
 app.command("adaptctl.cli.basis:basis", name="basis", help="The independent inertial parameters of a robot.")
 app.command("adaptctl.cli.gains:gains", name="gains", help="Gains of a robot's tracking loop, and their margins.")
+app.command("adaptctl.cli.tune:tune", name="tune", help="A reference and gains for a robot, verified in closed loop.")
 app.command("adaptctl.cli.experiment:app", name="experiment", help="List experiments and run them.")
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
 from adaptctl.control import Gains
@@ -27,11 +28,11 @@ class CarriedGains(NamedTuple):
     """Gains, and what limits each joint's."""
 
     gains: Gains
-    by_hold: Array
+    by_hold: NDArray[np.bool_]
     """(r,) whether the control period limits K"""
     free_inertia: Array
     """(r,) least inertia that a joint's torque alone feels along the reference, kg m^2 or kg"""
-    by_torque: Array
+    by_torque: NDArray[np.bool_]
     """(r,) whether the torque limit limits Lambda"""
 
 
@@ -46,10 +47,9 @@ def carried_gains(
     _require_inertia(mechanism, M)
     inertia = np.diagonal(M, axis1=1, axis2=2).max(axis=0)
     reachable = np.sqrt(ACCELERATION_SHARE * limits / (inertia * off))
-    rates: Array = np.minimum(bandwidth, reachable)
-    held = M + period * _viscous(mechanism, p)
-    inverse = np.linalg.inv(held)
-    affordable: Array = FIRST_SHARE * limits / (rates * off)
+    rates = np.asarray(np.minimum(bandwidth, reachable), dtype=np.float64)
+    inverse = np.asarray(np.linalg.inv(M + period * _viscous(mechanism, p)), dtype=np.float64)
+    affordable = np.asarray(FIRST_SHARE * limits / (rates * off), dtype=np.float64)
     damping = _largest_damping(inverse, period, hold, affordable)
     free = 1.0 / np.diagonal(inverse, axis1=1, axis2=2).max(axis=0)
     return CarriedGains(Gains(rates, damping), damping < 0.99 * affordable, free, reachable < bandwidth)

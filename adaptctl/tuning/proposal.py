@@ -15,6 +15,8 @@ from adaptctl.tuning.prior_gain import Shares, carried_gain, prior_ranges
 
 HORIZON = 20.0
 """s of the reference along which gains are to hold"""
+SMALLEST_ERROR = 1e-2
+"""rad or m: smaller initial errors than this are taken as this when gains are chosen"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +66,8 @@ class Proposals:
         width = np.minimum(WIDTH, 0.5 * (upper - lower)) * (mechanism.continuation is None)
         postures = points.p + width * rng.uniform(-1.0, 1.0, points.p.shape)
         errors = off * rng.choice([-1.0, 1.0], points.p.shape) * (mechanism.continuation is None)
-        return cls(mechanism, limits, np.abs(off), period, points, postures, errors, prior_ranges(mechanism))
+        sizes = np.maximum(np.abs(off), SMALLEST_ERROR)
+        return cls(mechanism, limits, sizes, period, points, postures, errors, prior_ranges(mechanism))
 
     def proposed(self, bandwidth: float, hold: float, adaptation: float, shares: Shares) -> Proposal:
         """Gains of at most this bandwidth (1/s), hold number and adaptation number."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -65,8 +66,8 @@ def tune(
         found = judged_reference(mechanism, limits, reference)
     proposals = Proposals.along(mechanism, limits, found.reference, off, period, _postures(mechanism), seed)
     first = proposals.proposed(bandwidth, hold, adaptation, "ranges")
-    steps, method = integration(mechanism, (), period)
-    trials = Trials(Plant(mechanism, period, steps, method, limits), found.reference, off)
+    plant = _plant(mechanism, float(period), tuple(limits.tolist()))
+    trials = Trials(plant, found.reference, off)
     chosen = searched(trials, proposals, first, search, seed) if search and trials.possible else first
     carried, gain = chosen.carried, chosen.gain
     verified = verifications(trials, carried.gains, gain, seed) if trials.possible else ()
@@ -77,16 +78,22 @@ def tune(
         off,
         carried.gains,
         gain,
-        steps,
-        method,
+        plant.substeps,
+        plant.integrator,
         limits,
         found.asked,
         chosen.hold,
         chosen.adaptation,
         limitations(mechanism, carried),
         verified,
-        (*_notes(mechanism, found, carried, steps, method.implicit), *_told(verified, trials.possible)),
+        (*_notes(mechanism, found, carried, plant), *_told(verified, trials.possible)),
     )
+
+
+@lru_cache(maxsize=8)
+def _plant(mechanism: Mechanism, period: float, limits: tuple[float, ...]) -> Plant:
+    """The plant of trials, kept, and the code of its trials with it."""
+    return Plant(mechanism, period, *integration(mechanism, (), period), np.array(limits))
 
 
 def _require(name: str, value: float, most: float) -> None:
@@ -100,8 +107,8 @@ def _initial_error(mechanism: Mechanism, given: ArrayLike | None) -> Array:
         lower, upper = motion_ranges(mechanism)
         return np.minimum(LARGEST_ERROR, LARGEST_ERROR * (upper - lower))
     error = per_joint(given, mechanism.dof, "initial_error")
-    if not np.all(np.isfinite(error) & (np.abs(error) > 0.0)):
-        raise InputError(f"initial_error: expected finite numbers other than 0, got {error.tolist()}")
+    if not np.all(np.isfinite(error)):
+        raise InputError(f"initial_error: expected finite numbers, got {error.tolist()}")
     return error
 
 
@@ -109,9 +116,7 @@ def _postures(mechanism: Mechanism) -> int:
     return POSTURES if mechanism.dof <= MANY else POSTURES_OF_MANY
 
 
-def _notes(
-    mechanism: Mechanism, found: WorkableReference, carried: CarriedGains, steps: int, implicit: bool
-) -> Iterator[str]:
+def _notes(mechanism: Mechanism, found: WorkableReference, carried: CarriedGains, plant: Plant) -> Iterator[str]:
     """What a person should know of the mechanism."""
     for j, joint in enumerate(mechanism.primary_joints):
         if found.static[j] > STATIC:
@@ -124,8 +129,8 @@ def _notes(
             yield f"{joint.name}: its torque limit allows a bandwidth of {rate:.2g} 1/s: learning takes minutes"
     if wrong := mechanism.description.inconsistent_links:
         yield f"no rigid body has the inertial parameters of {', '.join(wrong)}"
-    if implicit:
-        yield f"friction is too stiff for {MOST} steps of Runge and Kutta's method: {steps} implicit ones are taken"
+    if plant.integrator.implicit:
+        yield f"friction is too stiff for {MOST} explicit steps a period: {plant.substeps} implicit ones are taken"
 
 
 def _told(verified: tuple[Verification, ...], possible: bool) -> Iterator[str]:

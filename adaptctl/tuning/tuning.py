@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -51,6 +52,7 @@ class Tuning:
         """Gamma (k, k) of a model's parameters: adapting them is then the same as adapting all P."""
         return mapped_gain(model, self.adaptation)
 
+    @cached_property
     def workspace(self) -> Workspace:
         """Positions at which the gains are to hold: the reference, and what may be off it."""
         margin = float(np.max(np.abs(self.initial_error)))
@@ -59,7 +61,7 @@ class Tuning:
     def controller(self, model: ReducedModel, adaptation: bool = True) -> SlotineLi:
         """Slotine and Li's law with these gains, from estimates of zero."""
         gain, gains = self.gain_on(model) if adaptation else None, self.gains
-        return SlotineLi(model, gains.bandwidth, gains.damping, gain, None, self.period, self.workspace())
+        return SlotineLi(model, gains.bandwidth, gains.damping, gain, None, self.period, self.workspace)
 
     @property
     def learns(self) -> bool:
