@@ -14,7 +14,7 @@ from adaptctl.control import Sinusoids
 from adaptctl.control.gains.torque_limits import finite_torque_limits
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, SimplificationWarning
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.simulation import LinearlyImplicitEuler, Plant, simulate_many
 from adaptctl.tuning import Tuning, tune
@@ -147,7 +147,8 @@ def test_stiff_friction_is_integrated_not_refused() -> None:
 
 def test_absurd_limits_are_none() -> None:
     """The iris has limits of 1e16 rad, where doubles are 2 rad apart."""
-    tuning = tune(load(urdf("iris.urdf")))
+    with pytest.warns(SimplificationWarning, match="limits of zero"):
+        tuning = tune(load(urdf("iris.urdf")))
     assert np.abs(tuning.reference(np.linspace(0.0, 20.0, 50)).p).max() < 2.0
     assert tuning.verified[0].last < 1e-5
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -46,9 +47,6 @@ class Proposals:
     """(S, r) near them"""
     errors: Array
     """(S, r) of the size of the initial error, of either sign"""
-    ranges: Array
-    """(P,) prior ranges"""
-
     @classmethod
     def along(
         cls,
@@ -67,7 +65,12 @@ class Proposals:
         postures = points.p + width * rng.uniform(-1.0, 1.0, points.p.shape)
         errors = off * rng.choice([-1.0, 1.0], points.p.shape) * (mechanism.continuation is None)
         sizes = np.maximum(np.abs(off), SMALLEST_ERROR)
-        return cls(mechanism, limits, sizes, period, points, postures, errors, prior_ranges(mechanism))
+        return cls(mechanism, limits, sizes, period, points, postures, errors)
+
+    @cached_property
+    def ranges(self) -> Array:
+        """Prior ranges (P,) of the parameters."""
+        return prior_ranges(self.mechanism)
 
     def proposed(self, bandwidth: float, hold: float, adaptation: float, shares: Shares) -> Proposal:
         """Gains of at most this bandwidth (1/s), hold number and adaptation number."""
