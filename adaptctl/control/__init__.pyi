@@ -37,3 +37,5 @@ from adaptctl.control.references import Sinusoids as Sinusoids
 from adaptctl.control.references import Spline as Spline
 from adaptctl.control.slotine_li import SlotineLi as SlotineLi
 from adaptctl.control.task_space import TaskSpaceSlotineLi as TaskSpaceSlotineLi
+from adaptctl.control.watch import Watch as Watch
+from adaptctl.control.watch import watch as watch
