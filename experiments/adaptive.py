@@ -101,8 +101,8 @@ class AdaptiveTracking(Learning):
     ) -> SlotineLi:
         """Slotine and Li's law with the tuned gains, which are to hold along the reference."""
         tuning = self.tuning(model.mechanism)
-        gains, period = tuning.gains, self.control_period
-        return SlotineLi(model, gains.bandwidth, gains.damping, adaptation, first, period, tuning.workspace)
+        gains, given = tuning.gains, (first, self.control_period, tuning.workspace, tuning.torque_limits)
+        return SlotineLi(model, gains.bandwidth, gains.damping, adaptation, *given)
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
         """Contenders in the order in which they drive; the first, whose gain is mapped already, is the subject."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
@@ -50,6 +51,7 @@ class AdaptiveComputedTorque(AdaptiveController):
     adaptation: AdaptationLaw[Any] | Array | None = None
     weight: Array | None = None
     period: float = 1e-3
+    torque_limits: ArrayLike | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "bandwidth", positive_per_joint(self.bandwidth, self.dof, "bandwidth"))
@@ -75,11 +77,12 @@ class AdaptiveComputedTorque(AdaptiveController):
             felt = solve_symmetric(inertia, column(np.asarray(self.weight)) * sliding)
             return equations.motion(memory.q, before, before, acceleration).powers(felt, self.model.columns)
 
-        passed = Period(gradient, memory.s, s, memory.torque, q, v, self.period, memory.elapsed[0])
+        damping = column(np.asarray(self.weight) * self.bandwidth)
+        passed = Period(gradient, memory.s, s, memory.torque, q, v, self.period, memory.elapsed[0], damping)
         estimate, learning = self._learned(memory, passed)
         a = reference.a - bandwidth * (e_rate + s)
         torque = equations.inverse_dynamics(q, v, v, a, self._parameters(estimate))
-        return torque, AdaptiveState(estimate, q, v, s, torque, Column((self.period,)), learning, NoMemory())
+        return torque, AdaptiveState(estimate, q, v, s, *self._held(torque), learning, NoMemory())
 
     @property
     def _motion_size(self) -> int:

@@ -47,6 +47,7 @@ class Proposals:
     """(S, r) near them"""
     errors: Array
     """(S, r) of the size of the initial error, of either sign"""
+
     @classmethod
     def along(
         cls,

@@ -10,11 +10,13 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.compilation.limits import LARGEST_COMPILED
+from adaptctl.control.adaptation.gradient import TINY, Gradient
 from adaptctl.control.controller import Controller, Reference, ReferencePoint
 from adaptctl.dynamics import Mechanism
 from adaptctl.scalars import Column, absolute, clip, where
 from adaptctl.simulation import Plant, Rollouts, simulate_many
 
+CAP = Gradient.cap
 EVERY = 10
 """control periods from one sample to the next"""
 
@@ -37,7 +39,7 @@ class TrialMemory(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Trial(Controller[TrialMemory]):
-    """Slotine and Li's law with gradient adaptation of all parameters from zero, within torque limits (r,).
+    """Slotine and Li's law with `Gradient` adaptation of all parameters from zero, within torque limits (r,).
 
     Nothing is learned from a period whose torque was limited. It is `SlotineLi` on a reduced model with the mapped
     gain, to round-off.
@@ -70,9 +72,10 @@ class Trial(Controller[TrialMemory]):
         q, e, e_rate = equations.closed(p, m.q), p - reference.p, v - reference.v
         v_r, a_r = reference.v - m.bandwidth * e, reference.a - m.bandwidth * e_rate
         s = v - v_r
-        everything = range(equations.parameters)
-        gradient = equations.remembered(m.motion).powers((0.5 * m.elapsed[0]) * (m.s + s), everything)
-        estimate = m.estimate - m.gain * gradient
+        slope = equations.remembered(m.motion).powers(s, range(equations.parameters))
+        power, taken = s @ (m.damping * s), slope @ (m.gain * slope)
+        share = power / (power + (CAP * self.period) * taken + TINY)
+        estimate = m.estimate - (m.elapsed[0] * share) * (m.gain * slope)
         motion = equations.motion(q, v, v_r, a_r)
         torque = motion.torque(estimate) - m.damping * s
         limited = Column(map(clip, torque, (-self.limits).tolist(), self.limits.tolist()))

@@ -61,7 +61,8 @@ class Tuning:
     def controller(self, model: ReducedModel, adaptation: bool = True) -> SlotineLi:
         """Slotine and Li's law with these gains, from estimates of zero."""
         gain, gains = self.gain_on(model) if adaptation else None, self.gains
-        return SlotineLi(model, gains.bandwidth, gains.damping, gain, None, self.period, self.workspace)
+        given = None, self.period, self.workspace, self.torque_limits
+        return SlotineLi(model, gains.bandwidth, gains.damping, gain, *given)
 
     @property
     def learns(self) -> bool:

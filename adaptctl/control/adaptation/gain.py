@@ -10,12 +10,10 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array, frozen_array
 from adaptctl.control.adaptation.law import AdaptationLaw
 from adaptctl.control.controller import Memory
+from adaptctl.control.gains.hold import scaled_eigenvalues
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, column
-
-ROUND_OFF = 1e-12
-"""of a gain's largest entry"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,10 +72,6 @@ def require_size(values: Array, model: ReducedModel, what: str) -> None:
 
 
 def _is_positive_definite(matrix: Array) -> bool:
-    """Whether a matrix is symmetric to round-off, and positive definite when its diagonal is scaled to 1: parameters
-    of kilograms and of gram square centimetres stand in one gain."""
-    diagonal = np.diagonal(matrix)
-    if not np.all(diagonal > 0.0) or np.abs(matrix - matrix.T).max() > ROUND_OFF * np.abs(matrix).max():
-        return False
-    root = np.sqrt(diagonal)
-    return bool(np.linalg.eigvalsh(matrix / root[:, None] / root)[0] > 0.0)
+    """Whether it is, to round-off of its largest entry; its parameters' units are scaled out first."""
+    symmetric = np.allclose(matrix, matrix.T, rtol=0.0, atol=1e-12 * np.abs(matrix).max(initial=0.0))
+    return bool(symmetric and np.all(np.diagonal(matrix) > 0.0) and scaled_eigenvalues(matrix)[0] > 0.0)

@@ -113,7 +113,7 @@ def _feedback(
 def _hold_numbers(feedback: Array) -> Array:
     """The radius (...) of the smallest circle through 0, about a point of the real axis, that holds the eigenvalues:
     the greatest of them where they are real and positive."""
-    finite = np.isfinite(feedback).all(axis=(-2, -1))
+    finite = np.asarray(np.isfinite(feedback).all(axis=(-2, -1)))
     values = np.linalg.eigvals(np.where(finite[..., None, None], feedback, 0.0))
     damps = np.where(values.real > 0.0, values.real, 1.0)
     each = np.where(values.real > 0.0, np.abs(values) ** 2 / damps, np.inf)
