@@ -46,7 +46,7 @@ def test_it_learns_as_described_and_late_and_with_other_links(name: str) -> None
     assert [run.name for run in tuning.verified] == ["as described", "torque late", "links off", "both"]
     for run in tuning.verified:
         assert run.learns, run
-        assert run.last < 1e-3
+        assert run.last < 2e-3
     assert tuning.learns
 
 
