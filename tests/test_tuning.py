@@ -21,7 +21,7 @@ from adaptctl.tuning import Tuning, tune
 from adaptctl.tuning.carried_gains import carried_gains
 from adaptctl.tuning.prior_gain import adaptation_number
 from adaptctl.tuning.proposal import Proposals
-from adaptctl.tuning.trial import Trials, TrialSetting
+from adaptctl.tuning.trial import EVERY, Trials, TrialSetting
 from adaptctl.tuning.workable_reference import judged_reference
 from tests.random_trees import random_chain, random_tree
 from tests.robot_files import urdf
@@ -118,7 +118,7 @@ def test_a_trial_is_slotine_and_li_on_the_reduced_model(tuned: Tuning) -> None:
     law = tuned.controller(model)
     plant = Plant(PUMA, PERIOD, tuned.substeps, tuned.integrator, tuned.torque_limits)
     first = tuned.reference(0.0).p + tuned.initial_error
-    theirs = simulate_many(plant, law, tuned.reference, duration=3.0, p=first, every=10)
+    theirs = simulate_many(plant, law, tuned.reference, duration=3.0, p=first, every=EVERY)
     gains = tuned.gains
     setting = TrialSetting(gains.bandwidth, gains.damping, tuned.adaptation, PUMA.inertial_parameters)
     late = setting._replace(late=True)

@@ -17,7 +17,7 @@ from adaptctl.scalars import Column, absolute, clip, where
 from adaptctl.simulation import Plant, Rollouts, simulate_many
 
 CAP = Gradient.cap
-EVERY = 10
+EVERY = 50
 """control periods from one sample to the next"""
 
 
