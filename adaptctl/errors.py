@@ -39,6 +39,14 @@ class PhysicalConsistencyWarning(UserWarning):
     """Links have inertial parameters that no rigid body can have."""
 
 
+class StabilityWarning(UserWarning):
+    """Something may make a loop ring that its gains alone would not."""
+
+
+class ReferenceWarning(UserWarning):
+    """A reference's accelerations or velocities are not the derivatives that a controller takes them for."""
+
+
 class TraceError(AdaptctlError, TypeError):
     """An equation cannot be traced: it asks for a number that is not known yet, or does what no node can."""
 

@@ -9,7 +9,7 @@ import numpy as np
 
 import adaptctl
 from adaptctl.arrays import Array
-from adaptctl.control import ReferencePoint
+from adaptctl.control import Gains, ReferencePoint
 
 PERIOD = 1e-3
 """s, of control and of integration"""
@@ -78,4 +78,5 @@ _PUMA_REFERENCE = adaptctl.Sinusoids(
 
 def _task(arm: adaptctl.Mechanism, damping: Array, rate: float, reference: adaptctl.Sinusoids) -> Task:
     model = adaptctl.ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm)))
-    return Task(model, damping, adaptctl.adaptation_gain(model, rate=rate), reference)
+    gains = Gains(np.full(arm.dof, BANDWIDTH), damping)
+    return Task(model, damping, adaptctl.adaptation_gain(model, rate=rate, gains=gains, period=PERIOD), reference)

@@ -11,15 +11,13 @@ from numpy.typing import NDArray
 from adaptctl.arrays import Array
 from adaptctl.control.controller import Reference
 from adaptctl.control.references import Sinusoids
-from adaptctl.description import Joint
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
+from adaptctl.tuning.motion_range import AMPLITUDE, motion_ranges
 
 Trajectory: TypeAlias = Reference | int | str | None
 """A reference, the seed of a random one, or "random" or None for a new one each time."""
 
-AMPLITUDE = 0.5
-"""Greatest swing about the centre, rad or m, where the limits allow it."""
 FREQUENCIES = (0.1, 0.25)
 """Hz"""
 SHARE = 0.8
@@ -76,7 +74,7 @@ def many_random_sinusoids(mechanism: Mechanism, rngs: Iterable[np.random.Generat
 
 
 def _within_limits(mechanism: Mechanism, rng: np.random.Generator) -> Sinusoids:
-    lower, upper = np.array([_range(joint) for joint in mechanism.primary_joints]).T
+    lower, upper = motion_ranges(mechanism)
     fastest = np.array([joint.limits.velocity for joint in mechanism.primary_joints])
     middle, reach = 0.5 * (lower + upper), 0.5 * SHARE * (upper - lower)
     frequency = rng.uniform(*FREQUENCIES, mechanism.dof)
@@ -118,13 +116,6 @@ def _reached(mechanism: Mechanism, p: Array) -> NDArray[np.bool_]:
         reachable = mechanism.continuation.reachable(p[inside].reshape(-1, p.shape[-1]))
         inside[inside] = reachable.reshape(-1, p.shape[1]).all(axis=1)
     return inside
-
-
-def _range(joint: Joint) -> tuple[float, float]:
-    lower, upper, width = joint.limits.lower, joint.limits.upper, 2.0 * AMPLITUDE
-    if np.isinf(lower):
-        lower = -width if np.isinf(upper) else upper - 2.0 * width
-    return lower, lower + 2.0 * width if np.isinf(upper) else upper
 
 
 def _unit_speed(frequency: Array) -> Array:

@@ -15,17 +15,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.arrays import Array, frozen_array, per_joint
 from adaptctl.control.controller import Reference, ReferencePoint
+from adaptctl.control.gains.torque_limits import finite_torque_limits
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs.random_reference import Trajectory, drawn
 from adaptctl.envs.reward import RewardWeights
-from adaptctl.envs.torque_limits import finite_torque_limits
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.simulation import Integrator, Plant, PlantState, RungeKutta4
 from adaptctl.simulation.effects import Effect, Payload, PlantEffects
 from adaptctl.simulation.episode import Episode
 from adaptctl.simulation.plant import require_ten_a_link
 from adaptctl.simulation.sampled_references import Preview
-from adaptctl.simulation.stiffness import substeps_for_friction
+from adaptctl.simulation.stiffness import integration
 
 if TYPE_CHECKING:
     from adaptctl.envs.rendering.render import Renderer
@@ -68,7 +68,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     `Box(-limit, limit, (r,), float64)`: the torque of every joint in N m (the force in N of a prismatic one). The
     limits are the mechanism's own. A joint without one gets four times the largest torque that inverse dynamics
     asks of it in 200 random states at up to 2 rad/s and 10 rad/s^2 (m/s, m/s^2), and at least 1: see
-    `adaptctl.envs.torque_limits`. What is out of bounds is clipped and counted; NaN and infinity raise
+    `adaptctl.control.gains.torque_limits`. What is out of bounds is clipped and counted; NaN and infinity raise
     `NonFiniteError`, a wrong shape `InputError`.
 
     Actions are in physical units, so that a control law can be used as it is. Learning algorithms expect
@@ -126,7 +126,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     | `duration`       | 20.0                 | s                                                              |
     | `control_period` | 0.001                | s a torque is held                                             |
     | `substeps`       | `None`               | integration steps a control period; `None` for as many as friction needs, else 1 |
-    | `integrator`     | `RungeKutta4()`      | or `SemiImplicitEuler()`                                       |
+    | `integrator`     | `None`               | `RungeKutta4()`, `LinearlyImplicitEuler()` where friction is stiff |
     | `look_ahead`     | (0.05, 0.2)          | s; may be empty                                                |
     | `error_bound`    | 1.0                  | rad (m), one number or one a joint                             |
     | `reward_weights` | `RewardWeights()`    |                                                                |
@@ -181,9 +181,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         placed = PlantEffects.of(effects := tuple(effects))
         placed.require(self.mechanism.dof, self.mechanism.description.body_names, period)
         if substeps is None:
-            substeps = substeps_for_friction(self.mechanism, placed.joints, period)
-        method = integrator or RungeKutta4()
-        self.plant = Plant(self.mechanism, period, substeps, method, limits, effects=effects)
+            substeps, integrator = integration(self.mechanism, placed.joints, period, integrator)
+        self.plant = Plant(self.mechanism, period, substeps, integrator or RungeKutta4(), limits, effects=effects)
         self.control_period = self.plant.control_period
         self.steps = _steps(duration, self.control_period)
         self.look_ahead = _times_ahead(look_ahead)

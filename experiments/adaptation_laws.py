@@ -32,8 +32,8 @@ from adaptctl.control import (
 )
 from adaptctl.control.adaptation.natural import pseudos
 from adaptctl.control.controller import leaves
+from adaptctl.control.gains.torque_limits import finite_torque_limits
 from adaptctl.dynamics import Mechanism
-from adaptctl.envs.torque_limits import finite_torque_limits
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.experiments.contest import Contender, Outcome
 from adaptctl.experiments.experiment import setting
@@ -239,7 +239,7 @@ class AdaptationLaws(RoughStart, Learning):
         return {
             "composite": ("Composite", Composite(gain, weight, self.cutoff)),
             "gradient": ("Gradient", Gradient(gain)),
-            EULER: ("Gradient, Euler", Gradient(gain, euler=True)),
+            EULER: ("Gradient, Euler", Gradient(gain, theta=0.0, cap=0.0)),
             "sigma-modification": ("σ-modification", SigmaModification(gain, self.leakage, first)),
             "e-modification": ("e-modification", EModification(gain, self.sliding_leakage, first)),
             "dead-zone": ("Dead zone", DeadZone(gain, np.full(model.mechanism.dof, self.dead_zone))),

@@ -18,6 +18,7 @@ from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.least_squares import weighted_least_squares
 from adaptctl.recording import Progress, Result
 from adaptctl.recording.identified.amplification import Amplification, Curves, TorqueCase
+from adaptctl.recording.verdict import Verdict
 
 STAGE = "Estimators"
 FRICTION = "viscous,coulomb,square_root"
@@ -38,7 +39,7 @@ class EnergyDifferences(Experiment):
     def run(self, progress: Progress) -> Result:
         """Result of the comparison."""
         found = self.compare(progress)
-        return Result(found.complete, found.headline(), tuple(found.facts()), found.write)
+        return Result(found.complete, found.headline(), tuple(found.facts()), Verdict(), found.write)
 
     def compare(self, progress: Progress) -> Amplification:
         """Fit the log's first part, predict its last, with the measured torques and with made ones."""

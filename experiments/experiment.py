@@ -13,6 +13,8 @@ from adaptctl.recording import Progress, Result, Setting
 
 LONGEST = 300_000
 """control periods a run may have: all of them are kept in memory"""
+FAR = 100.0
+"""rad or m: the error that ends a run where all are to be compared to the end; what passes it has diverged"""
 
 
 def setting(default: Any, meaning: str, *, symbol: str = "", low: float = -math.inf, high: float = math.inf) -> Any:
@@ -95,9 +97,9 @@ def _require(entry: Field[Any], value: object) -> None:
 
 
 def _require_one(entry: Field[Any], kind: type, value: object) -> None:
-    if kind is str and isinstance(value, str):
+    if kind in (str, bool) and isinstance(value, kind):
         return
-    wrong_kind = kind is str or isinstance(value, bool) or not isinstance(value, int | float)
+    wrong_kind = kind in (str, bool) or isinstance(value, bool) or not isinstance(value, int | float)
     if wrong_kind or (kind is int and not isinstance(value, int)):
         raise InputError(f"{entry.name}: expected {_expected(entry)}, got {value!r}")
     number = float(value)  # type: ignore[arg-type]
@@ -111,7 +113,9 @@ def _expected(entry: Field[Any]) -> str:
     default = entry.default
     if isinstance(default, tuple) and default and isinstance(default[0], str):
         return "names"
-    what = {int: "a whole number", float: "a number", str: "a name or a file", tuple: "numbers"}[type(default)]
+    what = {int: "a whole number", float: "a number", str: "a name or a file", bool: "true or false", tuple: "numbers"}[
+        type(default)
+    ]
     low, high = entry.metadata["low"], entry.metadata["high"]
     if math.isfinite(low) and math.isfinite(high):
         return f"{what} from {low:g} to {high:g}"

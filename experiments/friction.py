@@ -20,7 +20,7 @@ from adaptctl.experiments.friction_curves import Curve, friction_curves
 from adaptctl.experiments.learning import ADAPTATION_OFF, ADAPTIVE, Found
 from adaptctl.experiments.on_real_plant import OnRealPlant
 from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
-from adaptctl.recording import Finding
+from adaptctl.recording import Finding, wording
 
 if TYPE_CHECKING:
     from adaptctl.recording.drawing import Drawing
@@ -110,18 +110,19 @@ class FrictionInJoints(OnRealPlant):
     def answer(self, outcome: Outcome, found: Found) -> str | None:
         """Sentence with the errors with and without the friction's columns."""
         return (
-            f"With friction among its parameters the arm ends at {_final(outcome, ADAPTIVE):.2g} mrad of tracking "
-            f"error, without at {_final(outcome, NO_COLUMNS):.2g} mrad, though both adapt. Computed torque that knows "
-            f"all but Stribeck's excess stays at {_final(outcome, 'computed-torque'):.2g} mrad."
+            f"With friction among its parameters the arm ends at {_final(outcome, ADAPTIVE)} of tracking error, "
+            f"without at {_final(outcome, NO_COLUMNS)}, though both adapt. Computed torque that knows all but "
+            f"Stribeck's excess stays at {_final(outcome, 'computed-torque')}."
         )
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
         """Findings: errors with the friction's columns over those without, and the learned friction."""
         runs = {run.name: run for run in outcome.runs}
         if {ADAPTIVE, NO_COLUMNS} <= set(runs):
-            with_columns, without = (runs[name].final_rms_error or np.nan for name in (ADAPTIVE, NO_COLUMNS))
+            with_columns, without = (runs[name].final_rms_error for name in (ADAPTIVE, NO_COLUMNS))
             meaning = "RMS error of the last two seconds, with the friction's columns over without"
-            yield Finding("columns_over_none", with_columns / without, "1", meaning)
+            if with_columns and without:
+                yield Finding("columns_over_none", with_columns / without, "1", meaning)
         model = ReducedModel(outcome.mechanism, basis)
         final, true = runs[ADAPTIVE].rollout.estimate[-1], model.fundamental_parameters
         for k, _ in _friction_columns(model):
@@ -154,9 +155,9 @@ class FrictionInJoints(OnRealPlant):
         return curves
 
 
-def _final(outcome: Outcome, name: str) -> float:
-    """RMS error of a run's last two seconds, mrad."""
-    return 1e3 * next(run.final_rms_error or np.nan for run in outcome.runs if run.name == name)
+def _final(outcome: Outcome, name: str) -> str:
+    """Text of the RMS error of a run's last two seconds."""
+    return next(wording.error(run.final_rms_error, "mrad") for run in outcome.runs if run.name == name)
 
 
 def without_friction(mechanism: Mechanism) -> Mechanism:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -14,9 +14,9 @@ from adaptctl.control import AdaptationLaw, ComputedTorque, Gains, SlotineLi, ma
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.experiments.contest import Contender, Outcome, contest
 from adaptctl.experiments.experiment import ClosedLoopExperiment, setting, stated
-from adaptctl.experiments.rough_model import scaled_links
 from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
-from adaptctl.recording import Comparison, ControllerRun, Finding, Progress, Result, Setting, shown, wording
+from adaptctl.recording import Comparison, ControllerRun, Failure, Finding, Progress, Result, Setting, shown, wording
+from adaptctl.tuning.rough_links import scaled_links
 
 if TYPE_CHECKING:
     import gymnasium
@@ -52,6 +52,8 @@ class Learning(ClosedLoopExperiment):
     )
 
     first_estimate: ClassVar[str] = "0"
+    expected: ClassVar[Mapping[Failure, str]] = {}
+    """Failures of the subject that are the experiment's question, and why."""
 
     @property
     @abstractmethod
@@ -113,6 +115,7 @@ class Learning(ClosedLoopExperiment):
             without_adaptation=ADAPTATION_OFF,
             more_drawings=tuple(self.drawings(outcome, basis)),
             answer=self.answer(outcome, Found(findings)) if outcome.complete else None,
+            expected=self.expected,
         )
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
@@ -183,8 +186,8 @@ class Found:
         self.of = {finding.name: finding.value for finding in findings}
 
     def told(self, name: str, scale: float = 1.0) -> str:
-        """Text of a finding's value, scaled, with two digits."""
-        return wording.number(scale * self.of[name], 2)
+        """Text of a finding's value, scaled, with two digits; a dash where it was not measured."""
+        return wording.number(scale * self.of[name] if name in self.of else None, 2)
 
     def each(self, what: str, runs: Sequence[ControllerRun], unit: str = "", *, rising: bool = False) -> list[str]:
         """Texts of the findings `what.run` of the runs that have one, such as "0.12 s (Gradient)"."""
@@ -199,12 +202,15 @@ def numbers(values: Array) -> str:
     return ", ".join(f"{value:.4g}" for value in values)
 
 
-def one_controller(outcome: Outcome) -> Iterator[Finding]:
-    """Finding on whether reduced and full adaptation are one controller: the largest difference of torques."""
+def one_controller(outcome: Outcome, mapped: str = MAPPED) -> Iterator[Finding]:
+    """Finding on whether reduced and full adaptation are one controller: the largest difference of torques.
+
+    `mapped` is the name of the reduced run whose gain is mapped.
+    """
     runs = {run.name: run for run in outcome.runs}
-    if MAPPED not in runs or FULL not in runs:
+    if mapped not in runs or FULL not in runs:
         return
-    reduced, full = runs[MAPPED], runs[FULL]
+    reduced, full = runs[mapped], runs[FULL]
     k, everything = reduced.rollout.estimate.shape[1], full.rollout.estimate.shape[1]
     common = min(len(reduced.rollout.time), len(full.rollout.time))
     difference = np.abs(reduced.rollout.torque[:common] - full.rollout.torque[:common]).max(initial=0.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
@@ -12,11 +12,11 @@ from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
 from adaptctl.experiments.adaptation_laws import AdaptationLaws, smallest_eigenvalue
 from adaptctl.experiments.contest import Contender, Outcome
-from adaptctl.experiments.experiment import setting
+from adaptctl.experiments.experiment import FAR, setting
 from adaptctl.experiments.learning import ADAPTATION_OFF, Found
 from adaptctl.experiments.parameter_errors import SAMPLES, ParameterErrors
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
-from adaptctl.recording import ControllerRun, Finding
+from adaptctl.recording import ControllerRun, Failure, Finding
 
 if TYPE_CHECKING:
     from adaptctl.simulation.effects import Effect
@@ -72,7 +72,11 @@ class NoiseAndDelay(AdaptationLaws):
             f"follows it. {self.comparing}"
         )
 
-    error_bound: ClassVar[float] = np.inf
+    error_bound: ClassVar[float] = FAR
+    expected: ClassVar[Mapping[Failure, str]] = {
+        Failure.SATURATED: "its motors are weak",
+        Failure.NO_BETTER: "nothing excites the arm",
+    }
 
     def motors(self, mechanism: Mechanism) -> Array:
         """Largest torques (r,) of weak motors, N m."""

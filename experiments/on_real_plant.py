@@ -11,10 +11,10 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.control import Sinusoids, SlotineLi
+from adaptctl.control.gains.torque_limits import finite_torque_limits
 from adaptctl.dynamics import Mechanism
-from adaptctl.envs.torque_limits import finite_torque_limits
 from adaptctl.errors import InputError
-from adaptctl.experiments.experiment import require_count, setting
+from adaptctl.experiments.experiment import FAR, require_count, setting
 from adaptctl.experiments.learning import Learning
 from adaptctl.experiments.rough_start import RoughStart
 from adaptctl.identifiability import ReducedModel
@@ -66,7 +66,7 @@ class OnRealPlant(RoughStart, Learning):
         """Effects of the plant besides rigid links."""
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """Tracking environment with the effects; no error ends a run, so that all can be compared."""
+        """Tracking environment with the effects; only an error far off ends a run, so that all can be compared."""
         import gymnasium
 
         if mechanism.dof != JOINTS:
@@ -81,7 +81,7 @@ class OnRealPlant(RoughStart, Learning):
             duration=self.duration,
             control_period=self.control_period,
             initial_error=self.initial_error,
-            error_bound=np.inf,
+            error_bound=FAR,
             torque_limits=self.torque_limits(mechanism),
             effects=tuple(self.effects(mechanism)),
         )

@@ -15,7 +15,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.experiments.adaptation_laws import AdaptationLaws
 from adaptctl.experiments.contest import Outcome
-from adaptctl.experiments.experiment import setting
+from adaptctl.experiments.experiment import FAR, setting
 from adaptctl.experiments.learning import ADAPTATION_OFF, Found
 from adaptctl.experiments.recovery import WINDOW, Recovery, recovery, recovery_times
 from adaptctl.experiments.rough_model import deviations
@@ -69,7 +69,7 @@ class PayloadDrop(AdaptationLaws):
             "half of it. Parameter errors are against the arm alone: while the payload is held they show it."
         )
 
-    error_bound: ClassVar[float] = np.inf
+    error_bound: ClassVar[float] = FAR
 
     def effects(self) -> Iterator[Effect]:
         """Effects of the plant: the payload, and the noise asked for."""

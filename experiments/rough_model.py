@@ -7,18 +7,7 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array
 from adaptctl.description.inertia import pseudo_inertia
-from adaptctl.dynamics import Mechanism
 from adaptctl.identifiability import ReducedModel
-
-
-def scaled_links(mechanism: Mechanism, share: float, seed: int) -> Array:
-    """Parameters (P,) with every link's ten up or down by a share, by seed: a rigid body stays one, and
-    drives stay as they are."""
-    bodies = len(mechanism.description.bodies)
-    signs = np.random.default_rng(seed).choice([-1.0, 1.0], bodies)
-    scales = np.ones(len(mechanism.parameter_names))
-    scales[: 10 * bodies] = np.repeat(1.0 + share * signs, 10)
-    return scales * mechanism.inertial_parameters
 
 
 def deviations(model: ReducedModel, parameters: ArrayLike, share: float) -> Array:

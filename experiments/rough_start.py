@@ -7,8 +7,9 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.control import Gains
 from adaptctl.dynamics import Mechanism
-from adaptctl.experiments.rough_model import deviations, scaled_links
+from adaptctl.experiments.rough_model import deviations
 from adaptctl.identifiability import ReducedModel
+from adaptctl.tuning.rough_links import scaled_links
 
 
 class RoughStart:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, ClassVar
@@ -20,7 +20,7 @@ from adaptctl.experiments.marked_errors import Marked, marked_errors
 from adaptctl.experiments.on_real_plant import OnRealPlant
 from adaptctl.experiments.parameter_errors import SAMPLES, ParameterErrors
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
-from adaptctl.recording import ControllerRun, Finding
+from adaptctl.recording import ControllerRun, Failure, Finding, wording
 
 if TYPE_CHECKING:
     from adaptctl.recording.drawing import Drawing
@@ -40,6 +40,10 @@ class Saturation(OnRealPlant):
     name: ClassVar[str] = "saturation"
     title: ClassVar[str] = "{robot}: saturated motors, with and without adaptation frozen"
     first_estimate: ClassVar[str] = "a rough model: every link off by --parameter-error, up or down by seed"
+
+    expected: ClassVar[Mapping[Failure, str]] = {
+        Failure.SATURATED: "the payload is more than its motors can carry",
+    }
 
     strength: float = setting(0.3, "the motors have this share of their torque limits", low=0.01, high=1.0)
     rate_limit: float = setting(2e4, "torques change by at most this, N m/s", low=1.0, high=1e9)
@@ -109,8 +113,8 @@ class Saturation(OnRealPlant):
         return (
             f"Frozen while saturated, the RMS error is {frozen:.3g} mrad, {found.told('freeze_over_none')} of the "
             f"{never:.4g} mrad of adaptation never frozen. In the last 2 s, the payload long gone, it is "
-            f"{1e3 * (runs[ADAPTIVE].final_rms_error or np.nan):.2g} mrad, with adaptation off "
-            f"{1e3 * (runs[ADAPTATION_OFF].final_rms_error or np.nan):.2g}."
+            f"{wording.error(runs[ADAPTIVE].final_rms_error, 'mrad')}, with adaptation off "
+            f"{wording.error(runs[ADAPTATION_OFF].final_rms_error, 'mrad')}."
         )
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:

@@ -15,9 +15,9 @@ from adaptctl.control import (
     ComputedTorque,
     TaskSpaceSlotineLi,
 )
+from adaptctl.control.gains.torque_limits import finite_torque_limits
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.inverse_kinematics import Tip
-from adaptctl.envs.torque_limits import finite_torque_limits
 from adaptctl.errors import InputError
 from adaptctl.experiments.contest import Contender, Outcome
 from adaptctl.experiments.experiment import require_count, setting

@@ -55,7 +55,7 @@ def widely(name: str) -> tuple[Array, Array]:
 
 LAWS: dict[str, Callable[[str], AdaptationLaw]] = {
     "gradient": lambda name: Gradient(gain(name)),
-    "euler": lambda name: Gradient(gain(name), euler=True),
+    "euler": lambda name: Gradient(gain(name), 0.0, 0.0),
     "matrix": lambda name: Gradient(np.diag(gain(name))),
     "sigma": lambda name: SigmaModification(gain(name), 0.2),
     "e": lambda name: EModification(gain(name), 0.5, np.ones(len(gain(name)))),
@@ -191,7 +191,7 @@ def silent(
 ) -> Period:
     """A control period of three joints whose gradient is zero whatever s."""
     parts = (column(part) for part in (before, after, torque, q, v))
-    return Period(lambda sliding: Column.zeros(K), *parts, period, period)
+    return Period(lambda sliding: Column.zeros(K), *parts, period, period, parts[0])
 
 
 def test_a_dead_zone_for_a_disturbance_holds_it() -> None:
@@ -266,7 +266,7 @@ def test_adapting_along_directions_is_a_gain_of_lower_rank() -> None:
     whole = directions @ np.diag(gain(name)) @ directions.T
     runs = [
         loop(on(name, law), mechanism, swinging(mechanism), 0.2)
-        for law in (Subspace(gain(name), directions), Gradient(whole))
+        for law in (Subspace(gain(name), directions), Gradient(whole, 0.5, 0.0))
     ]
     np.testing.assert_allclose(runs[0].torque, runs[1].torque, atol=1e-9 * np.abs(runs[1].torque).max())
     few = directions[:, :3]

@@ -254,7 +254,7 @@ def test_the_trapezium_holds_v_where_euler_lets_it_rise(name: str, excess: float
     largest = 1e-3 * np.linalg.norm(scaled / np.sqrt(damping)[:, None], ord=2, axis=(1, 2)).max() ** 2
     highest = {}
     for euler, size in ((False, excess), (True, excess), (True, 0.5)):
-        law = slotine_li(name, Gradient(size / largest * gain, euler))
+        law = slotine_li(name, Gradient(size / largest * gain, 0.0 if euler else 0.5, 0.0))
         run = loop(law, mechanism, reference, 2.0, off=0.01)
         V = kinetic(mechanism, run) + distance(law, run, mechanism.inertial_parameters)
         highest[euler, size] = V.max() / V[0]
@@ -266,7 +266,7 @@ def test_the_trapezium_holds_v_where_euler_lets_it_rise(name: str, excess: float
 class Unchecked(SlotineLi):
     """The law with whatever damping."""
 
-    def _require_carried(self, damping: object) -> None:
+    def _require_carried(self) -> None:
         pass
 
 

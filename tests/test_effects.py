@@ -22,7 +22,7 @@ from adaptctl.dynamics.recursion.drive import SLOW
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.scalars import Column
-from adaptctl.simulation import Plant, rollout
+from adaptctl.simulation import LinearlyImplicitEuler, Plant, RungeKutta4, SemiImplicitEuler, rollout
 from adaptctl.simulation.effects import (
     ActuatorEffect,
     ActuatorLag,
@@ -37,7 +37,7 @@ from adaptctl.simulation.effects import (
     TorqueLimit,
     TorqueRateLimit,
 )
-from adaptctl.simulation.stiffness import friction_rate, substeps_for_friction
+from adaptctl.simulation.stiffness import friction_rate, integration
 
 PERIOD = 1e-3
 ALL: list[Effect] = [
@@ -208,23 +208,24 @@ def test_the_steps_are_short_enough_for_friction() -> None:
     rate = 1.0 / (0.01 * SLOW)
     assert friction_rate(light, [friction]) == pytest.approx(rate)
     assert friction_rate(light.with_drives(Drive(0.01, coulomb=1.0))) == pytest.approx(rate)
-    steps = substeps_for_friction(light, [friction], PERIOD)
+    steps = integration(light, [friction], PERIOD).substeps
     assert steps == math.ceil(rate * PERIOD / 2.5)
+    assert integration(light, [friction], PERIOD).integrator == RungeKutta4()
     for count, settled in ((steps, True), (steps // 4, False)):
         plant = Plant(light, PERIOD, count, effects=(friction,))
         state = plant.init([0.0], [0.005])
         for _ in range(100):
             state = plant.step(state, [0.0])
         assert (abs(state.v[0]) < 1e-6) == settled
-    assert substeps_for_friction(spinner, [], PERIOD) == 1
-    with pytest.raises(InputError, match="would need 400 integration steps: lower the friction, add the rotor"):
-        substeps_for_friction(light, [Friction(coulomb=1000.0)], 1e-4)
+    assert integration(spinner, [], PERIOD) == (1, RungeKutta4())
+    assert integration(light, [Friction(coulomb=1000.0)], 1e-4) == (4, LinearlyImplicitEuler())
+    assert integration(light, [friction], PERIOD, SemiImplicitEuler()) == (steps, SemiImplicitEuler())
 
 
 def test_friction_of_what_has_no_inertia_is_refused() -> None:
     nothing = Mechanism(random_chain(1, 1).description.with_parameters(np.zeros(10)))
     with pytest.raises(InputError, match="the mass matrix is singular"):
-        substeps_for_friction(nothing, [Friction(1.0)], PERIOD)
+        integration(nothing, [Friction(1.0)], PERIOD)
 
 
 def test_friction_of_a_mechanism_with_loops_is_fast_where_its_links_are() -> None:

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from random_trees import random_tree
 from robot_files import urdf
 
+from adaptctl.control.gains.torque_limits import finite_torque_limits
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs import (
     random_sinusoids,
 )
-from adaptctl.envs.torque_limits import finite_torque_limits
 from adaptctl.simulation.sampled_references import BLOCK, Preview
 
 

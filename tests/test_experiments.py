@@ -232,3 +232,15 @@ def test_settings_are_checked_in_python_too(settings: dict[str, Any], told: str)
     with pytest.raises(InputError) as refusal:
         Puma560Adaptive(**settings)
     assert told in str(refusal.value)
+
+
+def test_a_run_that_stops_ends_with_the_exit_code_of_a_failed_verdict(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    assert main([*PUMA, "--out", str(out), "--duration", "3", "--initial-error", "0.99", "--damping", *6 * ["1"]]) == 3
+    said = json.loads((out / "summary.json").read_text())
+    assert capsys.readouterr().out.startswith("Failed: Slotine-Li, 36 parameters was stopped at ")
+    assert (said["complete"], said["verdict"]["passed"], said["final_rms_error"]) == (True, False, None)
+    assert said["duration_run"] < 2.0
+    assert said["verdict"]["faults"][0]["failure"] == "stopped"

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from random_trees import random_chain
 
 from adaptctl.control import Gains, PriorRanges, sampled_gain, typical_inertia
-from adaptctl.control.gains.gains import sampled_configurations
+from adaptctl.control.gains.hold import require_hold
+from adaptctl.control.gains.workspace import sampled_configurations
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import GainError, InputError
 
@@ -35,11 +36,11 @@ def test_sampled_gain_is_two_at_the_limit_of_stability(ratio: float) -> None:
     assert (held_loop_radius(inertia, damping, 1e-3) < 1.0) == (gain < 2.0)
 
 
-def test_sampled_gain_is_the_largest_eigenvalue_met() -> None:
+def test_sampled_gain_is_above_all_that_random_configurations_show() -> None:
     puma, damping = load("puma560_measured"), np.array([9.0, 15.0, 7.0, 0.2, 0.1, 0.005])
-    matrices = puma.mass_matrix(sampled_configurations(puma))
+    matrices = puma.mass_matrix(sampled_configurations(puma, 3000, seed=1))
     largest = max(np.linalg.eigvals(np.linalg.solve(m, np.diag(damping))).real.max() for m in matrices)
-    assert sampled_gain(puma, damping, 1e-3) == pytest.approx(1e-3 * largest, rel=1e-9)
+    assert 1e-3 * largest <= sampled_gain(puma, damping, 1e-3) < 1.2e-3 * largest
 
 
 def test_gains_grow_with_bandwidth_and_inertia() -> None:
@@ -71,7 +72,5 @@ def test_a_massless_mechanism_can_be_given_no_gains() -> None:
     nothing = pendulum().with_parameters(np.zeros(10))
     with pytest.raises(InputError, match="positive inertia"):
         Gains.from_bandwidth(nothing, 5.0)
-    from adaptctl.control.gains.gains import require_sampled_gain
-
     with pytest.raises(GainError, match="not positive definite"):
-        require_sampled_gain(nothing, 1.0, 1e-3)
+        require_hold(nothing, 1.0, 1e-3)

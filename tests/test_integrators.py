@@ -11,9 +11,9 @@ import pytest
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.scalars import Column, Dual
-from adaptctl.simulation import Integrator, Plant, RungeKutta4, SemiImplicitEuler
+from adaptctl.simulation import Integrator, LinearlyImplicitEuler, Plant, RungeKutta4, SemiImplicitEuler
 
-ORDERS = [(RungeKutta4(), 4), (SemiImplicitEuler(), 1)]
+ORDERS = [(RungeKutta4(), 4), (SemiImplicitEuler(), 1), (LinearlyImplicitEuler(), 1)]
 
 
 @pytest.fixture(scope="module")

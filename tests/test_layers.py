@@ -26,6 +26,7 @@ ORDER = (
     "control",
     "simulation",
     "identification",
+    "tuning",
     "recording",
     "envs",
     "experiments",
@@ -39,7 +40,7 @@ ABOUT = {
     "rerun": {"recording", "experiments.replication", "experiments.serial_versus_graph"},
     "pyarrow": {"recording"},
     "gymnasium": {"envs"},
-    "rich": {"cli.basis_report", "cli.gains_report"},
+    "rich": {"cli.basis_report", "cli.gains_report", "cli.tune_report"},
     "control": set(),
 }
 """Heavy packages, and the modules or folders that are about them; elsewhere they are imported when used."""

@@ -56,7 +56,7 @@ def prediction_error(name: str, period: float) -> float:
     filtered, none = TorqueFilter(20.0, period), Column.zeros(mechanism.dof)
 
     def predicted(q: Column, v: Column, torque: Column, rows: Column, last: Column) -> tuple[Column, ...]:
-        now = Period(lambda s: s, none, none, torque, q, v, period, period)
+        now = Period(lambda s: s, none, none, torque, q, v, period, period, none)
         found = filtered.predicted(model, now, Filtered(rows, last))
         return (Column(x for row in found.rows for x in row), *found.after)
 

@@ -26,7 +26,7 @@ from adaptctl.errors import FileError, InputError
 from adaptctl.recording import Comparison, prepare_folder, write_artifacts
 from adaptctl.recording import shown as result_of
 from adaptctl.recording.skeleton import Solid, skeleton
-from adaptctl.recording.wording import INCOMPLETE, facts, number, outcome, verdict
+from adaptctl.recording.wording import INCOMPLETE, facts, number, outcome, told
 
 FILES = {"recording.rrd", "summary.json", "trace.parquet", "report.html"}
 TWO_LINK = "docs/examples/two_link.toml"
@@ -62,13 +62,13 @@ def entities(path: Path) -> set[str]:
 def test_a_result_says_how_a_comparison_ended_and_writes_it(shown: Comparison, tmp_path: Path) -> None:
     whole, half = result_of(shown), result_of(replace(shown, complete=False))
     assert (whole.complete, half.complete) == (True, False)
-    assert (whole.headline, half.headline) == (verdict(shown), f"{INCOMPLETE}\n{verdict(shown)}")
+    assert (whole.headline, half.headline) == (told(shown), f"{INCOMPLETE}\n{told(shown)}")
     assert whole.facts == tuple(facts(shown))
-    told: list[float] = []
-    whole.write(tmp_path, lambda what, share: told.append(share))
+    shares: list[float] = []
+    whole.write(tmp_path, lambda what, share: shares.append(share))
     assert {path.name for path in tmp_path.iterdir()} >= FILES
-    assert told == sorted(told)
-    assert (told[0], told[-1]) == (0.0, 1.0)
+    assert shares == sorted(shares)
+    assert (shares[0], shares[-1]) == (0.0, 1.0)
 
 
 def test_every_file_is_there_and_nothing_else(folder: Path) -> None:
@@ -238,7 +238,7 @@ def test_report_needs_nothing_but_itself(folder: Path) -> None:
 def test_report_says_it_all_and_takes_no_name_for_markup(folder: Path, shown: Comparison) -> None:
     text = Page((folder / "report.html").read_text()).text
     assert "Slotine-Li, <learning>" in text
-    assert verdict(shown) in text
+    assert told(shown) in text
     for equation in shown.basis.equations():
         assert equation in text
     for name in shown.basis.names:

@@ -23,7 +23,7 @@ from adaptctl.experiments.replication.draws import Draws
 from adaptctl.experiments.replication.items import ITEMS, chosen
 from adaptctl.experiments.replication.printed import Number, Table, printed
 from adaptctl.experiments.replication.result import Replication
-from adaptctl.experiments.replication.verdict import Item, Verdict
+from adaptctl.experiments.replication.verdict import Item, Outturn
 from adaptctl.experiments.replication.wording import headline
 from adaptctl.experiments.sheu_walker_1991 import SheuWalker1991
 from adaptctl.identifiability import fundamental_basis
@@ -58,7 +58,12 @@ def values(item: Item, part: str) -> tuple[float, ...]:
 
 def test_verdicts(replication: Replication) -> None:
     assert replication.complete
-    given, reproduced, in_shape, erratum = Verdict.GIVEN, Verdict.REPRODUCED, Verdict.IN_SHAPE, Verdict.ERRATUM
+    given, reproduced, in_shape, erratum = (
+        Outturn.GIVEN,
+        Outturn.REPRODUCED,
+        Outturn.IN_SHAPE,
+        Outturn.ERRATUM,
+    )
     assert {item.name: item.verdict for item in replication.items} == {
         "figure1": reproduced,
         "table1": given,

@@ -37,6 +37,9 @@ def basis(
     as_is: Annotated[
         bool, Parameter(negative=(), help="Take nearly special angles and lengths as they stand; else they may refuse.")
     ] = False,
+    floating_base: Annotated[
+        bool, Parameter(help="Let a URDF file's root link float instead of being fixed to the ground.")
+    ] = False,
     json: Annotated[bool, Parameter(help="Print JSON instead of tables.")] = False,
     out: Annotated[
         Path | None, Parameter(metavar="FILE", help="Also save the basis, as JSON that adaptctl can load.")
@@ -46,7 +49,7 @@ def basis(
     from adaptctl.dynamics import load
     from adaptctl.identifiability import Priority, essential_space, fundamental_basis
 
-    mechanism = load(robot, snap=snap)
+    mechanism = load(robot, floating_base=floating_base, snap=snap)
     order = Priority.default(mechanism) if priority is None else Priority.read(priority, mechanism)
     space = essential_space(mechanism, near="as_is" if as_is else "refuse", prove=True)
     found = fundamental_basis(space, order, prove=True)

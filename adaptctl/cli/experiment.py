@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from adaptctl.experiments.experiment import Experiment
     from adaptctl.recording import Result
 
-DONE, INTERRUPTED = 0, 130
+DONE, FAILED, INTERRUPTED = 0, 3, 130
 
 app = App(name="experiment")
 run = App(name="run", help="Run an experiment, and keep what it made.")
@@ -56,14 +56,16 @@ def __getattr__(name: str) -> Callable[..., int]:
 
 
 def run_experiment(experiment: Experiment, out: Path, overwrite: bool) -> int:
-    """Run an experiment and write its folder; returns the exit code."""
+    """Run an experiment and write its folder; returns the exit code, 3 where the verdict on its subject is failure."""
     from adaptctl.recording import prepare_folder
 
     folder = prepare_folder(out, overwrite)
     with interruptible() as interruption:
         result = _computed(experiment, folder, interruption)
     _tell(result, folder)
-    return DONE if result.complete else INTERRUPTED
+    if not result.complete:
+        return INTERRUPTED
+    return DONE if result.verdict.passed else FAILED
 
 
 def _computed(experiment: Experiment, folder: Path, interruption: Interruption) -> Result:

@@ -33,13 +33,16 @@ def gains(
     ] = (4096.0, 0.0, 1.0),
     period: Annotated[float, Parameter(help="Control period, s: how long a torque is held.")] = 1e-3,
     delay: Annotated[int, Parameter(help="Control periods from measurement to torque.")] = 0,
+    floating_base: Annotated[
+        bool, Parameter(help="Let a URDF file's root link float instead of being fixed to the ground.")
+    ] = False,
     json: Annotated[bool, Parameter(help="Print JSON instead of tables.")] = False,
 ) -> None:
     """Design the gains of a robot's tracking loop, and tell their margins."""
     from adaptctl.control import GainDesign
     from adaptctl.dynamics import load
 
-    mechanism = load(robot)
+    mechanism = load(robot, floating_base=floating_base)
     match method:
         case "bandwidth":
             design = GainDesign.from_bandwidth(mechanism, bandwidth, damping_ratio, period=period, delay=delay)

@@ -61,7 +61,7 @@ def _together(design: GainDesign) -> Group:
     gain = Text.assemble(
         "T_c λ_max(M⁻¹K) = ",
         (f"{design.sampled_gain:.3g}", "bold green"),
-        f" over random configurations; up to {design.largest_sampled_gain:.3g} is allowed, the rest is a margin",
+        f" at the worst configuration found; up to {design.largest_sampled_gain:.3g} is allowed, the rest is a margin",
     )
     room = Text("The period carries any poles." if math.isinf(design.fastest) else _room(design))
     remark = [] if design.damped_enough else [Text("Λ and K need a damping ratio of at least 1.", style="yellow")]

@@ -54,11 +54,13 @@ app.command("adaptctl.cli.basis:basis", name="basis", help="The independent iner
 app.command("adaptctl.cli.gains:gains", name="gains", help="Gains of a robot's tracking loop, and their margins.")
 app.command("adaptctl.cli.identify:identify", name="identify", help="A robot's parameters from logs of its motion.")
 app.command("adaptctl.cli.excite:excite", name="excite", help="Motions for a robot that tell of its parameters.")
+app.command("adaptctl.cli.tune:tune", name="tune", help="A reference and gains for a robot, verified in closed loop.")
 app.command("adaptctl.cli.experiment:app", name="experiment", help="List experiments and run them.")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run a command line; returns 0 when done, 1 when it failed, 2 when the input was wrong, 130 on Ctrl-C."""
+    """Run a command line; returns 0 when done, 1 when it failed, 2 when the input was wrong, 3 when an
+    experiment's verdict is failure, 130 on Ctrl-C."""
     given = list(sys.argv[1:] if argv is None else argv)
     with _warnings_as_notes():
         try:

@@ -10,14 +10,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen_array
+from adaptctl.arrays import Array, frozen_array, per_joint
 from adaptctl.control.adaptation.gradient import Gradient
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
 from adaptctl.control.controller import Controller
-from adaptctl.control.gains.gains import require_sampled_gain
+from adaptctl.control.gains.hold import require_period
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, Tunable, spread
+from adaptctl.scalars import Column, Tunable, absolute, clip, spread, where
 
 
 class AdaptiveState(NamedTuple):
@@ -49,19 +49,21 @@ class AdaptiveController(Controller[AdaptiveState]):
     """A control law on a model's k parameters, and an adaptation law chosen apart from it.
 
     `adaptation` is the law, or a gain for `Gradient`, or None to switch adaptation off; `initial` (k,) is the
-    first estimate, zero when not given; `period` is the control period T_c in s.
+    first estimate, zero when not given; `period` is the control period T_c in s. Nothing is learned from a period whose
+    torque is beyond `torque_limits` (r,), the mechanism's own unless given.
     """
 
     model: ReducedModel
     adaptation: AdaptationLaw[Any] | Array | None
     initial: Array | None
     period: float
+    torque_limits: ArrayLike | None
 
     def _settle(self) -> None:
         """Check the period, the first estimate and the adaptation law, and freeze them."""
         k = len(self.model.columns)
-        if not (np.isfinite(self.period) and self.period > 0.0):
-            raise InputError(f"control period: expected a positive time in s, got {self.period}")
+        require_period(self.period)
+        self._settle_torque_limits()
         initial = np.zeros(k) if self.initial is None else self.initial
         object.__setattr__(self, "initial", frozen_array(initial, (k,), "initial estimate"))
         if self.adaptation_law is None:
@@ -69,9 +71,6 @@ class AdaptiveController(Controller[AdaptiveState]):
         if not isinstance(self.adaptation, AdaptationLaw):
             object.__setattr__(self, "adaptation", self.adaptation_law.gain)  # type: ignore[attr-defined]
         self.adaptation_law.require(self.model, np.asarray(self.initial), self.period)
-
-    def _require_carried(self, damping: ArrayLike) -> None:
-        require_sampled_gain(self.model.mechanism, damping, self.period)
 
     @cached_property
     def adaptation_law(self) -> AdaptationLaw[Any] | None:
@@ -117,6 +116,25 @@ class AdaptiveController(Controller[AdaptiveState]):
         if self.adaptation_law is None:
             return memory.estimate, memory.learning
         return self.adaptation_law.law(self.model, memory.estimate, passed, memory.learning)
+
+    def _settle_torque_limits(self) -> None:
+        """Check the torque limits, the mechanism's own unless given, and freeze them."""
+        own = self.model.mechanism.effort_limits
+        given = np.where(own > 0.0, own, np.inf) if self.torque_limits is None else self.torque_limits
+        limits = per_joint(given, self.dof, "torque_limits")
+        if not np.all(limits > 0.0):
+            raise InputError(f"torque_limits: expected positive numbers, got {limits.tolist()}")
+        object.__setattr__(self, "torque_limits", limits)
+
+    def _held(self, torque: Column) -> tuple[Column, Column]:
+        """The torque (r,) that the limits let through, and the time to learn from it: none while it is clipped, when
+        the error is not the estimate's fault."""
+        kept, length = [], self.period
+        for x, limit in zip(torque, np.asarray(self.torque_limits).tolist(), strict=True):
+            bounded = clip(x, -limit, limit) if np.isfinite(limit) else x
+            length = where(absolute(x) <= limit, length, 0.0) if np.isfinite(limit) else length
+            kept.append(bounded)
+        return Column(kept), Column((length,))
 
     def _parameters(self, estimate: Column) -> Column:
         """All P parameters of an estimate."""

@@ -6,17 +6,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, stacked_rows
+from adaptctl.arrays import Array
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
 from adaptctl.control.adaptive import AdaptiveController, AdaptiveState
 from adaptctl.control.controller import ReferencePoint
-from adaptctl.control.gains.gains import (
-    LARGEST_SAMPLED_GAIN,
-    positive_per_joint,
-    sampled_configurations,
-    typical_inertia,
-)
+from adaptctl.control.gains.gains import positive_per_joint, typical_inertia
+from adaptctl.control.gains.hold import DEFINITE, LARGEST_SAMPLED_GAIN, least_definite
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.errors import GainError, InputError
 from adaptctl.identifiability import ReducedModel
@@ -44,7 +41,8 @@ class AdaptiveComputedTorque(AdaptiveController):
 
     `bandwidth` is Lambda (1/s); `weight` is W (r,) in kg m^2, the joints' typical inertias when not given, which
     makes gains comparable to `SlotineLi`'s. Other arguments as there. Raises `InputError` for a first estimate
-    whose mass matrix is not positive definite everywhere.
+    whose mass matrix is not positive definite everywhere, as far as a local search from the worst of 200
+    configurations finds.
     """
 
     tunable = ("bandwidth", "weight", "initial")
@@ -55,6 +53,7 @@ class AdaptiveComputedTorque(AdaptiveController):
     adaptation: AdaptationLaw[Any] | Array | None = None
     weight: Array | None = None
     period: float = 1e-3
+    torque_limits: ArrayLike | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "bandwidth", positive_per_joint(self.bandwidth, self.dof, "bandwidth"))
@@ -80,11 +79,12 @@ class AdaptiveComputedTorque(AdaptiveController):
             felt = solve_symmetric(inertia, column(self.weight) * sliding)
             return equations.motion(memory.q, before, before, acceleration).powers(felt, self.model.columns)
 
-        passed = Period(gradient, memory.s, s, memory.torque, q, v, self.period, memory.elapsed[0])
+        damping = column(np.asarray(self.weight) * self.bandwidth)
+        passed = Period(gradient, memory.s, s, memory.torque, q, v, self.period, memory.elapsed[0], damping)
         estimate, learning = self._learned(memory, passed)
         a = reference.a - bandwidth * (e_rate + s)
         torque = equations.inverse_dynamics(q, v, v, a, self._parameters(estimate))
-        return torque, AdaptiveState(estimate, q, v, s, torque, Column((self.period,)), learning, NoMemory())
+        return torque, AdaptiveState(estimate, q, v, s, *self._held(torque), learning, NoMemory())
 
     @property
     def _motion_size(self) -> int:
@@ -102,14 +102,11 @@ class AdaptiveComputedTorque(AdaptiveController):
 
     def _require_inertia(self) -> None:
         """Raise `InputError` where the first estimate's mass matrix is not positive definite."""
-        mechanism = self.model.mechanism
-        p = sampled_configurations(mechanism)
-        parameters = column(self.model.embed(np.asarray(self.initial)))
-        rows = mechanism.equations.mass_matrix(column(mechanism.configuration(p)), parameters)
-        smallest = float(np.linalg.eigvalsh(stacked_rows(rows, p.shape[:-1])).min())
-        if not smallest > 0.0:
+        smallest, p = least_definite(self.model.mechanism, self.model.embed(np.asarray(self.initial)))
+        if not smallest > DEFINITE:
             raise InputError(
                 "adaptive computed torque: needs a first estimate whose mass matrix is positive definite everywhere, "
-                f"this one's has the eigenvalue {smallest:.3g}: start from a rough model of the arm, or "
-                "use SlotineLi, which can start from zero"
+                f"this one's, its diagonal scaled to 1, has the eigenvalue {smallest:.3g} at "
+                f"p = {np.round(p, 3).tolist()}: start from a rough model of the arm, or use SlotineLi, which can "
+                "start from zero"
             )

@@ -160,8 +160,9 @@ class Controller(Tunable, ABC, Generic[Memory]):
         columns |= dict.fromkeys(self.gain_sizes, self.packed)
         memory = _columns(leaves(state), self._memory_sizes, arms)
         torque, after = self._many.step(prod(arms), columns, memory)
-        if not np.isfinite(torque).all():
-            self._blame(p, v, reference, torque.reshape(*arms, -1))
+        for what, made in (("torque", torque), *(("state", part) for part in after)):
+            if not np.isfinite(made).all():
+                self._blame(p, v, reference, made.reshape(*arms, -1), what)
         after = after if len(arms) == 1 else [values.reshape(*arms, values.shape[1]) for values in after]
         return torque.reshape(*arms, torque.shape[1]), like(state, after)
 
@@ -199,13 +200,17 @@ class Controller(Tunable, ABC, Generic[Memory]):
         array = np.atleast_1d(np.asarray(values))
         return checked(array, self.dof if size is None else size, f"{type(self).__name__}: {what}")
 
-    def _blame(self, p: ArrayLike, v: ArrayLike, reference: ReferencePoint, torque: ArrayLike = 0.0) -> NoReturn:
+    def _blame(
+        self, p: ArrayLike, v: ArrayLike, reference: ReferencePoint, made: ArrayLike = 0.0, what: str = "torque"
+    ) -> NoReturn:
         self._measured(p, "p"), self._measured(v, "v")
-        for what, values in zip(reference._fields, reference, strict=True):
-            self._measured(values, f"reference.{what}", self.reference_size)
-        arm = np.argwhere(~np.isfinite(np.atleast_1d(torque)))[:1, :-1].ravel().tolist()
+        for part, values in zip(reference._fields, reference, strict=True):
+            self._measured(values, f"reference.{part}", self.reference_size)
+        arm = np.argwhere(~np.isfinite(np.atleast_1d(made)))[:1, :-1].ravel().tolist()
         whose = f" of arm {', '.join(map(str, arm))}" if arm else ""
-        raise NonFiniteError(f"{type(self).__name__}: the torque{whose} is not finite, though all it was given is")
+        raise NonFiniteError(
+            f"{type(self).__name__}: the torque or the state{whose} is not finite, though all it was given is"
+        )
 
 
 @lru_cache(maxsize=64)

@@ -11,10 +11,14 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, per_joint
 from adaptctl.control.controller import Controller, ReferencePoint, leaves
+from adaptctl.control.gains.hold import require_period
+from adaptctl.control.ringing import ALARM, BRAKE, Ringing
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column, Scalar, absolute, clip, column, maximum, minimum, where
 from adaptctl.scalars.scalar import Condition
 
+LOUD = 1e6
+"""rad/s (m/s): a sliding variable is taken as no larger, so that its square stays finite"""
 LARGEST = float(np.finfo(np.float64).max)
 
 Parts = TypeVar("Parts", bound=tuple[Any, ...])
@@ -31,8 +35,10 @@ class Marks(NamedTuple):
     """nothing is learned from the period that begins, because its torque is not the law's"""
     bounded: Any
     """an estimate was brought back to its bounds"""
+    ringing: Any
+    """a joint's sliding variable changes its sign from tick to tick"""
     stopped: Any
-    """something was not finite, now or before: the arm is braked"""
+    """something was not finite, out of bounds or ringing beyond help, now or before: the arm is braked"""
 
 
 class GuardedState(NamedTuple):
@@ -43,6 +49,7 @@ class GuardedState(NamedTuple):
     """(r,) N m"""
     begun: Any
     """(1,) 1 after the first tick"""
+    heard: Ringing
     marks: Marks
 
     @property
@@ -60,8 +67,10 @@ class Guarded(Controller[GuardedState]):
     fault, and nothing is learned from that period (`freeze`): an integrator's anti-windup by conditional
     integration (Astrom and Hagglund, Advanced PID Control, 2006, section 3.5). Estimates stay within
     `estimate_bounds`, two of (k,). When a measurement, a reference, or anything that the law makes of them is not
-    finite, the arm is braked by `stop_damping` (N m s/rad; the law's own damping where it has one) from then on,
-    until `init`: gravity is not held, so a brake must. Numbers are scalars or one a joint.
+    finite, when a joint is outside `position_limits`, two of (r,) rad, or faster than `velocity_limits` (rad/s), or
+    when it rings so that rho is below -0.9 (`adaptctl.control.ringing`), the arm is braked by `stop_damping`
+    (N m s/rad; the law's own damping where it has one) from then on, until `init`: gravity is not held, so a brake
+    must. Numbers are scalars or one a joint.
 
     What the guards do is in the state's `marks`, tick by tick.
     """
@@ -73,9 +82,11 @@ class Guarded(Controller[GuardedState]):
     stop_damping: ArrayLike | None = None
     freeze: bool = True
     period: float | None = None
+    position_limits: tuple[ArrayLike, ArrayLike] | None = None
+    velocity_limits: ArrayLike = np.inf
 
     def __post_init__(self) -> None:
-        for name in ("torque_limits", "rate_limits"):
+        for name in ("torque_limits", "rate_limits", "velocity_limits"):
             object.__setattr__(self, name, _limits(getattr(self, name), self.dof, name))
         own = getattr(self.of, "damping", None) if self.stop_damping is None else self.stop_damping
         if own is None:
@@ -83,6 +94,10 @@ class Guarded(Controller[GuardedState]):
         object.__setattr__(self, "stop_damping", _brake(own, self.dof))
         if self.period is None:
             object.__setattr__(self, "period", getattr(self.of, "period", None))
+        if self.period is not None:
+            require_period(self.period)
+        if self.position_limits is not None:
+            object.__setattr__(self, "position_limits", _range(*self.position_limits, self.dof))
         if np.isfinite(np.asarray(self.rate_limits)).any() and self.period is None:
             raise InputError(f"period: {type(self.of).__name__} does not know its own, and limiting rates needs it")
         if self.estimate_bounds is not None:
@@ -117,7 +132,7 @@ class Guarded(Controller[GuardedState]):
     def start(self, p: Array, v: Array) -> GuardedState:
         """The memory before the first tick: the law's own, and nothing done yet."""
         marks = Marks(*(np.zeros(1) for _ in Marks._fields))
-        return GuardedState(self.of.start(p, v), np.zeros(self.dof), np.zeros(1), marks)
+        return GuardedState(self.of.start(p, v), np.zeros(self.dof), np.zeros(1), Ringing.silent(self.dof), marks)
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: GuardedState) -> tuple[Column, GuardedState]:
         """One tick: the law's on finite numbers only, and as much of its torque as the limits allow."""
@@ -126,7 +141,10 @@ class Guarded(Controller[GuardedState]):
         torque, after = self.of.law(clean[0], clean[1], ReferencePoint(*clean[2:]), memory.of)
         after, bounded = self._bounded(after)
         sound = _sound((*given, torque, *leaves(after)))
-        stopped = where(sound, memory.marks.stopped[0], 1.0)
+        heard = memory.heard.heard(self._sliding(sound, after, clean))
+        worst = heard.worst
+        lost = maximum(self._outside(clean[0], clean[1]), where(worst < BRAKE, 1.0, 0.0))
+        stopped = where(sound, maximum(memory.marks.stopped[0], lost), 1.0)
         torque = _either(stopped > 0.5, -(column(self.stop_damping) * clean[1]), torque)
         after = _chosen(stopped > 0.5, memory.of, after)
         limits = Column(minimum(limit, LARGEST) for limit in column(self.torque_limits))
@@ -136,8 +154,27 @@ class Guarded(Controller[GuardedState]):
         frozen = maximum(beyond, too_fast) if self.freeze else 0.0
         after = _told(after, applied)
         after = _without_learning(frozen > 0.5, after) if self.freeze else after
-        marks = Marks(*(Column((mark,)) for mark in (beyond, too_fast, frozen, bounded, stopped)))
-        return applied, GuardedState(after, applied, Column((1.0,)), marks)
+        rings = where(worst < ALARM, 1.0, 0.0)
+        marks = Marks(*(Column((mark,)) for mark in (beyond, too_fast, frozen, bounded, rings, stopped)))
+        return applied, GuardedState(after, applied, Column((1.0,)), heard, marks)
+
+    def _sliding(self, sound: Condition, after: Any, clean: list[Column]) -> Column:
+        """The law's sliding variable (r,), or the error of velocities where it has none; 0 where that is not sound."""
+        p, v, _, reference_v, _ = clean
+        alike = len(reference_v) == len(v)
+        s = getattr(after, "s", v - reference_v if alike else Column.zeros(len(p)))
+        return Column(where(sound, clip(x, -LOUD, LOUD), 0.0) for x in s)
+
+    def _outside(self, p: Column, v: Column) -> Any:
+        """1 where a joint is beyond a limit of position or velocity, else 0."""
+        beyond: Any = 0.0
+        lower, upper = self.position_limits or (np.full(self.dof, -np.inf), np.full(self.dof, np.inf))
+        for low, x, high in zip(np.asarray(lower).tolist(), p, np.asarray(upper).tolist(), strict=True):
+            beyond = where(x < low, 1.0, beyond) if np.isfinite(low) else beyond
+            beyond = where(x > high, 1.0, beyond) if np.isfinite(high) else beyond
+        for x, limit in zip(v, np.asarray(self.velocity_limits).tolist(), strict=True):
+            beyond = where(absolute(x) > limit, 1.0, beyond) if np.isfinite(limit) else beyond
+        return beyond
 
     def _within_reach(self, torque: Column, memory: GuardedState) -> Column:
         """The nearest torque that the rate allows; any is at the first tick."""
@@ -162,6 +199,14 @@ def _limits(values: ArrayLike, dof: int, what: str) -> Array:
     if not np.all(limits > 0.0):
         raise InputError(f"{what}: expected positive numbers, one or {dof}, got {limits.tolist()}")
     return limits
+
+
+def _range(lower: ArrayLike, upper: ArrayLike, dof: int) -> tuple[Array, Array]:
+    """Two limits (r,) of each joint's position, infinite where there is none."""
+    low, high = (per_joint(values, dof, "position_limits") for values in (lower, upper))
+    if not np.all(low < high):
+        raise InputError("position_limits: expected lower < upper for every joint")
+    return low, high
 
 
 def _brake(values: ArrayLike, dof: int) -> Array:

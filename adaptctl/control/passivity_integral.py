@@ -57,5 +57,9 @@ class PassivityIntegral(SlotineLi):
         v_r = reference.v - twice * e - square * integral
         return ReferenceVelocity(v_r, reference.a - twice * e_rate - square * e, Integral(integral, e))
 
+    @property
+    def _velocity_feedback(self) -> Array:
+        return 2.0 * self.bandwidth
+
     def _more(self, p: Array, v: Array) -> Integral:
         return Integral(np.zeros(self.dof), np.zeros(self.dof))

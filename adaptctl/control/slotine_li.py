@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 from adaptctl.arrays import Array
+from adaptctl.control.adaptation.gain import Descent
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
 from adaptctl.control.adaptive import AdaptiveController, AdaptiveState
 from adaptctl.control.controller import ReferencePoint
+from adaptctl.control.gains.estimate_hold import estimate_hold
 from adaptctl.control.gains.gains import positive_per_joint
+from adaptctl.control.gains.hold import hold_number, require_hold
+from adaptctl.control.gains.workspace import Workspace
+from adaptctl.errors import StabilityWarning
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, column
 
@@ -31,14 +40,19 @@ class SlotineLi(AdaptiveController):
         estimate' = -Gamma Y_r' s, or another adaptation law's
 
     Theorem: M s' + C s + K s = Y_r error, so that in continuous time V = s'Ms/2 + error' Gamma^-1 error/2 falls as
-    -s'Ks, and the tracking error goes to zero. The estimates converge too only under persistent excitation, and
+    -s'Ks, and the tracking error goes to zero. Drives' friction f is modelled at v_r: with it V falls by
+    s'(f(v) - f(v_r)) >= 0 besides, for any friction that rises with velocity. At v an estimate above the truth would
+    be positive feedback. The estimates converge too only under persistent excitation, and
     nothing keeps them physically consistent, unless the adaptation law does. The proof asks of v_r only that a_r be
     its derivative (Ortega and Spong 1989): `PassivityIntegral` and `TaskSpaceSlotineLi` are this law with another.
 
     `model` has the k parameters; `bandwidth` is Lambda (1/s) and `damping` K (N m s/rad), each one number or one a
     joint (r,); `adaptation` is an adaptation law, or Gamma for `Gradient`, its diagonal (k,) or whole (k, k), or None
     to switch adaptation off; `initial` (k,) is the first estimate, zero when not given; `period` is the control period
-    T_c in s.
+    T_c in s; `workspace` is where the period must carry the gains, all that the limits allow unless given; nothing is
+    learned from a period whose torque is beyond `torque_limits` (r,), the mechanism's own unless given; `prior` (k,) is
+    how far each parameter may be from its first estimate: with it, `StabilityWarning` tells where the estimate could
+    come to ring (`estimate_hold`), which is no reason not to try.
 
     Raises `GainError` when the period cannot carry the damping, `InputError` on wrong shapes and on an adaptation law
     that does not fit the model.
@@ -52,18 +66,23 @@ class SlotineLi(AdaptiveController):
     adaptation: AdaptationLaw[Any] | Array | None = None
     initial: Array | None = None
     period: float = 1e-3
+    workspace: Workspace | None = None
+    torque_limits: ArrayLike | None = None
+    prior: ArrayLike | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "bandwidth", positive_per_joint(self.bandwidth, self._coordinates, "bandwidth"))
         object.__setattr__(self, "damping", positive_per_joint(self.damping, self.dof, "damping"))
         self._settle()
-        self._require_carried(self.damping)
+        self._require_carried()
+        if self.prior is not None:
+            self._warn_of_estimates(np.asarray(self.prior, dtype=np.float64))
 
     def law(
         self, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> tuple[Column, AdaptiveState]:
         """One tick: learn from the period that has passed, then act."""
-        equations = self.model.mechanism.equations
+        equations, damping = self.model.mechanism.equations, column(self.damping)
         q = equations.closed(p, memory.q)
         v_r, a_r, more = self.reference_velocity(q, p, v, reference, memory)
         s = v - v_r
@@ -71,12 +90,12 @@ class SlotineLi(AdaptiveController):
         def gradient(sliding: Column) -> Column:  # Y_r's, of the regressor at the last tick
             return equations.remembered(memory.motion).powers(sliding, self.model.columns)
 
-        passed = Period(gradient, memory.s, s, memory.torque, q, v, self.period, memory.elapsed[0])
+        passed = Period(gradient, memory.s, s, memory.torque, q, v, self.period, memory.elapsed[0], damping)
         estimate, learning = self._learned(memory, passed)
         motion = equations.motion(q, v, v_r, a_r)
-        torque = motion.torque(self._parameters(estimate)) - column(self.damping) * s
+        torque = motion.torque(self._parameters(estimate)) - damping * s
         kept = motion.numbers if self._motion_size else Column(())
-        return torque, AdaptiveState(estimate, q, kept, s, torque, Column((self.period,)), learning, more)
+        return torque, AdaptiveState(estimate, q, kept, s, *self._held(torque), learning, more)
 
     def reference_velocity(
         self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
@@ -85,6 +104,31 @@ class SlotineLi(AdaptiveController):
         bandwidth = column(self.bandwidth)
         e, e_rate = p - reference.p, v - reference.v
         return ReferenceVelocity(reference.v - bandwidth * e, reference.a - bandwidth * e_rate, NoMemory())
+
+    def _require_carried(self) -> None:
+        """Raise `GainError` where the period cannot carry the gains."""
+        require_hold(self.model.mechanism, self.damping, self.period, self._velocity_feedback, self.workspace)
+
+    def _warn_of_estimates(self, prior: Array) -> None:
+        """Warn (`StabilityWarning`) where an estimate within the prior and V can make the hold number 2."""
+        if not isinstance(self.adaptation_law, Descent):
+            return
+        fed_back = self._velocity_feedback
+        held = hold_number(self.model.mechanism, self.damping, self.period, fed_back, workspace=self.workspace).value
+        own = estimate_hold(self.model, self.adaptation_law.gain, prior, fed_back, self.period, self.workspace)
+        if held + own >= 2.0:
+            warnings.warn(
+                f"{self.model.mechanism.name}: the hold number of the gains is {held:.3g}, and estimates within the "
+                f"prior may add {own:.3g} on their way: below 2 none of them rings for certain. A smaller adaptation "
+                "gain (`adaptation_gain` with the gains), bandwidth, period or prior lowers it",
+                StabilityWarning,
+                stacklevel=4,
+            )
+
+    @property
+    def _velocity_feedback(self) -> Array:
+        """What a_r feeds back of the joints' velocities (r,), 1/s."""
+        return self.bandwidth
 
     @property
     def _motion_size(self) -> int:

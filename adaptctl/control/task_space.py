@@ -13,7 +13,7 @@ from adaptctl.arrays import Array, frozen_array, stacked_rows
 from adaptctl.control.adaptation.law import NoMemory
 from adaptctl.control.adaptive import AdaptiveState
 from adaptctl.control.controller import ReferencePoint
-from adaptctl.control.gains.gains import sampled_configurations
+from adaptctl.control.gains.workspace import sampled_configurations
 from adaptctl.control.slotine_li import ReferenceVelocity, SlotineLi
 from adaptctl.dynamics.recursion.jacobian import moving_point
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
@@ -149,6 +149,12 @@ class TaskSpaceSlotineLi(SlotineLi):
     def _link(self) -> int:
         names = [link.name for link in self.model.mechanism.links]
         return len(names) - 1 if self.link is None else names.index(self.link)
+
+    @property
+    def _velocity_feedback(self) -> Array:
+        """The point's greatest bandwidth: where J is regular J# Lambda J has no greater eigenvalue, and the rest of
+        the motion has the posture's rate."""
+        return np.full(self.dof, max(float(self.bandwidth.max()), self.posture_rate))
 
     @property
     def _coordinates(self) -> int:

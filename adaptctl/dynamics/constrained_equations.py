@@ -119,6 +119,10 @@ class ConstrainedEquations(Equations):
         """Rows of M(p)."""
         return self.whole.mass_matrix(q, self.expanded(parameters))
 
+    def damping(self, q: Column, v: Column, parameters: Column) -> list[list[Scalar]]:
+        """Rows of B."""
+        return self.whole.damping(q, v, self.expanded(parameters))
+
     def expanded(self, parameters: Column) -> Column:
         """D = D0 + N z (P,)."""
         terms: list[list[tuple[float, Any]]] = [[(1.0, x)] if x else [] for x in self.known]

@@ -20,7 +20,7 @@ class Motion(ABC):
 
     @abstractmethod
     def torque(self, parameters: Column) -> Column:
-        """M a_r + C(p, v) v_r + g + friction at v (r,), in N m (N for a prismatic joint), of parameters (P,)."""
+        """M a_r + C(p, v) v_r + g + friction at v_r (r,), in N m (N for a prismatic joint), of parameters (P,)."""
 
     @abstractmethod
     def regressor(self, columns: Sequence[int]) -> list[Column]:
@@ -110,18 +110,42 @@ class Equations(ABC):
         """Rows of M(p) (r, r)."""
 
     @abstractmethod
+    def damping(self, q: Column, v: Column, parameters: Column) -> list[list[Scalar]]:
+        """Rows of B (r, r), symmetric and at least 0: the drives' friction at v is B v."""
+
+    @abstractmethod
     def weightless(self) -> Equations:
         """The same equations without gravity."""
 
     def torque_regressor(self, q: Column, v: Column, v_r: Column, a_r: Column, columns: Sequence[int]) -> list[Column]:
-        """Rows of Y (r, k), the asked k columns only: Y D = M a_r + C(p, v) v_r + g + friction at v."""
+        """Rows of Y (r, k), the asked k columns only: Y D = M a_r + C(p, v) v_r + g + friction at v_r."""
         return self.motion(q, v, v_r, a_r).regressor(columns)
 
     def inverse_dynamics(self, q: Column, v: Column, v_r: Column, a_r: Column, parameters: Column) -> Column:
-        """Torque M a_r + C(p, v) v_r + g + friction at v (r,), in N m (N for a prismatic joint)."""
+        """Torque M a_r + C(p, v) v_r + g + friction at v_r (r,), in N m (N for a prismatic joint)."""
         return self.motion(q, v, v_r, a_r).torque(parameters)
 
     def forward_dynamics(self, q: Column, v: Column, torque: Column, parameters: Column) -> Column:
         """Accelerations (r,) under a torque: M(p) a = torque - C(p, v) v - g(p) - friction."""
         bias = self.inverse_dynamics(q, v, v, Column.zeros(self.dof), parameters)
         return solve_symmetric(self.mass_matrix(q, parameters), torque - bias)
+
+    def damped_dynamics(
+        self, q: Column, v: Column, torque: Column, parameters: Column, dt: float, more: Sequence[Scalar]
+    ) -> Column:
+        """Accelerations (r,) over a step of dt (s) whose friction is taken at its end: (M + dt B) a = torque - bias.
+
+        Linear in the velocity, by the secant B at v; `more` (r,) are the secants of what else brakes the primary joints
+        and is in the torque.
+        """
+        rows, damping = self.mass_matrix(q, parameters), self.damping(q, v, parameters)
+        for i, secant in enumerate(more):
+            damping[i][i] = damping[i][i] + secant
+        bias = self.inverse_dynamics(q, v, v, Column.zeros(self.dof), parameters)
+        pairs = (zip(row, damped, strict=True) for row, damped in zip(rows, damping, strict=True))
+        return solve_symmetric([[_damped(m, b, dt) for m, b in pair] for pair in pairs], torque - bias)
+
+
+def _damped(inertia: Scalar, damping: Scalar, dt: float) -> Scalar:
+    """m + dt b, where there is a b: zeros of a tree's matrices stay zeros."""
+    return inertia if isinstance(damping, float) and damping == 0.0 else inertia + dt * damping

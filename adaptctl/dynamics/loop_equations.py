@@ -145,10 +145,22 @@ class LoopEquations(Equations):
         """Rows of M(p) = J' M_tree J."""
         return self._mass_matrix(self.posture(q), q, parameters)
 
+    def damping(self, q: Column, v: Column, parameters: Column) -> list[list[Scalar]]:
+        """Rows of B = J' B_tree J."""
+        posture = self.posture(q)
+        rows = [Column(row) for row in self.tree.damping(q, posture.tree(v), parameters)]
+        ways = self._ways(posture)
+        loads = [Column(row @ way for row in rows) for way in ways]
+        return [[way @ load for load in loads] for way in ways]
+
+    def _ways(self, posture: Posture) -> list[Column]:
+        """Columns of J, each (n,)."""
+        units = (Column(float(i == j) for j in range(self.dof)) for i in range(self.dof))
+        return [posture.tree(unit) for unit in units]
+
     def _mass_matrix(self, posture: Posture, q: Column, parameters: Column) -> list[list[Scalar]]:
         rows = [Column(row) for row in self.tree.mass_matrix(q, parameters)]
-        units = [Column(float(i == j) for j in range(self.dof)) for i in range(self.dof)]
-        ways = [posture.tree(unit) for unit in units]
+        ways = self._ways(posture)
         loads = [Column(row @ way for row in rows) for way in ways]
         return [[ways[max(i, j)] @ loads[min(i, j)] for j in range(self.dof)] for i in range(self.dof)]
 

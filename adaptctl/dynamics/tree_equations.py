@@ -34,7 +34,7 @@ class TreeMotion(Motion):
         self.layout, self.places, self.links, self.drives = layout, places, links, drives
 
     def torque(self, parameters: Column) -> Column:
-        """M a_r + C(p, v) v_r + g + friction at v (r,)."""
+        """M a_r + C(p, v) v_r + g + friction at v_r (r,)."""
         total = list(joint_torques(self.places, self.links, self.layout.tens(parameters)))
         shares = zip(self.layout.drives, self.drives, self.layout.of_drives(parameters), strict=True)
         for term, share, value in shares:
@@ -124,7 +124,7 @@ class TreeEquations(Equations):
     def motion(self, p: Column, v: Column, v_r: Column, a_r: Column) -> TreeMotion:
         """The links' motion by Newton-Euler's forward recursion, and the drives' shares."""
         places = placements(self.segments, p)
-        drives = [term.torque(v, a_r) for term in self.layout.drives]
+        drives = [term.torque(v_r, a_r) for term in self.layout.drives]
         return TreeMotion(self.layout, places, motions(places, v, v_r, a_r, self.gravity), drives)
 
     def remembered(self, numbers: Column) -> TreeMotion:
@@ -144,6 +144,17 @@ class TreeEquations(Equations):
         rows = mass_matrix(placements(self.segments, p), self.layout.tens(parameters))
         for term, value in zip(self.layout.drives, self.layout.of_drives(parameters), strict=True):
             for joint, share in [] if term.kind.is_friction else term.on_joints(value):
+                for other, part in term.on_joints(share):
+                    rows[joint][other] = rows[joint][other] + part
+        return rows
+
+    def damping(self, p: Column, v: Column, parameters: Column) -> list[list[Scalar]]:
+        """Rows of B (r, r), which is diagonal but for shafts that turn with several joints."""
+        rows: list[list[Scalar]] = [[0.0] * self.dof for _ in range(self.dof)]
+        for term, value in zip(self.layout.drives, self.layout.of_drives(parameters), strict=True):
+            if not term.kind.is_friction:
+                continue
+            for joint, share in term.on_joints(value * term.damping(v)):
                 for other, part in term.on_joints(share):
                     rows[joint][other] = rows[joint][other] + part
         return rows

@@ -2,16 +2,22 @@
 
 from adaptctl.recording.artifacts import prepare_folder, shown, write_artifacts
 from adaptctl.recording.comparison import Comparison, ControllerRun, Finding, Setting, TickCost
+from adaptctl.recording.judgement import judged
 from adaptctl.recording.result import Progress, Result
+from adaptctl.recording.verdict import Failure, Fault, Verdict
 
 __all__ = [
     "Comparison",
     "ControllerRun",
+    "Failure",
+    "Fault",
     "Finding",
     "Progress",
     "Result",
     "Setting",
     "TickCost",
+    "Verdict",
+    "judged",
     "prepare_folder",
     "shown",
     "write_artifacts",

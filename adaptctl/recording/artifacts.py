@@ -7,8 +7,9 @@ from pathlib import Path
 from adaptctl.errors import FileError
 from adaptctl.files import replacing
 from adaptctl.recording.comparison import Comparison
+from adaptctl.recording.judgement import judged
 from adaptctl.recording.result import Progress, Result, silent
-from adaptctl.recording.wording import facts, headline, verdict
+from adaptctl.recording.wording import facts, headline, told
 
 RECORDING, SUMMARY, TRACE, REPORT, FIGURES = (
     "recording.rrd",
@@ -46,8 +47,9 @@ def shown(comparison: Comparison) -> Result:
     """A comparison as an experiment's result."""
     return Result(
         complete=comparison.complete,
-        headline=headline(verdict(comparison), comparison.complete),
+        headline=headline(told(comparison), comparison.complete),
         facts=tuple(facts(comparison)),
+        verdict=judged(comparison),
         write=lambda folder, progress: write_artifacts(folder, comparison, progress),
     )
 

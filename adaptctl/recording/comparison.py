@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identifiability import EssentialSpace, FundamentalBasis, ReducedModel
+from adaptctl.recording.verdict import Failure
 from adaptctl.simulation.rollout import Rollout
 
 if TYPE_CHECKING:
@@ -21,6 +23,8 @@ SETTLED = 2.0
 """s at the end of a run over which its final error is taken."""
 BEGINNING = 1.0
 """s at the start of a run over which its first error is taken."""
+AT_LIMIT = 1.0 - 1e-9
+"""of a torque's limit"""
 
 
 @dataclass(frozen=True)
@@ -63,13 +67,17 @@ class ControllerRun:
 
     @property
     def first_rms_error(self) -> float | None:
-        """`rms_error` over the first second."""
-        return self.rms_error(stop=BEGINNING)
+        """`rms_error` over the first second; None where the run is shorter."""
+        return self.rms_error(stop=BEGINNING) if self._lasts(BEGINNING) else None
 
     @property
     def final_rms_error(self) -> float | None:
-        """`rms_error` over the last two seconds that were run."""
-        return self.rms_error(start=self.duration - SETTLED)
+        """`rms_error` over the last two seconds that were run; None where the run is shorter."""
+        return self.rms_error(start=self.duration - SETTLED) if self._lasts(SETTLED) else None
+
+    def _lasts(self, length: float) -> bool:
+        """Whether the run has that many seconds, to half a control period."""
+        return self.duration > length - 0.5 * self.rollout.control_period
 
     def moving_rms_error(self, window: float) -> Array:
         """`rms_error` (T,) over the last `window` seconds before each sample."""
@@ -78,11 +86,6 @@ class ControllerRun:
         stop = np.arange(1, len(squares) + 1)
         start = np.maximum(stop - max(1, round(window / self.rollout.control_period)), 0)
         return np.sqrt(np.maximum(sums[stop] - sums[start], 0.0) / (stop - start))
-
-    @property
-    def clipped_steps(self) -> int:
-        """Control periods in which the environment had to clip a torque."""
-        return int(np.count_nonzero(self.rollout.clipped))
 
     @property
     def lyapunov_max_increase(self) -> float | None:
@@ -138,6 +141,8 @@ class Comparison:
     """figures besides those of every comparison: what this one is about"""
     answer: str | None = None
     """the outcome in a sentence or two, where it is not how much adaptation is worth"""
+    expected: Mapping[Failure, str] = field(default_factory=dict)
+    """the failures that the experiment expects of its subject, and why: they are its question"""
 
     def __post_init__(self) -> None:
         if not self.runs or len(self.runs[0].rollout.time) == 0:
@@ -182,6 +187,12 @@ class Comparison:
     def error_unit(self) -> str:
         """Unit of a thousandth of a joint's position: mrad, mm, or both."""
         return ", ".join(f"m{unit}" for unit in sorted(set(self.position_units), reverse=True))
+
+    def limited_steps(self, run: ControllerRun) -> int:
+        """Control periods of a run in which a torque was clipped, or was at its limit."""
+        largest = np.abs(run.rollout.applied) / self.torque_limits
+        at_limit = (largest >= AT_LIMIT).any(axis=1) | (run.rollout.clipped > 0.0)
+        return int(np.count_nonzero(at_limit))
 
     @property
     def peak_torque_shares(self) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from adaptctl.recording.comparison import Comparison
-from adaptctl.recording.wording import CONVERGENCE, INCOMPLETE, error, facts, outcome, verdict
+from adaptctl.recording.wording import CONVERGENCE, INCOMPLETE, error, facts, outcome, told
 
 
 def summary_markdown(comparison: Comparison) -> str:
@@ -15,7 +15,7 @@ def summary_markdown(comparison: Comparison) -> str:
         f"| {outcome(run)} |"
         for run in comparison.runs
     )
-    return f"""{warning}{verdict(comparison)}
+    return f"""{warning}{told(comparison)}
 
 {_paired(list(facts(comparison)))}
 

@@ -13,7 +13,7 @@ from adaptctl.recording.figures import drawings
 from adaptctl.recording.page import embedded, rendered
 from adaptctl.recording.palette import run_color
 from adaptctl.recording.trace import parameter_unit
-from adaptctl.recording.wording import CONVERGENCE, INCOMPLETE, error, facts, number, outcome, verdict
+from adaptctl.recording.wording import CONVERGENCE, INCOMPLETE, error, facts, number, outcome, told
 
 
 def write_report(path: str | Path, comparison: Comparison, figures: Mapping[str, Path]) -> None:
@@ -28,7 +28,7 @@ def report(comparison: Comparison, figures: Mapping[str, Path]) -> str:
     return rendered(
         "report.html",
         comparison=comparison,
-        verdict=verdict(comparison),
+        verdict=told(comparison),
         incomplete=INCOMPLETE,
         convergence=CONVERGENCE,
         facts=list(facts(comparison)),
@@ -84,7 +84,7 @@ def _run_row(index: int, run: ControllerRun, comparison: Comparison) -> dict[str
         "knows": run.knows,
         "first": error(run.first_rms_error, unit),
         "final": error(run.final_rms_error, unit),
-        "clipped": run.clipped_steps,
+        "clipped": comparison.limited_steps(run),
         "called": f"{1e6 * cost.called:.1f} µs" if cost else "–",
         "native": f"{1e9 * cost.native:.0f} ns" if cost and cost.native else "–",
         "flops": f"{cost.flops:,}" if cost and cost.flops is not None else "–",

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
 
+from adaptctl.recording.verdict import Verdict
+
 Progress: TypeAlias = Callable[[str, float], object]
 """Called with what is being done, and the share of it (0 to 1) that is done."""
 
@@ -25,5 +27,7 @@ class Result:
     """the outcome in a sentence or two"""
     facts: tuple[tuple[str, str], ...]
     """questions that a person asks first, and the answers"""
+    verdict: Verdict
+    """whether the controllers that it is about did what was asked"""
     write: Callable[[Path, Progress], object]
     """writes recording, report, figures and all into a folder that is ready, every file whole or not at all"""

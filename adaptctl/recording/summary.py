@@ -8,6 +8,7 @@ from typing import Any
 
 from adaptctl.files import write_json
 from adaptctl.recording.comparison import Comparison, ControllerRun
+from adaptctl.recording.judgement import judged
 
 SCHEMA = "adaptctl/summary/1"
 
@@ -21,13 +22,15 @@ def summary(comparison: Comparison) -> dict[str, Any]:
     """Summary in JSON's types: what was run and how it went; SI units and radians, null for what was not run.
 
     `rms_error` is the root mean square over all joints and all control periods of the adaptive run,
-    `final_rms_error` over the last two seconds.
+    `final_rms_error` over the last two seconds, where there are two. `clipped_steps` counts the control periods with a
+    torque that was clipped or at its limit.
     """
     subject, baseline = comparison.subject, comparison.baseline
     lyapunov = subject.lyapunov if subject.lyapunov is not None and len(subject.lyapunov) else (None,)
     return {
         "schema": SCHEMA,
         "complete": comparison.complete,
+        "verdict": judged(comparison).as_builtins(),
         "experiment": comparison.experiment,
         "robot": comparison.mechanism.name,
         "robot_sha256": comparison.mechanism.description.sha256,
@@ -43,10 +46,10 @@ def summary(comparison: Comparison) -> dict[str, Any]:
         "lyapunov_final": lyapunov[-1],
         "lyapunov_max_increase": subject.lyapunov_max_increase,
         "peak_torque_share": float(comparison.peak_torque_shares.max()),
-        "clipped_steps": subject.clipped_steps,
+        "clipped_steps": comparison.limited_steps(subject),
         "rank": comparison.space.rank,
         "parameters": _parameters(comparison),
-        "runs": {run.name: _run(run) for run in comparison.runs},
+        "runs": {run.name: _run(run, comparison) for run in comparison.runs},
         "findings": {finding.name: {"value": finding.value, "unit": finding.unit} for finding in comparison.findings},
         "settings": {setting.name: setting.value for setting in comparison.settings},
         "wall_time": subject.rollout.wall_time,
@@ -65,7 +68,7 @@ def _parameters(comparison: Comparison) -> dict[str, dict[str, float]]:
     return {name: {"true": float(true), "estimate": float(estimate)} for name, true, estimate in rows}
 
 
-def _run(run: ControllerRun) -> dict[str, Any]:
+def _run(run: ControllerRun, comparison: Comparison) -> dict[str, Any]:
     return {
         "label": run.label,
         "complete": run.rollout.complete,
@@ -74,7 +77,7 @@ def _run(run: ControllerRun) -> dict[str, Any]:
         "rms_error": run.rms_error(),
         "first_rms_error": run.first_rms_error,
         "final_rms_error": run.final_rms_error,
-        "clipped_steps": run.clipped_steps,
+        "clipped_steps": comparison.limited_steps(run),
         "lyapunov_max_increase": run.lyapunov_max_increase,
         "tick": asdict(run.cost) if run.cost else None,
         "wall_time": run.rollout.wall_time,

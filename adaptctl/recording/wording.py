@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from adaptctl.recording.comparison import Comparison, ControllerRun
+from adaptctl.recording.judgement import judged
 from adaptctl.recording.summary import realtime_factor
 
 
@@ -28,28 +29,40 @@ def error(value: float | None, unit: str) -> str:
     return "–" if value is None else f"{number(1e3 * value)} {unit}"
 
 
-def verdict(comparison: Comparison) -> str:
-    """Outcome of a comparison in a sentence or two: its own answer, or what adaptation is worth."""
-    if comparison.answer is not None:
-        return comparison.answer
-    subject, baseline, unit = comparison.subject, comparison.baseline, comparison.error_unit
+def told(comparison: Comparison) -> str:
+    """Outcome of a comparison: what failed first, then its own answer, or what adaptation is worth."""
+    answer = _worth(comparison) if comparison.answer is None else comparison.answer
+    return judged(comparison).before(answer)
+
+
+def _worth(comparison: Comparison) -> str:
+    """What adaptation is worth, in a sentence or two."""
+    subject, unit = comparison.subject, comparison.error_unit
     first, final = subject.first_rms_error, subject.final_rms_error
-    said = (
-        f"Knowing {subject.knows} of its inertial parameters, the arm goes from "
-        f"{error(first, unit)} of tracking error in the first second to {error(final, unit)} in the last two"
+    knowing = f"Knowing {subject.knows} of its inertial parameters, the arm"
+    if first is None or final is None:
+        return f"{knowing} has {error(subject.rms_error(), unit)} of tracking error in {subject.duration:.2f} s."
+    went = (
+        f"goes from {error(first, unit)} of tracking error in the first second to {error(final, unit)} in the last two"
     )
-    if baseline is None or baseline.final_rms_error is None or not final:
-        return f"{said}."
-    ratio = baseline.final_rms_error / final
-    return (
-        f"{said}. The same controller with adaptation off stays at "
-        f"{error(baseline.final_rms_error, unit)}, {number(ratio, 2)} times as much."
-    )
+    return " ".join((f"{knowing} {went}.", *_without_adaptation(comparison, final)))
 
 
-def headline(verdict: str, complete: bool) -> str:
-    """A verdict, after a line of warning where the experiment is incomplete."""
-    return verdict if complete else f"{INCOMPLETE}\n{verdict}"
+def _without_adaptation(comparison: Comparison, final: float) -> Iterator[str]:
+    """What becomes of the same controller with adaptation off, beside the subject's final error (rad or m)."""
+    baseline = comparison.baseline
+    if baseline is None:
+        return
+    if baseline.rollout.terminated:
+        yield f"The same controller with adaptation off is {outcome(baseline)}."
+    elif (off := baseline.final_rms_error) is not None and final:
+        times = f"{number(off / final, 2)} times as much"
+        yield f"The same controller with adaptation off stays at {error(off, comparison.error_unit)}, {times}."
+
+
+def headline(told: str, complete: bool) -> str:
+    """An outcome, after a line of warning where the experiment is incomplete."""
+    return told if complete else f"{INCOMPLETE}\n{told}"
 
 
 def outcome(run: ControllerRun) -> str:
@@ -67,13 +80,15 @@ def facts(comparison: Comparison) -> Iterator[tuple[str, str]]:
     yield "RMS error, first second", error(subject.first_rms_error, unit)
     yield "RMS error, last 2 s", error(subject.final_rms_error, unit)
     if comparison.baseline:
-        yield "… with adaptation off", error(comparison.baseline.final_rms_error, unit)
+        baseline = comparison.baseline
+        fell = baseline.rollout.terminated
+        yield "… with adaptation off", outcome(baseline) if fell else error(baseline.final_rms_error, unit)
     if subject.lyapunov_max_increase is not None:
         rise = subject.lyapunov_max_increase
         yield "Lyapunov function", "never rises" if rise == 0.0 else f"rises by at most {number(rise)} J a step"
     peak = float(comparison.peak_torque_shares.max())
     yield "Peak torque", f"{100 * peak:.0f} % of the limit"
-    yield "Steps clipped", f"{subject.clipped_steps:,} of {len(subject.rollout.time):,}"
+    yield "Steps at a torque limit", f"{comparison.limited_steps(subject):,} of {len(subject.rollout.time):,}"
     yield "Parameters", f"{comparison.space.rank} independent among {len(comparison.mechanism.parameter_names)}"
     yield "Simulated", f"{number(realtime_factor(subject))} times faster than real time"
 

@@ -2,7 +2,13 @@
 
 from adaptctl.simulation.closed_loop import ClosedLoop
 from adaptctl.simulation.episode import Episode
-from adaptctl.simulation.integrator import Acceleration, Integrator, RungeKutta4, SemiImplicitEuler
+from adaptctl.simulation.integrator import (
+    Acceleration,
+    Integrator,
+    LinearlyImplicitEuler,
+    RungeKutta4,
+    SemiImplicitEuler,
+)
 from adaptctl.simulation.plant import Plant
 from adaptctl.simulation.plant_state import PlantState
 from adaptctl.simulation.rollout import Rollout, rollout
@@ -14,6 +20,7 @@ __all__ = [
     "ClosedLoop",
     "Episode",
     "Integrator",
+    "LinearlyImplicitEuler",
     "Plant",
     "PlantState",
     "Rollout",

@@ -28,6 +28,8 @@ class Integrator(Protocol):
 
     stages: ClassVar[int]
     """Accelerations a step."""
+    implicit: ClassVar[bool]
+    """Whether its accelerations have the friction of the step's end, not of its beginning."""
 
     def step(
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
@@ -41,6 +43,7 @@ class RungeKutta4:
     """The classical method of order 4 (Kutta 1901): four accelerations a step."""
 
     stages: ClassVar[int] = 4
+    implicit: ClassVar[bool] = False
 
     def step(
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
@@ -67,6 +70,7 @@ class SemiImplicitEuler:
     """
 
     stages: ClassVar[int] = 1
+    implicit: ClassVar[bool] = False
 
     def step(
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
@@ -74,3 +78,25 @@ class SemiImplicitEuler:
         """Configuration and velocities `dt` seconds later, with an error of order dt^2."""
         after = v + dt * acceleration(q, v)
         return q + dt * rates(q, after), after
+
+
+@dataclass(frozen=True)
+class LinearlyImplicitEuler:
+    """Euler's method of order 1 with the friction of the step's end, linearised: stable however stiff friction is.
+
+        (M + dt B) (v_1 - v) = dt (torque - C v - g - B v),  p_1 = p + dt (v + v_1)/2
+
+    B v is the friction at v: Coulomb friction by the secant of its curve, whose value it keeps at steady speed. With
+    torque and gravity held, friction alone never reverses a velocity (a Rosenbrock method of one stage: Hairer and
+    Wanner 1996, section IV.7).
+    """
+
+    stages: ClassVar[int] = 1
+    implicit: ClassVar[bool] = True
+
+    def step(
+        self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
+    ) -> tuple[Column, Column]:
+        """Configuration and velocities `dt` seconds later, with an error of order dt^2."""
+        after = v + dt * acceleration(q, v)
+        return q + dt * rates(q, 0.5 * (v + after)), after

@@ -8,6 +8,7 @@ from adaptctl.experiments.replication.result import Replication
 from adaptctl.experiments.replication.wording import facts, headline
 from adaptctl.recording.artifacts import FIGURES, RECORDING, REPORT, SUMMARY, TRACE
 from adaptctl.recording.result import Progress, Result
+from adaptctl.recording.verdict import Verdict
 
 
 def shown(replication: Replication) -> Result:
@@ -16,6 +17,7 @@ def shown(replication: Replication) -> Result:
         complete=replication.complete,
         headline=headline(replication),
         facts=tuple(facts(replication)),
+        verdict=Verdict(),
         write=lambda folder, progress: write_artifacts(folder, replication, progress),
     )
 

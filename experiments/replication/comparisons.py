@@ -13,7 +13,7 @@ from adaptctl.experiments.replication.printed import printed
 from adaptctl.experiments.replication.puma560_energy import table3
 from adaptctl.experiments.replication.semi_direct_drive_tables import table10
 from adaptctl.experiments.replication.study import Study
-from adaptctl.experiments.replication.verdict import Check, Claim, Item, Verdict, compared, evidence, judged
+from adaptctl.experiments.replication.verdict import Check, Claim, Item, Outturn, compared, evidence, judged
 from adaptctl.identifiability import essential_space
 from adaptctl.identifiability.energy_matrix import energies
 from adaptctl.identifiability.factorisation import singular_values
@@ -65,11 +65,11 @@ def conclusions(study: Study) -> Item:
     return Item(
         "conclusions",
         "Section 6: what the paper concludes",
-        Verdict.ERRATUM,
+        Outturn.ERRATUM,
         f'"Eight" parameters for three joints contradicts Table 13\'s 16 and the true {rank}. Eight is what the first '
         f"two joints of the PUMA have.",
         checks=(
-            Check("independent parameters", "three-joint PUMA", eight, str(rank), Verdict.ERRATUM),
+            Check("independent parameters", "three-joint PUMA", eight, str(rank), Outturn.ERRATUM),
             compared("independent parameters", "semi-direct-drive", arm, study.five_bar.space.rank),
         ),
         claims=(
@@ -77,15 +77,15 @@ def conclusions(study: Study) -> Item:
                 sayings["eight"],
                 "rank of energies and of torques",
                 f"{rank} against {study.five_bar.space.rank}",
-                Verdict.ERRATUM,
+                Outturn.ERRATUM,
             ),
             Claim(
                 sayings["torque_34_20"],
                 "as under Tables 3 and 10",
                 "PUMA 560: {}; semi-direct-drive: {}".format(*(claim.found for claim in torque)),
-                Verdict.IN_SHAPE
-                if all(claim.verdict is Verdict.IN_SHAPE for claim in torque)
-                else Verdict.NOT_REPRODUCED,
+                Outturn.IN_SHAPE
+                if all(claim.verdict is Outturn.IN_SHAPE for claim in torque)
+                else Outturn.NOT_REPRODUCED,
             ),
         ),
         evidence=(
@@ -114,7 +114,7 @@ def _counts(mechanism: Mechanism, rank: int) -> dict[str, int]:
 
 def _checked(row: str, column: str, text: str, computed: int) -> Check:
     check = compared(row, column, text, computed)
-    return check if check.exact else replace(check, verdict=Verdict.ERRATUM, digits=None, of_digits=None)
+    return check if check.exact else replace(check, verdict=Outturn.ERRATUM, digits=None, of_digits=None)
 
 
 def _undifferenced(mechanism: Mechanism) -> int:

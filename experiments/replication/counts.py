@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from adaptctl.experiments.replication.verdict import Check, Item, Verdict
+from adaptctl.experiments.replication.verdict import Check, Item, Outturn
 
 
 @dataclass(frozen=True)
@@ -26,17 +26,17 @@ class Counts:
     def of(cls, checks: Sequence[Check]) -> Counts:
         """Counts of some checks."""
         by = Counter(check.verdict for check in checks)
-        done = [check for check in checks if check.verdict is Verdict.REPRODUCED]
+        done = [check for check in checks if check.verdict is Outturn.REPRODUCED]
         short = [(check.of_digits or 0) - (check.digits or 0) for check in done]
         return cls(
             printed=len(checks),
-            given=by[Verdict.GIVEN],
+            given=by[Outturn.GIVEN],
             reproduced=len(done),
             to_the_last_digit=short.count(0),
             one_digit_short=short.count(1),
-            in_shape=by[Verdict.IN_SHAPE],
-            errata=by[Verdict.ERRATUM],
-            not_reproduced=by[Verdict.NOT_REPRODUCED],
+            in_shape=by[Outturn.IN_SHAPE],
+            errata=by[Outturn.ERRATUM],
+            not_reproduced=by[Outturn.NOT_REPRODUCED],
         )
 
 

@@ -11,7 +11,7 @@ from adaptctl.experiments.replication.draws import Draws
 from adaptctl.experiments.replication.printed import Table, printed
 from adaptctl.experiments.replication.study import Study
 from adaptctl.experiments.replication.torque_tables import ENERGY
-from adaptctl.experiments.replication.verdict import Check, Claim, Item, Scene, Verdict, drawn, evidence, percent
+from adaptctl.experiments.replication.verdict import Check, Claim, Item, Outturn, Scene, drawn, evidence, percent
 
 SLOPE, REAL = 0.5, np.array([3.0, 2.5])
 """c and D_R of the drawn example."""
@@ -25,7 +25,7 @@ def figure1(study: Study) -> Item:
     return Item(
         "figure1",
         "The transformations among three kinds of inertial parameter vectors",
-        Verdict.REPRODUCED,
+        Outturn.REPRODUCED,
         "Equations 29 and 30 and the formula for b1 hold to round-off; drawn for one choice.",
         chosen=(f"c = {SLOPE:g}, M1 = {REAL[0]:g}, M2 = {REAL[1]:g}: the figure's own values cannot be read",),
         evidence=(
@@ -60,7 +60,7 @@ def figure3(study: Study) -> Item:
     return Item(
         "figure3",
         "The relations between %error and the number of inertial components, both arms",
-        Verdict.IN_SHAPE,
+        Outturn.IN_SHAPE,
         "The PUMA's curve falls as printed, steadily to 34 components, then steeply; the printed draw lies high: "
         f"{above} of the five printed errors exceed those of all {study.seeds} seeds. The other arm's steep tail is "
         "that of a linkage that is nearly a parallelogram.",
@@ -101,7 +101,7 @@ def _torque_figure(
     return Item(
         name,
         f"The relations between joint {joint} computed torques and the number of components, {label}",
-        Verdict.IN_SHAPE,
+        Outturn.IN_SHAPE,
         "A few components follow the torque roughly, more follow it closely, all follow it exactly. The mean square "
         f"errors are those of Table {'3' if joint == 1 else '10'}.",
         chosen=(*study.choices, study.motion_choice, f"the draw of seed {study.seed}"),
@@ -133,12 +133,12 @@ def _points(table: Table) -> dict[int, float]:
 
 def _puma_energy(draws: Draws, checks: tuple[Check, ...]) -> Claim:
     middle = " and ".join(f"{np.median(draws.percent_errors[:, s]):.2g} %" for s in (30, 34))
-    inside = [check.verdict is Verdict.IN_SHAPE for check in checks]
+    inside = [check.verdict is Outturn.IN_SHAPE for check in checks]
     return Claim(
         printed().claims["puma_energy"],
         "whether the printed errors lie among the seeds' at 30 and at 34 components",
         f"{'yes' if inside[0] else 'no'} and {'yes' if inside[1] else 'no'}; medians {middle}",
-        Verdict.IN_SHAPE if all(inside) else Verdict.NOT_REPRODUCED,
+        Outturn.IN_SHAPE if all(inside) else Outturn.NOT_REPRODUCED,
         float(np.mean(draws.percent_errors[:, 30] >= float(checks[0].printed))),
     )
 
@@ -157,7 +157,7 @@ def _arm_energy(study: Study) -> tuple[Claim, ...]:
                 saying,
                 f"energy errors at 11 and 17 components of the {label} arm",
                 f"below the bounds on {percent(shares[0])} and {percent(shares[1])} of the seeds; medians {middle}",
-                Verdict.IN_SHAPE if both >= 0.5 else Verdict.NOT_REPRODUCED,
+                Outturn.IN_SHAPE if both >= 0.5 else Outturn.NOT_REPRODUCED,
                 both,
             )
         )

@@ -13,7 +13,15 @@ from adaptctl.experiments.replication.arms import SampledArm, semi_direct_drive
 from adaptctl.experiments.replication.decoupling import Decoupling
 from adaptctl.experiments.replication.printed import printed
 from adaptctl.experiments.replication.study import Study
-from adaptctl.experiments.replication.verdict import Claim, Evidence, Item, Relations, Verdict, compared, evidence
+from adaptctl.experiments.replication.verdict import (
+    Claim,
+    Evidence,
+    Item,
+    Outturn,
+    Relations,
+    compared,
+    evidence,
+)
 from adaptctl.identifiability import fundamental_basis
 
 THREE = 3
@@ -40,7 +48,7 @@ def section53(study: Study) -> Item:
     return Item(
         "section5.3",
         "Decoupling the semi-direct-drive arm by mass redistribution",
-        Verdict.ERRATUM,
+        Outturn.ERRATUM,
         f"Any three independent relations make 26 into {under_three}, so the arithmetic holds. But three relations do "
         f"not make three off-diagonal inertias vanish: that takes {len(generic.needs.relations)} on a generic linkage, "
         f"leaving {generic.needs.left}, which no bodies with extent obey; and {len(equal.needs.relations)} on a "
@@ -56,7 +64,7 @@ def section53(study: Study) -> Item:
                 "relations that all three off-diagonal inertias ask for",
                 f"{len(generic.needs.relations)} and {len(equal.needs.relations)}, not three; "
                 f"{generic.needs.left} and {equal.needs.left} are left",
-                Verdict.ERRATUM,
+                Outturn.ERRATUM,
             ),
             _still_more(study, generic.needs.left, equal.needs.left),
         ),
@@ -78,7 +86,7 @@ def _still_more(study: Study, generic: int, equal: int) -> Claim:
         printed().claims["still_more"],
         "independent parameters of the decoupled arm against those of the three-joint PUMA",
         f"23 and {generic} are more than {serial}, but the decoupled parallelogram's {equal} are fewer",
-        Verdict.ERRATUM if equal < serial else Verdict.REPRODUCED,
+        Outturn.ERRATUM if equal < serial else Outturn.REPRODUCED,
     )
 
 

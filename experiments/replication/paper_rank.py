@@ -6,7 +6,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.experiments.replication.printed import printed
-from adaptctl.experiments.replication.verdict import Claim, Verdict, percent
+from adaptctl.experiments.replication.verdict import Claim, Outturn, percent
 
 THRESHOLD = float(np.sqrt(np.finfo(np.float64).eps))
 """The square root of the machine precision."""
@@ -25,6 +25,6 @@ def rank_claim(claim: str, singular_values: Array, certified: int) -> Claim:
         saying,
         "singular values above the square root of the machine precision, as a share of the largest",
         f"rank {saying.numbers} on {percent(share)} of the seeds; certified rank {certified}",
-        Verdict.REPRODUCED if share == 1.0 else Verdict.NOT_REPRODUCED,
+        Outturn.REPRODUCED if share == 1.0 else Outturn.NOT_REPRODUCED,
         share,
     )

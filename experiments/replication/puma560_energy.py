@@ -16,7 +16,7 @@ from adaptctl.experiments.replication.verdict import (
     Check,
     Claim,
     Item,
-    Verdict,
+    Outturn,
     drawn,
     evidence,
     given,
@@ -44,7 +44,7 @@ def table1(study: Study) -> Item:
     return Item(
         "table1",
         table.title,
-        Verdict.GIVEN,
+        Outturn.GIVEN,
         "Inputs. The built-in puma560 has exactly these limits.",
         checks=checks,
         evidence=(
@@ -103,7 +103,7 @@ def table3(study: Study) -> Item:
         "table3",
         table.title,
         judged(checks),
-        f"With one sinusoid of one frequency for all joints, {sum(c.verdict is Verdict.IN_SHAPE for c in checks)} of "
+        f"With one sinusoid of one frequency for all joints, {sum(c.verdict is Outturn.IN_SHAPE for c in checks)} of "
         f"{len(checks)} printed errors lie among those of the seeds; with all 36 components only round-off is left, as "
         "printed.",
         chosen=(*study.choices, study.motion_choice),
@@ -134,7 +134,7 @@ def _first_34(draws: Draws) -> Claim:
         "the largest fall of the singular values is after the 34th, and tenfold",
         f"holds on {percent(float(apart.mean()))} of the seeds. But not “almost equally”: the 1st is "
         f"{spread[0]:.0f} times the 34th among singular values, and {spread[1]:.0f} times among energy contributions",
-        Verdict.IN_SHAPE,
+        Outturn.IN_SHAPE,
         float(apart.mean()),
     )
 

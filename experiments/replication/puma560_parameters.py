@@ -14,8 +14,8 @@ from adaptctl.experiments.replication.study import Study
 from adaptctl.experiments.replication.verdict import (
     Claim,
     Item,
+    Outturn,
     Relations,
-    Verdict,
     compared,
     evidence,
     given,
@@ -40,7 +40,7 @@ def table4(study: Study) -> Item:
     return Item(
         "table4",
         table.title,
-        Verdict.GIVEN,
+        Outturn.GIVEN,
         "An input. Its rule, kind by kind and link by link, is the default priority of adaptctl for any mechanism.",
         checks=checks,
     )
@@ -73,7 +73,7 @@ def table5(study: Study) -> Item:
                 printed().claims["puma_independent"],
                 "rank of the energies, and number of parameters that Table 4's rule keeps with exact right angles",
                 f"{space.rank} and {basis.rank}; but not the 36 of Table 5",
-                Verdict.REPRODUCED,
+                Outturn.REPRODUCED,
             ),
         ),
         evidence=(
@@ -109,7 +109,7 @@ def table6(study: Study) -> Item:
     return Item(
         "table6",
         table.title,
-        Verdict.ERRATUM,
+        Outturn.ERRATUM,
         "Inputs, used as printed; but no rigid bodies have them. The paper says that they are assigned. It matters "
         "wherever physics does: puma560_measured has consistent values.",
         checks=checks,
@@ -192,7 +192,7 @@ def table8(study: Study) -> Item:
                 printed().claims["fewer_nonzero"],
                 "entries of Tables 8, 6 and 7 that are not zero to three decimals",
                 "{} against {} and {}".format(*nonzero),
-                Verdict.REPRODUCED if nonzero[0] < min(nonzero[1:]) else Verdict.NOT_REPRODUCED,
+                Outturn.REPRODUCED if nonzero[0] < min(nonzero[1:]) else Outturn.NOT_REPRODUCED,
             ),
         ),
         evidence=(

@@ -8,17 +8,17 @@ from typing import NamedTuple
 
 from adaptctl.experiments.replication.printed import printed
 from adaptctl.experiments.replication.result import Replication
-from adaptctl.experiments.replication.verdict import Check, Verdict
+from adaptctl.experiments.replication.verdict import Check, Outturn
 from adaptctl.experiments.replication.wording import INCOMPLETE, facts, headline
 from adaptctl.files import write_text
 from adaptctl.recording.page import embedded, rendered
 
 STYLES = {
-    Verdict.GIVEN: "given",
-    Verdict.REPRODUCED: "reproduced",
-    Verdict.IN_SHAPE: "in-shape",
-    Verdict.ERRATUM: "erratum",
-    Verdict.NOT_REPRODUCED: "not-reproduced",
+    Outturn.GIVEN: "given",
+    Outturn.REPRODUCED: "reproduced",
+    Outturn.IN_SHAPE: "in-shape",
+    Outturn.ERRATUM: "erratum",
+    Outturn.NOT_REPRODUCED: "not-reproduced",
 }
 
 
@@ -48,20 +48,20 @@ def report(replication: Replication, figures: Mapping[str, Path]) -> str:
         grids={item.name: grid(item.name, item.checks) for item in replication.items},
         labels={item.name: item.label for item in replication.items},
         styles=STYLES,
-        verdicts=[(verdict.value, STYLES[verdict], MEANINGS[verdict]) for verdict in Verdict],
+        verdicts=[(verdict.value, STYLES[verdict], MEANINGS[verdict]) for verdict in Outturn],
         figures=embedded(drawings, figures),
     )
 
 
 MEANINGS = {
-    Verdict.GIVEN: "an input of the paper, used as printed",
-    Verdict.REPRODUCED: "computed again as it stands; where digits are missing, their number is said",
-    Verdict.IN_SHAPE: (
+    Outturn.GIVEN: "an input of the paper, used as printed",
+    Outturn.REPRODUCED: "computed again as it stands; where digits are missing, their number is said",
+    Outturn.IN_SHAPE: (
         "it depends on samples, a motion or an arm that the paper does not print; what was chosen is said, and the "
         "printed number lies among those of all seeds"
     ),
-    Verdict.ERRATUM: "wrong, with a proof by numbers",
-    Verdict.NOT_REPRODUCED: "outside of everything that was computed, and not shown to be wrong",
+    Outturn.ERRATUM: "wrong, with a proof by numbers",
+    Outturn.NOT_REPRODUCED: "outside of everything that was computed, and not shown to be wrong",
 }
 
 

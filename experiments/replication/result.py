@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from adaptctl.experiments.replication.counts import Counts, marks, numbers
 from adaptctl.experiments.replication.study import Study
-from adaptctl.experiments.replication.verdict import Item, Verdict
+from adaptctl.experiments.replication.verdict import Item, Outturn
 from adaptctl.recording import Setting
 
 
@@ -40,4 +40,4 @@ class Replication:
     @property
     def errata(self) -> tuple[str, ...]:
         """Names of the items that are wrong somewhere."""
-        return tuple(item.name for item in self.items if item.verdict is Verdict.ERRATUM)
+        return tuple(item.name for item in self.items if item.verdict is Outturn.ERRATUM)

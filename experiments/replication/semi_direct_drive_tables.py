@@ -17,8 +17,8 @@ from adaptctl.experiments.replication.torque_tables import checked_torque_errors
 from adaptctl.experiments.replication.verdict import (
     Claim,
     Item,
+    Outturn,
     Relations,
-    Verdict,
     evidence,
     given,
     judged,
@@ -42,7 +42,7 @@ def table9(study: Study) -> Item:
     return Item(
         "table9",
         table.title,
-        Verdict.GIVEN,
+        Outturn.GIVEN,
         "Inputs. The built-in semi_direct_drive has these limits and closes over all of them.",
         chosen=(
             "link lengths 0.45, 0.30, 0.37 and 0.41 m for links 2 to 5, and inertias of tubes, rotors and a payload: "
@@ -71,7 +71,7 @@ def table10(study: Study) -> Item:
     near, generic = study.nearly_parallel_draws, study.five_bar_draws
     checks = checked_torque_errors(table, near.percent_errors, study.nearly_parallel_torque_errors)
     other = checked_torque_errors(table, generic.percent_errors, study.five_bar_torque_errors)
-    inside = [sum(check.verdict is Verdict.IN_SHAPE for check in one) for one in (checks, other)]
+    inside = [sum(check.verdict is Outturn.IN_SHAPE for check in one) for one in (checks, other)]
     tilted = _tilt_error(study)
     return Item(
         "table10",
@@ -116,14 +116,14 @@ def table11(study: Study) -> Item:
     order = study.priority("table11", study.five_bar.mechanism).indices(names)
     places = {names[j]: i + 1 for i, j in enumerate(order)}
     checks = tuple(given(row, link, text, places[name(row, link)]) for row, link, text in table.entries())
-    return Item("table11", table.title, Verdict.GIVEN, "An input, of the same rule as Table 4.", checks=checks)
+    return Item("table11", table.title, Outturn.GIVEN, "An input, of the same rule as Table 4.", checks=checks)
 
 
 def table12(study: Study) -> Item:
     """Item of Table 12: the independent parameters of the arm with a loop."""
     table, basis, draws = printed().tables["table12"], study.five_bar_basis, study.five_bar_draws
     checks = tuple(
-        marked(row, link, text, index(row, link) in basis.columns, Verdict.NOT_REPRODUCED)
+        marked(row, link, text, index(row, link) in basis.columns, Outturn.NOT_REPRODUCED)
         for row, link, text in table.entries()
     )
     parallelogram = semi_direct_drive(load("semi_direct_drive_parallelogram"))
@@ -141,7 +141,7 @@ def table12(study: Study) -> Item:
                 saying,
                 "rank of the energies, and number of parameters that Table 11's rule keeps",
                 f"{study.five_bar.space.rank} and {basis.rank}",
-                Verdict.REPRODUCED if basis.rank == int(saying.numbers) else Verdict.NOT_REPRODUCED,
+                Outturn.REPRODUCED if basis.rank == int(saying.numbers) else Outturn.NOT_REPRODUCED,
             ),
             rank_claim("arm_rank", draws.singular_values, draws.rank),
         ),

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from adaptctl.experiments.replication.result import Replication
-from adaptctl.experiments.replication.verdict import Check, Claim, Item, Verdict
+from adaptctl.experiments.replication.verdict import Check, Claim, Item, Outturn
 from adaptctl.files import write_json
 
 SCHEMA = "adaptctl/replication/1"
@@ -30,7 +30,7 @@ def summary(replication: Replication) -> dict[str, Any]:
         "seconds": replication.seconds,
         "numbers": asdict(replication.numbers),
         "marks": asdict(replication.marks),
-        "items_by_verdict": {v.value: sum(item.verdict is v for item in items) for v in Verdict},
+        "items_by_verdict": {v.value: sum(item.verdict is v for item in items) for v in Outturn},
         "errata": list(replication.errata),
         "items": {item.name: _item(item) for item in items},
         "settings": {setting.name: setting.value for setting in replication.settings},

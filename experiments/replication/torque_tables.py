@@ -8,7 +8,7 @@ from adaptctl.arrays import Array
 from adaptctl.experiments.replication.arms import StatedMotion
 from adaptctl.experiments.replication.draws import Draws
 from adaptctl.experiments.replication.printed import Table, printed
-from adaptctl.experiments.replication.verdict import Check, Claim, Relations, Verdict, drawn, percent, vanishing
+from adaptctl.experiments.replication.verdict import Check, Claim, Outturn, Relations, drawn, percent, vanishing
 
 ENERGY = "energy error [%]"
 ROUND_OFF = 1e-15
@@ -50,7 +50,7 @@ def fewest_components(claim: str, printed_count: int, draws: Draws, errors: Arra
         f"the fewest components with which every joint's root mean square torque error is within {percent(CLOSE[0])} "
         "of its torque's along the stated sinusoid; the paper does not say what is accurate",
         f"{printed_count} or more on {percent(judged)} of the seeds; medians {middle}",
-        Verdict.IN_SHAPE if judged >= 0.5 else Verdict.NOT_REPRODUCED,
+        Outturn.IN_SHAPE if judged >= 0.5 else Outturn.NOT_REPRODUCED,
         judged,
     )
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from adaptctl.recording.drawing import Drawing
 
 
-class Verdict(Enum):
+class Outturn(Enum):
     """Verdicts on something printed."""
 
     GIVEN = "given"
@@ -40,7 +40,7 @@ class Check:
     column: str
     printed: str
     computed: str
-    verdict: Verdict
+    verdict: Outturn
     digits: int | None = None
     """how many of the printed digits are met, where they can be"""
     of_digits: int | None = None
@@ -62,7 +62,7 @@ class Check:
     @property
     def exact(self) -> bool:
         """Whether every printed digit is met."""
-        return self.verdict is Verdict.REPRODUCED and self.digits == self.of_digits
+        return self.verdict is Outturn.REPRODUCED and self.digits == self.of_digits
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class Claim:
     saying: Saying
     measured: str
     found: str
-    verdict: Verdict
+    verdict: Outturn
     share: float | None = None
 
 
@@ -127,7 +127,7 @@ class Item:
     name: str
     """as the command line has it: ``table7``"""
     title: str
-    verdict: Verdict
+    verdict: Outturn
     summary: str
     chosen: tuple[str, ...] = ()
     """what the paper leaves open, and what was taken"""
@@ -147,7 +147,7 @@ class Item:
                 return f"{kind.capitalize()} {self.name.removeprefix(kind)}"
         return self.name.capitalize()
 
-    def count(self, *verdicts: Verdict) -> int:
+    def count(self, *verdicts: Outturn) -> int:
         """Number of printed entries that have one of these verdicts."""
         return sum(check.verdict in verdicts for check in self.checks)
 
@@ -156,14 +156,14 @@ def given(row: str, column: str, text: str, used: float) -> Check:
     """Check of an input: used to the printed digit, or else not reproduced."""
     number = Number.of(text)
     same = number.digits_met(used) == number.digits
-    return Check(row, column, text, number.styled(used), Verdict.GIVEN if same else Verdict.NOT_REPRODUCED)
+    return Check(row, column, text, number.styled(used), Outturn.GIVEN if same else Outturn.NOT_REPRODUCED)
 
 
 def compared(row: str, column: str, text: str, computed: float) -> Check:
     """Check of a number that can be computed as it stands: reproduced when at least its first digit is met."""
     number = Number.of(text)
     digits = number.digits_met(computed)
-    verdict = Verdict.REPRODUCED if digits else Verdict.NOT_REPRODUCED
+    verdict = Outturn.REPRODUCED if digits else Outturn.NOT_REPRODUCED
     return Check(row, column, text, number.styled(computed), verdict, digits, number.digits)
 
 
@@ -171,7 +171,7 @@ def drawn(row: str, column: str, text: str, computed: Array) -> Check:
     """Check of a number that depends on a random draw (seeds,): in shape when it lies among the seeds' values."""
     number, low, high = Number.of(text), float(computed.min()), float(computed.max())
     inside = low - 0.5 * number.unit <= number.value <= high + 0.5 * number.unit
-    verdict = Verdict.IN_SHAPE if inside else Verdict.NOT_REPRODUCED
+    verdict = Outturn.IN_SHAPE if inside else Outturn.NOT_REPRODUCED
     middle = number.styled(float(np.median(computed)))
     return Check(row, column, text, middle, verdict, low=low, high=high)
 
@@ -179,19 +179,19 @@ def drawn(row: str, column: str, text: str, computed: Array) -> Check:
 def vanishing(row: str, column: str, text: str, computed: float, bound: float) -> Check:
     """Check of a number that is zero but for round-off: in shape when both are below a bound."""
     number = Number.of(text)
-    verdict = Verdict.IN_SHAPE if max(abs(number.value), abs(computed)) < bound else Verdict.NOT_REPRODUCED
+    verdict = Outturn.IN_SHAPE if max(abs(number.value), abs(computed)) < bound else Outturn.NOT_REPRODUCED
     return Check(row, column, text, f"{computed:.1E}", verdict)
 
 
-def marked(row: str, column: str, text: str, kept: bool, unlike: Verdict = Verdict.ERRATUM) -> Check:
+def marked(row: str, column: str, text: str, kept: bool, unlike: Outturn = Outturn.ERRATUM) -> Check:
     """Check of a cross or a blank of a table of crosses."""
     printed, computed = (MARK if text == MARK else ""), (MARK if kept else "")
-    return Check(row, column, printed, computed, Verdict.REPRODUCED if printed == computed else unlike)
+    return Check(row, column, printed, computed, Outturn.REPRODUCED if printed == computed else unlike)
 
 
-def judged(checks: Sequence[Check]) -> Verdict:
-    """Verdict on several checks: an erratum if one is; else the most frequent of those that are no inputs."""
-    verdicts = [check.verdict for check in checks if check.verdict is not Verdict.GIVEN]
+def judged(checks: Sequence[Check]) -> Outturn:
+    """Outturn on several checks: an erratum if one is; else the most frequent of those that are no inputs."""
+    verdicts = [check.verdict for check in checks if check.verdict is not Outturn.GIVEN]
     if not verdicts:
-        return Verdict.GIVEN
-    return Verdict.ERRATUM if Verdict.ERRATUM in verdicts else max(verdicts, key=verdicts.count)
+        return Outturn.GIVEN
+    return Outturn.ERRATUM if Outturn.ERRATUM in verdicts else max(verdicts, key=verdicts.count)

@@ -66,11 +66,11 @@ class Side:
 
     def first_tip_rms(self, run: ControllerRun | None) -> float | None:
         """`tip_rms` over the first second, m."""
-        return self.tip_rms(run, stop=BEGINNING)
+        return None if run is None or run.first_rms_error is None else self.tip_rms(run, stop=BEGINNING)
 
     def final_tip_rms(self, run: ControllerRun | None) -> float | None:
         """`tip_rms` over the last two seconds that were run, m."""
-        return None if run is None else self.tip_rms(run, start=run.duration - SETTLED)
+        return None if run is None or run.final_rms_error is None else self.tip_rms(run, start=run.duration - SETTLED)
 
 
 @dataclass(frozen=True, eq=False)

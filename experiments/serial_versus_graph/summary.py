@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from adaptctl.experiments.serial_versus_graph.result import Side, SideBySide
+from adaptctl.experiments.serial_versus_graph.wording import verdict
 from adaptctl.files import write_json
 from adaptctl.recording.summary import summary as comparison_summary
 
@@ -23,6 +24,7 @@ def summary(result: SideBySide) -> dict[str, Any]:
     return {
         "schema": SCHEMA,
         "complete": result.complete,
+        "verdict": verdict(result).as_builtins(),
         "experiment": result.experiment,
         "seed": result.seed,
         "duration": result.duration,

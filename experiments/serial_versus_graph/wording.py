@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 from adaptctl.experiments.serial_versus_graph.result import Side, SideBySide
 from adaptctl.recording.comparison import ControllerRun
+from adaptctl.recording.judgement import judged
+from adaptctl.recording.verdict import Verdict
 from adaptctl.recording.wording import error, number
 
 WHY_NOT_16 = (
@@ -24,8 +26,17 @@ class Row(NamedTuple):
     section: bool = False
 
 
-def verdict(result: SideBySide) -> str:
-    """Outcome in a sentence or two."""
+def told(result: SideBySide) -> str:
+    """Outcome in a sentence or two, what failed said first."""
+    return verdict(result).before(_answer(result))
+
+
+def verdict(result: SideBySide) -> Verdict:
+    """Verdict on both arms' controllers."""
+    return Verdict.together(judged(side.comparison) for side in result.sides)
+
+
+def _answer(result: SideBySide) -> str:
     ranks = " and ".join(f"{side.label} {side.comparison.space.rank}" for side in result.sides)
     said = f"Independent parameters: {ranks}. "
     ticks = [_flops(side.comparison.subject) for side in result.sides]
@@ -112,7 +123,10 @@ QUESTIONS: tuple[tuple[str, Callable[[Side], str] | None], ...] = (
     ("Joint error (RMS), last 2 s", _subject(lambda side, run: error(run.final_rms_error, "mrad"))),
     ("Lyapunov function rises", _rises),
     ("Peak torque", lambda side: f"{100 * float(side.comparison.peak_torque_shares.max()):.0f} % of the limit"),
-    ("Steps clipped", _subject(lambda side, run: f"{run.clipped_steps:,} of {len(run.rollout.time):,}")),
+    (
+        "Steps at a torque limit",
+        _subject(lambda side, run: f"{side.comparison.limited_steps(run):,} of {len(run.rollout.time):,}"),
+    ),
 )
 FACTS = (
     "Links",

@@ -13,4 +13,5 @@ from adaptctl.control.adaptation.prior_ranges import adaptation_gain as adaptati
 from adaptctl.control.adaptation.prior_ranges import mapped_gain as mapped_gain
 from adaptctl.control.adaptation.projection import Projection as Projection
 from adaptctl.control.adaptation.projection import limits as limits
+from adaptctl.control.adaptation.released_gradient import ReleasedGradient as ReleasedGradient
 from adaptctl.control.adaptation.subspace import Subspace as Subspace

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array, frozen_array
 from adaptctl.control.adaptation.law import AdaptationLaw
 from adaptctl.control.controller import Memory
+from adaptctl.control.gains.hold import scaled_eigenvalues
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, column
@@ -73,5 +74,6 @@ def require_size(values: Array, model: ReducedModel, what: str) -> None:
 
 
 def _is_positive_definite(matrix: Array) -> bool:
-    symmetric = np.allclose(matrix, matrix.T, rtol=1e-12, atol=0.0)
-    return bool(symmetric and np.linalg.eigvalsh(matrix)[0] > 0.0)
+    """Whether it is, to round-off of its largest entry; its parameters' units are scaled out first."""
+    symmetric = np.allclose(matrix, matrix.T, rtol=0.0, atol=1e-12 * np.abs(matrix).max(initial=0.0))
+    return bool(symmetric and np.all(np.diagonal(matrix) > 0.0) and scaled_eigenvalues(matrix)[0] > 0.0)

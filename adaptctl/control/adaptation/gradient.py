@@ -3,22 +3,36 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.control.adaptation.gain import Descent
 from adaptctl.control.adaptation.law import NoMemory, Period
+from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column
+
+TINY = 1e-300
+"""Added to a power, so that nothing is divided by zero where s is zero."""
 
 
 @dataclass(frozen=True, eq=False)
 class Gradient(Descent[NoMemory]):
-    """estimate' = -Gamma Y's (Slotine and Li 1987).
+    """estimate' = -Gamma Y's (Slotine and Li 1987), by a rule that a control period carries.
 
-    Guarantees, without disturbance: V = s'Ms/2 + error' Gamma^-1 error/2 falls as -s'Ks, so the tracking
-    error goes to zero and the estimate stays bounded. Sampled, the trapezium -T_c Gamma Y_k'(s_k + s_k+1)/2
-    holds V where Euler's rule -T_c Gamma Y_k's_k (`euler=True`, for comparison) lets it rise, and needs
-    T_c lambda_max(K^-1 Y Gamma Y') < 1 besides.
+    estimate -= T_c n Gamma x, x = Y_k' s, s = s_k + theta (s_k+1 - s_k), n = s'Ks/(s'Ks + cap T_c x'Gamma x)
+
+    `theta` is 1 for the backward rule, which is the default, 1/2 for the trapezium and 0 for Euler's; `cap` of 0 leaves
+    out the share n. With n the step is never worth more than 1/cap of what K takes out.
+
+    Guarantees, in continuous time and without disturbance: V = s'Ms/2 + error' Gamma^-1 error/2 falls as -s'Ks, so the
+    tracking error goes to zero and the estimate stays bounded. Sampled, with M constant, the hold number
+    h = T_c lambda_max(M^-1 K) and a = T_c lambda_max(K^-1 Y Gamma Y'), without the share: the backward rule lets V fall
+    where a + h < 2; the trapezium s'(M - T_c K/2)s/2 + error' Gamma^-1 error/2 where a < 2 and h < 2; Euler's rule has
+    no such function and is here for comparison. With the share there is no theorem, only experience: it is there for
+    a beyond these bounds. `ReleasedGradient` has one for every a. The derivations: docs/discrete_adaptation.md.
 
     Gives up: with any disturbance (friction, noise, saturation) and no persistent excitation the estimate
     drifts without bound; it need not become the true one; and nothing keeps it physically consistent.
@@ -26,13 +40,30 @@ class Gradient(Descent[NoMemory]):
 
     tunable = ("gain",)
 
-    euler: bool = False
+    theta: float = 1.0
+    cap: float = 2.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not 0.0 <= self.theta <= 1.0:
+            raise InputError(f"gradient: theta: expected a number from 0 (Euler) to 1 (backward), got {self.theta}")
+        if not (np.isfinite(self.cap) and self.cap >= 0.0):
+            raise InputError(f"gradient: cap: expected a finite number of at least 0, got {self.cap}")
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
         """No memory."""
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate a step down the gradient, by the trapezium or by Euler's rule."""
-        s = period.elapsed * period.before if self.euler else period.integral
-        return estimate - self.applied(period.gradient(s)), memory
+        """The estimate a step down the gradient."""
+        s = period.after if self.theta == 1.0 else period.before + self.theta * (period.after - period.before)
+        slope = period.gradient(s)
+        step = self.applied(slope)
+        return estimate - (period.elapsed * self._share(period, s, slope @ step)) * step, memory
+
+    def _share(self, period: Period, s: Column, square: Any) -> Any:
+        """n, for x'Gamma x."""
+        if self.cap == 0.0:
+            return 1.0
+        power = s @ (period.damping * s)
+        return power / (power + (self.cap * period.length) * square + TINY)

@@ -35,6 +35,8 @@ class Period(NamedTuple):
     """T_c, s"""
     elapsed: Any
     """T_c, or 0 where nothing is to be learned: before the first tick, and while adaptation is frozen"""
+    damping: Column
+    """(r,) K, where the control law's V falls as -s'Ks"""
 
     @property
     def share(self) -> Any:

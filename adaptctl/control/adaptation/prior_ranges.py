@@ -8,8 +8,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array
-from adaptctl.errors import InputError
+from adaptctl.control.gains.estimate_hold import parameter_holds
+from adaptctl.control.gains.gains import Gains
+from adaptctl.control.gains.hold import hold_number
+from adaptctl.control.gains.workspace import Workspace
+from adaptctl.errors import GainError, InputError
 from adaptctl.identifiability import ReducedModel
+
+HOLD_SHARE = 0.2
+"""of what the gains leave of the hold number, for each parameter"""
 
 
 @dataclass(frozen=True)
@@ -50,18 +57,38 @@ class PriorRanges:
         return self.first_moment if kind.startswith("mc_") else self.inertia
 
 
-def adaptation_gain(model: ReducedModel, ranges: PriorRanges | None = None, rate: float = 0.6) -> Array:
+def adaptation_gain(
+    model: ReducedModel,
+    ranges: PriorRanges | None = None,
+    rate: float = 0.6,
+    *,
+    gains: Gains | None = None,
+    period: float = 1e-3,
+    workspace: Workspace | None = None,
+) -> Array:
     """The diagonal (k,) of Gamma: rate times the square of each kept parameter's prior range.
 
-    1/Gamma then weighs every parameter's error by its range in the Lyapunov function.
+    1/Gamma then weighs every parameter's error by its range in the Lyapunov function. With the `gains` of a control law
+    and its `period` (s), no range is taken greater than HOLD_SHARE of what the gains leave of the hold number, 2 - h,
+    over the hold number that a unit of the parameter causes (`parameter_holds`): a light wrist whose inertia is learned
+    a hundred times too large would ring, and its prior range allows that.
     """
-    return rate * (ranges or PriorRanges()).of(model.names) ** 2
+    reach = (ranges or PriorRanges()).of(model.names)
+    if gains is not None:
+        held = hold_number(model.mechanism, gains.damping, period, gains.bandwidth, workspace=workspace).value
+        caused = parameter_holds(model, gains.bandwidth, period, workspace)
+        reach = np.minimum(reach, HOLD_SHARE * max(2.0 - held, 0.0) / np.maximum(caused, np.finfo(float).tiny))
+    if not np.all(reach > 0.0):
+        raise GainError(f"{model.mechanism.name}: a period of {period:g} s does not carry these gains: nothing is left")
+    return np.asarray(rate * reach**2)
 
 
 def mapped_gain(model: ReducedModel, gain: ArrayLike) -> Array:
     """Gamma_beta = K_r Gamma_D K_r' (k, k) of a gain (P,) on all P parameters.
 
-    With it, adapting the k fundamental parameters is the same controller as adapting all P, to round-off.
+    With it, adapting the k fundamental parameters is the same controller as adapting all P, to round-off. It is
+    symmetric to the last bit.
     """
     full = frozen_array(gain, (model.regrouping.shape[1],), "gain on all parameters")
-    return (model.regrouping * full) @ model.regrouping.T
+    mapped = (model.regrouping * full) @ model.regrouping.T
+    return np.asarray(0.5 * (mapped + mapped.T))

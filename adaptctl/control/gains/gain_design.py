@@ -12,14 +12,14 @@ from scipy.optimize import brentq
 from adaptctl.arrays import Array
 from adaptctl.control.gains.error_feedback import ErrorFeedback
 from adaptctl.control.gains.gains import (
-    LARGEST_SAMPLED_GAIN,
     Gains,
     positive_per_joint,
-    sampled_configurations,
     sampled_gain,
     typical_inertia,
 )
+from adaptctl.control.gains.hold import LARGEST_SAMPLED_GAIN
 from adaptctl.control.gains.margins import Margins, margins
+from adaptctl.control.gains.workspace import everywhere
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import GainError, InputError
 
@@ -117,7 +117,7 @@ class GainDesign:
 
     @property
     def sampled_gain(self) -> float:
-        """T_c max lambda(M^-1 K) over random configurations: stable below 2, and below 1 with a delay of one."""
+        """T_c max lambda(M^-1 K) as far as a search finds: stable below 2, and below 1 with a delay of one."""
         return sampled_gain(self.mechanism, self.damping, self.period)
 
     @property
@@ -178,7 +178,7 @@ def _design(
     inertia = typical_inertia(mechanism)
     if np.any(inertia <= 0.0):
         raise InputError(f"{mechanism.name}: gains need a positive inertia at every joint, got {inertia}")
-    free = 1.0 / np.diagonal(np.linalg.inv(mechanism.mass_matrix(sampled_configurations(mechanism))), axis1=1, axis2=2)
+    free = 1.0 / np.diagonal(np.linalg.inv(everywhere(mechanism).mass_matrices), axis1=1, axis2=2)
     least = free.min(axis=0) / inertia
     found = _once(lambda one: margins(one.loop(delay)), feedback)
     return GainDesign(mechanism, method, tuple(feedback), inertia, least, found, period, delay)

@@ -35,21 +35,34 @@ class DriveTerm:
 
     def torque(self, v: Column, a: Column) -> Scalar:
         """About the shaft: its acceleration for a rotor, else friction's law at its speed, the sign smoothed."""
-        s = self.speed(v)
         match self.kind:
             case DriveParameter.ROTOR_INERTIA:
                 return self.speed(a)
             case DriveParameter.VISCOUS:
-                return s
-            case DriveParameter.COULOMB:
-                return s / sqrt(s * s + SLOW * SLOW)
-            case DriveParameter.SQUARE_ROOT:
-                return s / sqrt(sqrt(s * s + SLOW * SLOW))
-            case DriveParameter.STRIBECK:
-                film = 1.0 + s * s * (1.0 / STRIBECK_SPEED**2)
-                return s / (sqrt(s * s + SLOW * SLOW) * film)
+                return self.speed(v)
             case DriveParameter.OFFSET:
                 return 1.0
+        return self.speed(v) / self._smoothed(v)
+
+    def damping(self, v: Column) -> Scalar:
+        """Friction about the shaft over its speed, the secant of its curve; 0 for what does not depend on speed."""
+        match self.kind:
+            case DriveParameter.VISCOUS:
+                return 1.0
+            case DriveParameter.ROTOR_INERTIA | DriveParameter.OFFSET:
+                return 0.0
+        return 1.0 / self._smoothed(v)
+
+    def _smoothed(self, v: Column) -> Scalar:
+        """The speed that friction's curve divides the shaft's by, never zero."""
+        s = self.speed(v)
+        size = sqrt(s * s + SLOW * SLOW)
+        match self.kind:
+            case DriveParameter.SQUARE_ROOT:
+                return sqrt(size)
+            case DriveParameter.STRIBECK:
+                return size * (1.0 + s * s * (1.0 / STRIBECK_SPEED**2))
+        return size
 
     def on_joints(self, share: Scalar) -> list[tuple[int, Scalar]]:
         """The joints that a torque about the shaft acts on, and what it is there."""

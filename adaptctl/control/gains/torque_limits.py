@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.control.gains.gains import sampled_configurations
+from adaptctl.control.gains.workspace import sampled_configurations
 from adaptctl.dynamics import Mechanism
 
 SPEED, ACCELERATION, MARGIN = 2.0, 10.0, 4.0

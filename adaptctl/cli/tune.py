@@ -1,0 +1,84 @@
+"""`adaptctl tune`: a reference and gains for a robot, from its description alone, verified in closed loop."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from adaptctl.cli.output import print_json, print_parts
+
+if TYPE_CHECKING:
+    from adaptctl.tuning import Tuning, Verification
+
+SCHEMA = "adaptctl/tuning/1"
+
+
+def tune(
+    robot: Annotated[str, Parameter(help="A built-in robot's name, or a .urdf, .xml (MJCF) or .toml file.")],
+    /,
+    *,
+    period: Annotated[float, Parameter(help="Control period, s: how long a torque is held.")] = 1e-3,
+    bandwidth: Annotated[float, Parameter(help="Largest Λ, 1/s.")] = 4.0,
+    hold: Annotated[float, Parameter(help="Largest T λ_max((M + T B)⁻¹K) along the reference.")] = 0.5,
+    adaptation: Annotated[float, Parameter(help="T λ_max(K⁻¹ Y Γ Y') along the reference.")] = 0.2,
+    search: Annotated[int, Parameter(help="Settings that are tried in closed loop besides those by rule.")] = 0,
+    seed: Annotated[int, Parameter(help="Seed of the reference, and of all else that is drawn.")] = 0,
+    floating_base: Annotated[
+        bool, Parameter(help="Let a URDF file's root link float instead of being fixed to the ground.")
+    ] = False,
+    json: Annotated[bool, Parameter(help="Print JSON instead of tables.")] = False,
+) -> None:
+    """Choose a reference and gains for a robot, and tell what limits them and how they do."""
+    from adaptctl.dynamics import load
+    from adaptctl.tuning import tune as tuned
+
+    mechanism = load(robot, floating_base=floating_base)
+    tuning = tuned(
+        mechanism, period=period, bandwidth=bandwidth, hold=hold, adaptation=adaptation, search=search, seed=seed
+    )
+    if json:
+        print_json(as_builtins(tuning))
+    else:
+        from adaptctl.cli.tune_report import report
+
+        print_parts(report(tuning))
+
+
+def as_builtins(tuning: Tuning) -> dict[str, Any]:
+    """Tuning in JSON's types, a joint each; null for what is infinite."""
+    mechanism, reference = tuning.mechanism, tuning.reference
+    joints = [
+        {
+            "name": joint.name,
+            "bandwidth": float(tuning.gains.bandwidth[j]),
+            "damping": float(tuning.gains.damping[j]),
+            "initial_error": float(tuning.initial_error[j]),
+            "torque_limit": float(tuning.torque_limits[j]),
+            "torque_share": float(tuning.torque_share[j]),
+            "limited_by": tuning.limited_by[j],
+        }
+        | {name: float(getattr(reference, name).ravel()[j]) for name in ("center", "amplitude", "frequency")}
+        for j, joint in enumerate(mechanism.primary_joints)
+    ]
+    return {
+        "schema": SCHEMA,
+        "robot": {"name": mechanism.name, "sha256": mechanism.description.sha256},
+        "period": tuning.period,
+        "joints": joints,
+        "adaptation": dict(zip(mechanism.parameter_names, tuning.adaptation.tolist(), strict=True)),
+        "substeps": tuning.substeps,
+        "integrator": type(tuning.integrator).__name__,
+        "hold_number": tuning.hold_number,
+        "adaptation_number": tuning.adaptation_number,
+        "verified": [_verified(run) for run in tuning.verified],
+        "notes": list(tuning.notes),
+    }
+
+
+def _verified(run: Verification) -> dict[str, Any]:
+    from math import isfinite
+
+    numbers = {name: getattr(run, name) for name in ("first", "last", "off", "largest", "limited")}
+    finite = {name: value if isfinite(value) else None for name, value in numbers.items()}
+    return {"name": run.name, "learns": run.learns, **finite}

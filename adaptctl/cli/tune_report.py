@@ -1,0 +1,50 @@
+"""Report of `adaptctl tune` for a person to read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from rich import box
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from adaptctl.cli.output import titled
+from adaptctl.tuning import Tuning
+
+
+def report(tuning: Tuning) -> Iterator[RenderableType]:
+    """Parts of the report from top to bottom."""
+    method = f"{tuning.substeps} steps of {type(tuning.integrator).__name__} a period of {tuning.period:g} s"
+    yield Text.assemble((tuning.mechanism.name, "bold"), f": gains by rule for a rigid arm without noise; {method}")
+    yield titled("Gains and reference (SI units)", _joints(tuning))
+    yield titled("What limits the gains", _limits(tuning))
+    if tuning.verified:
+        yield titled("Runs of 20 s, RMS errors of the first second and of the last two", *_runs(tuning))
+    if tuning.notes:
+        yield titled("Notes", Group(*(Text(note, style="yellow") for note in tuning.notes)))
+
+
+def _joints(tuning: Tuning) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    table.add_column("joint", no_wrap=True)
+    for name in ("Λ", "K", "centre", "amplitude", "Hz", "torque"):
+        table.add_column(name, justify="right", no_wrap=True)
+    reference = tuning.reference
+    moved = [getattr(reference, name).ravel() for name in ("center", "amplitude", "frequency")]
+    for j, joint in enumerate(tuning.mechanism.primary_joints):
+        numbers = (tuning.gains.bandwidth[j], tuning.gains.damping[j], *(values[j] for values in moved))
+        table.add_row(Text(joint.name), *(f"{x:.3g}" for x in numbers), f"{tuning.torque_share[j]:.0%}")
+    return table
+
+
+def _limits(tuning: Tuning) -> Table:
+    table = Table(box=None, show_header=False, pad_edge=False)
+    for joint, limit in zip(tuning.mechanism.primary_joints, tuning.limited_by, strict=True):
+        table.add_row(Text(joint.name), Text(limit))
+    return table
+
+
+def _runs(tuning: Tuning) -> Iterator[Text]:
+    for run in tuning.verified:
+        yield Text(f"{run}{'' if run.learns else ' (does not learn)'}", style="" if run.learns else "red")

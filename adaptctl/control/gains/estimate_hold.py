@@ -1,0 +1,63 @@
+"""What an estimate adds to the hold number: M^ Lambda is a velocity feedback that adaptation moves."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.arrays import Array
+from adaptctl.control.gains.workspace import Workspace, everywhere
+from adaptctl.identifiability import ReducedModel
+
+
+def parameter_holds(
+    model: ReducedModel, bandwidth: ArrayLike, period: float, workspace: Workspace | None = None
+) -> Array:
+    """The hold number (k,) that an error of 1 in each parameter causes: T_c max_q |M^-1/2 M_i Lambda M^-1/2|,
+    M_i = dM/dbeta_i, over the samples of a workspace.
+
+    The norm is Frobenius', which is never below the spectral one. Friction has no part in M: its number is 0.
+    """
+    mechanism = model.mechanism
+    place = workspace or everywhere(mechanism)
+    L = np.broadcast_to(np.asarray(bandwidth, dtype=np.float64), (mechanism.dof,))
+    values, vectors = np.linalg.eigh(place.mass_matrices)
+    inverse = (vectors / np.sqrt(np.maximum(values, np.finfo(float).tiny))[..., None, :]) @ np.swapaxes(vectors, -1, -2)
+    shares = inertia_shares(model, place.samples)
+    scaled = np.einsum("sij,skjl,slm->skim", inverse, shares * L, inverse, optimize=True)
+    return np.asarray(period * np.sqrt((scaled**2).sum(axis=(-2, -1))).max(axis=0))
+
+
+def inertia_shares(model: ReducedModel, p: Array) -> Array:
+    """dM/dbeta_i (samples, k, r, r) at positions (samples, r)."""
+    rest, r = np.zeros_like(p), p.shape[-1]
+    still = model.torque_regressor(p, rest, rest)
+    columns = [model.torque_regressor(p, rest, np.broadcast_to(unit, p.shape)) - still for unit in np.eye(r)]
+    return np.moveaxis(np.stack(columns, axis=-1), -2, -3)
+
+
+def estimate_hold(
+    model: ReducedModel,
+    gain: ArrayLike,
+    prior: ArrayLike,
+    bandwidth: ArrayLike,
+    period: float,
+    workspace: Workspace | None = None,
+    kinetic: float = 0.0,
+) -> float:
+    """H = sqrt(2 V_0 sum Gamma_i u_i^2): the greatest hold number that the estimate's error can ever cause.
+
+    V does not rise above V_0 = `kinetic` + prior' Gamma^-1 prior/2, where |error_i| <= prior_i (k,) at the start and
+    s'Ms/2 = `kinetic` (J); then sum |error_i| u_i <= H, with u of `parameter_holds`. While h + H < 2, h that of K and
+    the true inertia, no estimate on the way can ring. It is conservative: above 2 most arms are stable all the same.
+    """
+    gamma, bound = np.asarray(gain, dtype=np.float64), np.asarray(prior, dtype=np.float64)
+    full = np.diag(gamma) if gamma.ndim == 1 else gamma
+    energy = kinetic + 0.5 * _largest_distance(full, bound)
+    u = parameter_holds(model, bandwidth, period, workspace)
+    return float(np.sqrt(2.0 * energy * (u @ np.abs(full) @ u)))
+
+
+def _largest_distance(gamma: Array, bound: Array) -> float:
+    """A bound of error' Gamma^-1 error where |error_i| <= bound_i; for a diagonal Gamma it is reached."""
+    return float(bound @ np.abs(np.linalg.inv(gamma)) @ bound)

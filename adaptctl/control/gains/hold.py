@@ -1,0 +1,231 @@
+"""The hold number: how much velocity feedback a torque that is held over the control period carries."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple, NoReturn
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.arrays import Array, per_joint, stacked_rows
+from adaptctl.control.gains.workspace import Workspace, Worst, everywhere
+from adaptctl.description.drive import DriveParameter
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import GainError, InputError
+from adaptctl.scalars import column
+
+LARGEST_SAMPLED_GAIN = 1.5
+"""A torque held over T_c is stable while the hold number is below 2; the rest is a margin."""
+DEFINITE = 1e-12
+"""Least eigenvalue of a mass matrix, its diagonal scaled to 1, that is positive beyond round-off."""
+
+
+class HoldNumber(NamedTuple):
+    """T_c max lambda(M^-1 (K + M^ Lambda)): a held torque is stable while it is below 2."""
+
+    value: float
+    p: Array
+    """(r,) the positions where it is reached"""
+    joint: str
+    """the joint that moves most in the motion that rings first"""
+
+
+def hold_number(
+    mechanism: Mechanism,
+    damping: ArrayLike,
+    period: float,
+    bandwidth: ArrayLike = 0.0,
+    *,
+    estimate: ArrayLike | None = None,
+    workspace: Workspace | None = None,
+) -> HoldNumber:
+    """The greatest hold number over a workspace, all that the joints' limits allow unless given, by local search.
+
+    `damping` K (r,) in N m s/rad and `bandwidth` Lambda (r,) in 1/s, one number or one a joint; `period` T_c in s.
+    Slotine and Li's law feeds back -K v and, within its a_r, -M^ Lambda v, with M^ of the `estimate` (P,), the
+    mechanism's own parameters unless given. Velocities v = (1 - T_c M^-1 (K + M^ Lambda)) v then grow from one period
+    to the next, with alternating signs, where the number is above 2. It is infinite where M is not positive definite,
+    and where K + M^ Lambda drives instead of damps.
+
+    Viscous friction B decays within the period: M is then M (X/2) coth(X/2), X = T_c M^-1 B, for which the limit of 2
+    is exact.
+    """
+    require_period(period)
+    K, L = per_joint(damping, mechanism.dof, "damping"), per_joint(bandwidth, mechanism.dof, "bandwidth")
+    if not (np.all((K > 0.0) & np.isfinite(K)) and np.all((L >= 0.0) & np.isfinite(L))):
+        raise InputError(
+            f"hold number: expected a positive damping and a bandwidth of at least 0, got {K.tolist()} and {L.tolist()}"
+        )
+    known = None if estimate is None else tuple(np.asarray(estimate, dtype=np.float64).tolist())
+    return _searched(workspace or everywhere(mechanism), tuple(K.tolist()), tuple(L.tolist()), float(period), known)
+
+
+@lru_cache(maxsize=64)
+def _searched(
+    workspace: Workspace,
+    damping: tuple[float, ...],
+    bandwidth: tuple[float, ...],
+    period: float,
+    estimate: tuple[float, ...] | None,
+) -> HoldNumber:
+    mechanism, K, L = workspace.mechanism, np.array(damping), np.array(bandwidth)
+    parameters = None if estimate is None else np.array(estimate)
+
+    def feedback(p: Array) -> Array:
+        return _feedback(mechanism, p, K, L, period, parameters)
+
+    worst = workspace.highest(lambda p: _hold_numbers(feedback(p)))
+    if np.isinf(worst.value):
+        return HoldNumber(np.inf, worst.p, mechanism.primary_joints[_weightless(mechanism, worst.p)].name)
+    values, vectors = np.linalg.eig(feedback(worst.p[None])[0])
+    joint = int(np.abs(vectors[:, values.real.argmax()] * np.sqrt(K)).argmax())
+    return HoldNumber(worst.value, worst.p, mechanism.primary_joints[joint].name)
+
+
+def hold_numbers(
+    mechanism: Mechanism,
+    p: ArrayLike,
+    damping: ArrayLike,
+    period: float,
+    bandwidth: ArrayLike = 0.0,
+    *,
+    estimate: ArrayLike | None = None,
+) -> Array:
+    """Hold numbers (...) at given positions (..., r), and with estimates (P,) or (..., P): see `hold_number`."""
+    K, L = per_joint(damping, mechanism.dof, "damping"), per_joint(bandwidth, mechanism.dof, "bandwidth")
+    known = None if estimate is None else np.asarray(estimate, dtype=np.float64)
+    return _hold_numbers(_feedback(mechanism, np.asarray(p, dtype=np.float64), K, L, period, known))
+
+
+def _feedback(
+    mechanism: Mechanism, p: Array, damping: Array, bandwidth: Array, period: float, estimate: Array | None
+) -> Array:
+    """T_c M^-1 (K + M^ Lambda) (..., r, r), infinite where M is not positive definite."""
+    M = mechanism.mass_matrix(p)
+    own = M if estimate is None else mass_matrix_of(mechanism, p, estimate)
+    definite = np.asarray(scaled_eigenvalues(M) > DEFINITE)[..., :1, None]
+    M = np.where(definite, M, np.eye(mechanism.dof))
+    held = np.linalg.solve(_carrying(mechanism, p, M, period), period * (np.diag(damping) + own * bandwidth))
+    return np.where(definite, held, np.inf)
+
+
+def _hold_numbers(feedback: Array) -> Array:
+    """The radius (...) of the smallest circle through 0, about a point of the real axis, that holds the eigenvalues:
+    the greatest of them where they are real and positive."""
+    finite = np.asarray(np.isfinite(feedback).all(axis=(-2, -1)))
+    values = np.linalg.eigvals(np.where(finite[..., None, None], feedback, 0.0))
+    damps = np.where(values.real > 0.0, values.real, 1.0)
+    each = np.where(values.real > 0.0, np.abs(values) ** 2 / damps, np.inf)
+    return np.where(finite, each.max(axis=-1), np.inf)
+
+
+def _carrying(mechanism: Mechanism, p: Array, M: Array, period: float) -> Array:
+    """M (X/2) coth(X/2), X = T_c M^-1 B: what a held torque feels as inertia where viscous friction B acts."""
+    columns, D = _viscous(mechanism)
+    if not np.any(D):
+        return M
+    units = np.eye(mechanism.dof)
+    rows = [mechanism.torque_regressor(p, np.broadcast_to(u, p.shape), np.zeros_like(p), columns) @ D for u in units]
+    values, vectors = np.linalg.eigh(M)
+    root = (vectors * np.sqrt(values)[..., None, :]) @ np.swapaxes(vectors, -1, -2)
+    inverse = (vectors / np.sqrt(values)[..., None, :]) @ np.swapaxes(vectors, -1, -2)
+    halves, modes = np.linalg.eigh(0.5 * period * inverse @ np.stack(rows, axis=-1) @ inverse)
+    shares = np.where(halves > 1e-6, halves / np.tanh(np.maximum(halves, 1e-6)), 1.0)
+    side = root @ modes
+    return np.asarray((side * shares[..., None, :]) @ np.swapaxes(side, -1, -2))
+
+
+def _viscous(mechanism: Mechanism) -> tuple[list[int], Array]:
+    """Indices of the parameters of viscous friction, and their values."""
+    names = mechanism.parameter_names
+    columns = [j for j, name in enumerate(names) if name.endswith(f".{DriveParameter.VISCOUS.value}")]
+    return columns, mechanism.inertial_parameters[columns]
+
+
+def mass_matrix_of(mechanism: Mechanism, p: Array, parameters: Array) -> Array:
+    """M (..., r, r) with other parameters, (P,) or (..., P), whatever these are."""
+    rows = mechanism.equations.mass_matrix(column(mechanism.configuration(p)), column(parameters))
+    return stacked_rows(rows, p.shape[:-1])
+
+
+def scaled_eigenvalues(M: Array) -> Array:
+    """Eigenvalues (..., r), rising, of mass matrices (..., r, r) whose diagonal is scaled to 1 in magnitude."""
+    diagonal = np.sqrt(np.abs(np.diagonal(M, axis1=-2, axis2=-1)))
+    scale = np.where(diagonal > 0.0, diagonal, 1.0)
+    return np.asarray(np.linalg.eigvalsh(M / (scale[..., :, None] * scale[..., None, :])))
+
+
+def least_definite(mechanism: Mechanism, parameters: ArrayLike, workspace: Workspace | None = None) -> Worst:
+    """The least eigenvalue of M over a workspace, its diagonal scaled to 1, and the positions where: M^ of parameters
+    (P,) is positive definite there if it is above 0, as far as a local search from the worst of 200 samples finds."""
+    D = np.asarray(parameters, dtype=np.float64)
+    found = (workspace or everywhere(mechanism)).highest(
+        lambda p: -scaled_eigenvalues(mass_matrix_of(mechanism, p, D))[..., 0]
+    )
+    return Worst(-found.value, found.p)
+
+
+def slowest_decay(mechanism: Mechanism, damping: ArrayLike, workspace: Workspace | None = None) -> float:
+    """The least eigenvalue of M^-1 K over a workspace, 1/s: how fast every velocity decays at least."""
+    root = 1.0 / np.sqrt(per_joint(damping, mechanism.dof, "damping"))
+    found = (workspace or everywhere(mechanism)).highest(
+        lambda p: np.asarray(np.linalg.eigvalsh(mechanism.mass_matrix(p) * (root[:, None] * root))[..., -1])
+    )
+    return 1.0 / found.value
+
+
+def require_hold(
+    mechanism: Mechanism,
+    damping: ArrayLike,
+    period: float,
+    bandwidth: ArrayLike = 0.0,
+    workspace: Workspace | None = None,
+) -> HoldNumber:
+    """The hold number. Raises `GainError` where the control period (s) cannot carry the gains, saying what it can."""
+    found = hold_number(mechanism, damping, period, bandwidth, workspace=workspace)
+    if not found.value <= LARGEST_SAMPLED_GAIN:
+        _refuse(mechanism, found, period, float(np.max(bandwidth)))
+    return found
+
+
+def _refuse(mechanism: Mechanism, found: HoldNumber, period: float, bandwidth: float) -> NoReturn:
+    where = f"p = {np.round(found.p, 3).tolist()}"
+    if np.isinf(found.value):
+        raise GainError(
+            f"{mechanism.name}: the mass matrix is not positive definite everywhere, so no damping can be checked "
+            f"against it: at {where} joint {found.joint} moves {_lightness(mechanism, found.p)}"
+        )
+    own = period * bandwidth
+    factor = max(LARGEST_SAMPLED_GAIN - own, 0.0) / (found.value - own) if found.value > own else 0.0
+    raise GainError(
+        f"{mechanism.name}: damping is too stiff for a control period of {period:g} s: T_c lambda_max(M^-1 (K + M "
+        f"Lambda)) = {found.value:.3g} at {where}, at most {LARGEST_SAMPLED_GAIN} is allowed; use at most "
+        f"{factor:.3g} times this damping or a period of at most "
+        f"{period * LARGEST_SAMPLED_GAIN / found.value:.3g} s. Joint {found.joint} would ring: less damping there, or "
+        "its rotor's inertia in the model, may be enough; a `workspace` along the reference leaves out the rest"
+    )
+
+
+def _weightless(mechanism: Mechanism, p: Array) -> int:
+    """The joint that moves most where M has its least eigenvalue."""
+    M = mechanism.mass_matrix(p)
+    diagonal = np.diagonal(M)
+    if np.any(diagonal <= 0.0):
+        return int(diagonal.argmin())
+    scale = np.sqrt(diagonal)
+    return int(np.abs(np.linalg.eigh(M / np.outer(scale, scale))[1][:, 0]).argmax())
+
+
+def _lightness(mechanism: Mechanism, p: Array) -> str:
+    """What a joint moves where the mass matrix is not positive definite, and what would do."""
+    links, inertia = mechanism.description.inconsistent_links, np.diagonal(mechanism.mass_matrix(p))
+    if links and np.abs(inertia).min() > DEFINITE * np.abs(inertia).max():
+        return f"what no rigid body is: give {', '.join(links)} physically consistent parameters"
+    return "nothing: give it a link with inertia, or a rotor"
+
+
+def require_period(period: float) -> None:
+    """Raise `InputError` for a control period that is no positive time."""
+    if not (np.isfinite(period) and period > 0.0):
+        raise InputError(f"control period: expected a positive time in s, got {period}")

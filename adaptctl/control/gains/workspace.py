@@ -1,0 +1,153 @@
+"""Configurations at which gains are to hold, and the search for the worst of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from adaptctl.arrays import Array, checked, frozen
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
+
+TURNS = 4.0 * np.pi
+"""rad (m): limits farther apart than two turns are none"""
+STARTS, STARTS_WITH_LOOPS, ROUNDS, RANDOM_MOVES = 6, 2, 14, 12
+LARGEST_MOVE = 0.25
+"""of the range of each joint, in the first round"""
+APART = 0.2
+"""of the range of some joint, from one start to the other"""
+
+
+def sampled_configurations(mechanism: Mechanism, samples: int = 200, seed: int = 0) -> Array:
+    """Random positions (samples, r) within the limits: the full circle, or 1 m, where there are none.
+
+    With loops, those of them that the loops allow.
+    """
+    p = np.random.default_rng(seed).uniform(*position_range(mechanism), (samples, mechanism.dof))
+    return p[_reachable(mechanism, p)]
+
+
+def position_range(mechanism: Mechanism) -> tuple[Array, Array]:
+    """The least and the greatest position (r,) of each joint: its limits, half a turn or 1 m where it has none."""
+    limits = [joint.limits for joint in mechanism.primary_joints]
+    wide = [np.pi if joint.kind.turns else 1.0 for joint in mechanism.primary_joints]
+    ends = np.array([(b.lower, b.upper) for b in limits]).reshape(-1, 2).T
+    absurd = np.isfinite(ends).all(axis=0) & (ends[1] - ends[0] > TURNS)
+    lower, upper = np.where(absurd, [[-np.inf], [np.inf]], ends)
+    return np.where(np.isinf(lower), np.maximum(lower, np.negative(wide)), lower), np.where(
+        np.isinf(upper), np.minimum(upper, wide), upper
+    )
+
+
+def _reachable(mechanism: Mechanism, p: Array) -> NDArray[np.bool_]:
+    """Which positions (samples, r) the loops allow."""
+    if mechanism.continuation is None:
+        return np.ones(len(p), dtype=np.bool_)
+    allowed = np.asarray(mechanism.description.within_conditions(p))
+    allowed[allowed] = mechanism.continuation.reachable(p[allowed])
+    return allowed
+
+
+class Worst(NamedTuple):
+    """The greatest value that a search found, and the positions (r,) where."""
+
+    value: float
+    p: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Workspace:
+    """Positions (S, r) of a mechanism, and how far from each, between `lower` and `upper` (S, r), its arm may come."""
+
+    mechanism: Mechanism
+    samples: Array
+    lower: Array
+    upper: Array
+
+    @classmethod
+    def within_limits(cls, mechanism: Mechanism, samples: int = 200, seed: int = 0) -> Workspace:
+        """All that the joints' limits allow, from random samples."""
+        p = sampled_configurations(mechanism, samples, seed)
+        free = [np.pi * joint.kind.turns * np.isinf(joint.limits.upper) for joint in mechanism.primary_joints]
+        lower, upper = position_range(mechanism)
+        return cls(mechanism, p, np.broadcast_to(lower - free, p.shape), np.broadcast_to(upper + free, p.shape))
+
+    @classmethod
+    def along(cls, mechanism: Mechanism, p: ArrayLike, margin: float = 0.2) -> Workspace:
+        """The positions (S, r) of a reference, and `margin` rad (m) to each side.
+
+        Gains that a gimbal lock or a folded arm would not bear are accepted where the reference keeps clear of it.
+        """
+        if not (np.isfinite(margin) and margin >= 0.0):
+            raise InputError(f"workspace: margin: expected at least 0 rad, got {margin}")
+        path = np.atleast_2d(checked(p, mechanism.dof, "workspace: positions"))
+        path = path[_reachable(mechanism, path)]
+        if not len(path):
+            raise InputError(f"workspace: {mechanism.name} reaches none of the positions given")
+        return cls(mechanism, path, path - margin, path + margin)
+
+    @cached_property
+    def mass_matrices(self) -> Array:
+        """M (S, r, r) at the samples, kept: with loops these take seconds to reach."""
+        return frozen(self.mechanism.mass_matrix(self.samples))
+
+    def highest(self, value: Callable[[Array], Array]) -> Worst:
+        """The greatest `value` (n,) of positions (n, r): a pattern search from the worst samples.
+
+        The largest of some hundred samples is no maximum: of T_c lambda_max(M^-1 K) it is nine tenths at the median,
+        and less than half for an arm whose wrist folds.
+        """
+        found = value(self.samples)
+        start = self._apart(np.argsort(found)[::-1])
+        lower, upper, p, best = self.lower[start], self.upper[start], self.samples[start], found[start]
+        step, moves, each = LARGEST_MOVE * (upper - lower), self._moves, np.arange(len(start))
+        for _ in range(ROUNDS):
+            if np.isinf(best).any():
+                break
+            near = np.clip(p[:, None] + moves * step[:, None], lower[:, None], upper[:, None])
+            reached = self._valued(value, near.reshape(-1, p.shape[1])).reshape(near.shape[:2])
+            chosen = reached.argmax(axis=1)
+            better = reached[each, chosen] > best
+            p = np.where(better[:, None], near[each, chosen], p)
+            best = np.where(better, reached[each, chosen], best)
+            step = np.where(better[:, None], step, 0.4 * step)
+        worst = int(best.argmax())
+        return Worst(float(best[worst]), frozen(p[worst].copy()))
+
+    def _apart(self, order: NDArray[np.intp]) -> NDArray[np.intp]:
+        """The first few in an order of samples that lie apart, as far as there are such."""
+        most = STARTS if self.mechanism.continuation is None else STARTS_WITH_LOOPS
+        scale = np.maximum(np.ptp(self.samples, axis=0), 1e-12)
+        chosen, near = [order[0]], list[np.intp]()
+        for k in order[1:]:
+            away = np.abs(self.samples[chosen] - self.samples[k]) / scale
+            (chosen if np.all(away.max(axis=1) > APART) else near).append(k)
+            if len(chosen) == most:
+                break
+        return np.array((chosen + near)[:most])
+
+    def _valued(self, value: Callable[[Array], Array], p: Array) -> Array:
+        """Values of positions, minus infinity where loops cannot be."""
+        reached = np.full(len(p), -np.inf)
+        allowed = _reachable(self.mechanism, p)
+        reached[allowed] = value(p[allowed])
+        return reached
+
+    @cached_property
+    def _moves(self) -> Array:
+        """Moves (m, r): each joint to either side, by a whole step and by a part, and some of all joints together."""
+        unit = np.eye(self.mechanism.dof)
+        together = np.random.default_rng(0).normal(size=(RANDOM_MOVES, self.mechanism.dof))
+        together /= np.linalg.norm(together, axis=1, keepdims=True)
+        return np.concatenate((unit, -unit, together))
+
+
+@lru_cache(maxsize=8)
+def everywhere(mechanism: Mechanism) -> Workspace:
+    """All that a mechanism's limits allow, its samples kept."""
+    return Workspace.within_limits(mechanism)

@@ -1,0 +1,58 @@
+"""What a run says of its loop's stability: the numbers by which sampled adaptive loops come to ring."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.control.adaptation.gain import Descent
+from adaptctl.control.gains.hold import hold_numbers
+from adaptctl.control.lyapunov import sliding_variable
+from adaptctl.control.ringing import ringing
+from adaptctl.control.run import LearningRun, SampledRun
+from adaptctl.control.slotine_li import SlotineLi
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
+
+
+class Watch(NamedTuple):
+    """Stability of T samples of a run."""
+
+    adaptation: Array
+    """(T,) a = T_c lambda_max(K^-1 Y Gamma Y'): the theorems of discrete adaptation ask for a below 2 or 2 - h"""
+    hold: Array
+    """(T,) T_c lambda_max(M^-1 (K + M^ Lambda)) with the true M and the estimate's M^: velocities ring above 2"""
+    ringing: Array
+    """(T, r) rho of every joint: -0.5 is an alarm, -0.9 a loop about to be lost"""
+
+
+class _Run(LearningRun, SampledRun, Protocol):
+    """A run with estimates and its reference's accelerations."""
+
+
+def watch(controller: SlotineLi, run: _Run, mechanism: Mechanism, every: int = 1) -> Watch:
+    """The numbers at every `every`-th sample of a run at all of the controller's ticks, with the true mechanism.
+
+    `adaptation` and `hold` cost a regressor and a mass matrix a sample. Raises `InputError` for the law's relatives.
+    """
+    s = sliding_variable(controller, run)
+    p, v, estimate = run.p[::every], run.v[::every], run.estimate[::every]
+    parameters = controller.model.embed(estimate)
+    hold = hold_numbers(
+        mechanism, p, controller.damping, controller.period, controller.bandwidth, estimate=parameters.T
+    )
+    heard = ringing(s)[::every]
+    law = controller.adaptation_law
+    if law is None:
+        return Watch(np.zeros(len(p)), hold, heard)
+    if not isinstance(law, Descent):
+        raise InputError(f"watch: {type(law).__name__} has no constant gain, which the adaptation number is of")
+    e, e_rate = p - run.reference_p[::every], v - run.reference_v[::every]
+    v_r = run.reference_v[::every] - controller.bandwidth * e
+    a_r = run.reference_a[::every] - controller.bandwidth * e_rate
+    Y = controller.model.slotine_li_regressor(p, v, v_r, a_r) / np.sqrt(controller.damping)[:, None]
+    root = np.sqrt(law.gain) * Y if law.gain.ndim == 1 else Y @ np.linalg.cholesky(law.gain)
+    largest = np.linalg.norm(root, ord=2, axis=(-2, -1))
+    return Watch(np.asarray(controller.period * largest**2), hold, heard)

@@ -1,0 +1,51 @@
+"""Judgement of a comparison: whether the controller that it is about did what was asked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from adaptctl.recording.comparison import SETTLED, Comparison
+from adaptctl.recording.verdict import Failure, Verdict
+
+ASTRAY = 1.0
+"""rad or m: an error at the end of a run with which nothing is tracked"""
+SATURATED = 2.0
+"""s at a torque limit, above which a run is one of saturated motors"""
+BETTER = 0.9
+"""Of the error with adaptation off: one that is not below this has not come from learning."""
+
+
+def judged(comparison: Comparison) -> Verdict:
+    """Verdict on the subject of a comparison."""
+    return Verdict.of(_failures(comparison), comparison.expected)
+
+
+def _failures(comparison: Comparison) -> Iterator[tuple[Failure, str]]:
+    run = comparison.subject
+    if run.rollout.terminated:
+        yield Failure.STOPPED, f"{run.label} was stopped at {run.duration:.2f} s, an error being beyond bounds."
+    elif not (worst := _last_error(comparison)) < ASTRAY:
+        yield Failure.DIVERGED, f"{run.label} diverged: an error of {worst:.3g} rad or m at the end."
+    limited = comparison.limited_steps(run) * run.rollout.control_period
+    if limited > SATURATED:
+        yield Failure.SATURATED, f"{run.label} was at a torque limit for {limited:.1f} of {run.duration:.1f} s."
+    if comparison.complete and not run.rollout.terminated and not _beats_adaptation_off(comparison):
+        yield Failure.NO_BETTER, f"{run.label} ends no better than the same controller with adaptation off."
+
+
+def _last_error(comparison: Comparison) -> float:
+    """Largest error (rad or m) of the subject in its last two seconds."""
+    rollout = comparison.subject.rollout
+    last = rollout.time >= comparison.subject.duration - SETTLED
+    return float(np.abs(rollout.error[last]).max())
+
+
+def _beats_adaptation_off(comparison: Comparison) -> bool:
+    """Whether the subject ends better than adaptation off, which one that fell has not; True where nothing tells."""
+    baseline, final = comparison.baseline, comparison.subject.final_rms_error
+    if baseline is None or baseline is comparison.subject or baseline.rollout.terminated:
+        return True
+    off = baseline.final_rms_error
+    return final is None or off is None or final < BETTER * off

@@ -1,0 +1,68 @@
+"""Verdict on a controller: what went wrong with it, and what of that was expected."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+
+class Failure(Enum):
+    """Kinds of failure, the worst first."""
+
+    STOPPED = "stopped"
+    """the environment ended the run, an error having passed its bound"""
+    DIVERGED = "diverged"
+    """the run ended with errors that no tracking has"""
+    SATURATED = "saturated"
+    """torques were at their limits for seconds"""
+    NO_BETTER = "no better"
+    """the same controller with adaptation off ends with as small an error"""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Failure of a controller in a run."""
+
+    failure: Failure
+    told: str
+    """a sentence"""
+    expected: str | None = None
+    """why the experiment expects it; None where it does not"""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Judgement on the controllers that an experiment is about. Without faults they did what was asked."""
+
+    faults: tuple[Fault, ...] = ()
+
+    @classmethod
+    def of(cls, found: Iterable[tuple[Failure, str]], expected: Mapping[Failure, str] | None = None) -> Verdict:
+        """Verdict from failures with a sentence each, and from why some of them are expected."""
+        reasons = expected or {}
+        return cls(tuple(Fault(failure, told, reasons.get(failure)) for failure, told in found))
+
+    @classmethod
+    def together(cls, verdicts: Iterable[Verdict]) -> Verdict:
+        """Verdict on several controllers, all of which are the subject."""
+        return cls(tuple(fault for verdict in verdicts for fault in verdict.faults))
+
+    @property
+    def passed(self) -> bool:
+        """True where nothing went wrong that was not expected."""
+        return all(fault.expected is not None for fault in self.faults)
+
+    def before(self, answer: str) -> str:
+        """An experiment's answer, what failed said first, and what was expected to fail last."""
+        failed = [fault.told for fault in self.faults if fault.expected is None]
+        expected = [f"As expected ({fault.expected}): {fault.told}" for fault in self.faults if fault.expected]
+        return " ".join([*(["Failed:", *failed] if failed else []), answer, *expected])
+
+    def as_builtins(self) -> dict[str, Any]:
+        """The verdict in JSON's types."""
+        faults = [
+            {"failure": fault.failure.value, "told": fault.told, "expected": fault.expected} for fault in self.faults
+        ]
+        return {"passed": self.passed, "faults": faults}

@@ -1,0 +1,108 @@
+"""Gains of the tracking loop as large as torque limits and control period carry, joint by joint."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adaptctl.arrays import Array
+from adaptctl.control import Gains
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
+from adaptctl.scalars import column
+
+FIRST_SHARE = 0.5
+"""of a torque limit, which damping asks for at the initial error"""
+ACCELERATION_SHARE = 0.3
+"""of a torque limit, with which the initial error is brought back"""
+SHRINKS, GROWS, GROWTH = 150, 120, 1.08
+POSTURES, POSTURES_OF_MANY, MANY = 120, 40, 10
+"""along the reference, and where there are more than MANY joints"""
+WIDTH = 0.2
+"""rad or m about the reference"""
+
+
+class CarriedGains(NamedTuple):
+    """Gains, and what limits each joint's."""
+
+    gains: Gains
+    by_hold: NDArray[np.bool_]
+    """(r,) whether the control period limits K"""
+    free_inertia: Array
+    """(r,) least inertia that a joint's torque alone feels along the reference, kg m^2 or kg"""
+    by_torque: NDArray[np.bool_]
+    """(r,) whether the torque limit limits Lambda"""
+
+
+def carried_gains(
+    mechanism: Mechanism, limits: Array, p: Array, off: Array, period: float, bandwidth: float, hold: float
+) -> CarriedGains:
+    """Gains for postures p (S, r): Lambda at most `bandwidth`, K with T lambda_max((M + T B)^-1 K) at most `hold`.
+
+    `off` (r,) is the initial error, `limits` (r,) those of torques. Raises `InputError` where M is singular.
+    """
+    M = mechanism.mass_matrix(p)
+    _require_inertia(mechanism, M)
+    inertia = np.diagonal(M, axis1=1, axis2=2).max(axis=0)
+    reachable = np.sqrt(ACCELERATION_SHARE * limits / (inertia * off))
+    rates = np.asarray(np.minimum(bandwidth, reachable), dtype=np.float64)
+    inverse = np.asarray(np.linalg.inv(M + period * _viscous(mechanism, p)), dtype=np.float64)
+    affordable = np.asarray(FIRST_SHARE * limits / (rates * off), dtype=np.float64)
+    damping = _largest_damping(inverse, period, hold, affordable)
+    free = 1.0 / np.diagonal(inverse, axis1=1, axis2=2).max(axis=0)
+    return CarriedGains(Gains(rates, damping), damping < 0.99 * affordable, free, reachable < bandwidth)
+
+
+def _largest_damping(inverse: Array, period: float, hold: float, affordable: Array) -> Array:
+    """Largest K (r,): joints grow alike, and where the hold number is passed only those that take part in it shrink."""
+    typical = np.median(1.0 / np.diagonal(inverse, axis1=1, axis2=2), axis=0)
+    damping = np.minimum(hold / period * typical, affordable)
+    for k in range(SHRINKS):
+        number, shares = _worst(inverse, period, damping)
+        if number > hold:
+            damping = damping * (hold / number) ** (shares / shares.max())
+        elif k < GROWS:
+            damping = np.minimum(damping * GROWTH, affordable)
+    return damping * min(1.0, hold / _worst(inverse, period, damping)[0])
+
+
+def _worst(inverse: Array, period: float, damping: Array) -> tuple[float, Array]:
+    """T lambda_max(M^-1 K) over postures, and each joint's share (r,) in the motion that has it."""
+    root = np.sqrt(damping)
+    values, vectors = np.linalg.eigh(period * inverse * root[:, None] * root)
+    worst = int(values[:, -1].argmax())
+    return float(values[worst, -1]), np.asarray(vectors[worst, :, -1] ** 2)
+
+
+def _viscous(mechanism: Mechanism, p: Array) -> Array:
+    """Viscous friction B (S, r, r) at postures (S, r): the drives' at high speed, where Coulomb friction adds none."""
+    parameters = mechanism.inertial_parameters.copy()
+    coulomb = [name.endswith(".coulomb") for name in mechanism.parameter_names]
+    parameters[coulomb] = 0.0
+    q = column(mechanism.configuration(p))
+    rows = mechanism.equations.damping(q, column(np.ones_like(p)), column(parameters))
+    filled = [[np.broadcast_to(np.asarray(x, dtype=np.float64), p.shape[:1]) for x in row] for row in rows]
+    return np.moveaxis(np.array(filled), -1, 0)
+
+
+def _require_inertia(mechanism: Mechanism, M: Array) -> None:
+    """Raise `InputError` for joints that move nothing, and for a mass matrix that is not positive definite."""
+    names = [joint.name for joint in mechanism.primary_joints]
+    diagonal = np.diagonal(M, axis1=1, axis2=2)
+    light = np.flatnonzero(~(diagonal.min(axis=0) > 1e-12 * diagonal.max()))
+    if light.size:
+        raise InputError(
+            f"{mechanism.name}: {', '.join(names[j] for j in light)}: moves nothing that has inertia, so no gains hold "
+            "it: give its links mass, or the joint a rotor's inertia"
+        )
+    root = np.sqrt(diagonal)
+    least = np.linalg.eigvalsh(M / root[:, :, None] / root[:, None, :])[:, 0]
+    if not least.min() > 1e-10:
+        wrong = mechanism.description.inconsistent_links
+        whose = f"no rigid body has the inertial parameters of {', '.join(wrong)}: give them" if wrong else "give"
+        raise InputError(
+            f"{mechanism.name}: the mass matrix is not positive definite along the reference, so no gains hold it: "
+            f"{whose} inertial parameters that a rigid body can have, or the joints rotors"
+        )

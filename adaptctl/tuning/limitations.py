@@ -1,0 +1,26 @@
+"""What limits each joint's gains, in words."""
+
+from __future__ import annotations
+
+from adaptctl.dynamics import Mechanism
+from adaptctl.tuning.carried_gains import CarriedGains
+
+MORE = 4.0
+"""times as much damping, for which a rotor is named"""
+
+
+def limitations(mechanism: Mechanism, carried: CarriedGains) -> tuple[str, ...]:
+    """Sentences (r,) on what limits the gains of each joint."""
+    return tuple(_limitation(mechanism, carried, j) for j in range(mechanism.dof))
+
+
+def _limitation(mechanism: Mechanism, carried: CarriedGains, j: int) -> str:
+    joint = mechanism.primary_joints[j]
+    unit = "kg m²" if joint.kind.turns else "kg"
+    if carried.by_hold[j]:
+        rotor = (MORE - 1.0) * carried.free_inertia[j]
+        kind = "a rotor" if joint.kind.turns else "a drive"
+        return f"the control period holds K low: {kind} of {rotor:.1g} {unit} would allow {MORE:g} times"
+    if carried.by_torque[j]:
+        return "its torque limit holds Λ and K low"
+    return "its torque limit holds K low"

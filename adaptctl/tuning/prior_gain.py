@@ -1,0 +1,101 @@
+"""Adaptation gains on all parameters, from how heavy the links may be and what the control period carries."""
+
+from __future__ import annotations
+
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.control import PriorRanges, typical_inertia
+from adaptctl.description import GROUND
+from adaptctl.description.reach import reach_behind
+from adaptctl.dynamics import Mechanism
+
+SHORTEST_LEVER = 0.05
+"""m, behind a last joint"""
+HEAVIEST = 5.0
+"""kg, the greatest prior range of a link's mass unless given"""
+LEAST_FELT = 1e-3
+"""of a link's most felt parameter, in proportion to the ranges: one felt less is learned no faster"""
+
+Shares: TypeAlias = Literal["ranges", "links", "parameters"]
+"""What has an equal share in the adaptation number: nothing, with proportions as the prior ranges; each link; each
+parameter."""
+
+
+def prior_ranges(mechanism: Mechanism, heaviest: float = HEAVIEST) -> Array:
+    """Prior ranges (P,) of the parameters: a link's from its joint's typical inertia and the reach behind it.
+
+    Of that inertia I, a body at a third of what is left of the arm's reach has the mass m = I/lever^2, which is
+    at most `heaviest` (kg), and the first moment sqrt(m I).
+    """
+    inertia = _behind(mechanism)
+    levers = np.maximum(reach_behind(mechanism.links), SHORTEST_LEVER) / 3.0
+    masses = np.minimum(inertia / levers**2, heaviest)
+    by_owner: dict[str, PriorRanges] = {}
+    for link, mass, moment in zip(mechanism.links, masses.tolist(), inertia.tolist(), strict=True):
+        # A link owns its ten, its joint the drive's.
+        by_owner[link.name] = by_owner[link.joint.name] = PriorRanges(mass, float(np.sqrt(mass * moment)), moment)
+    names = mechanism.parameter_names
+    return np.concatenate([by_owner[name.rpartition(".")[0]].of((name,)) for name in names])
+
+
+def adaptation_number(regressor: Array, damping: Array, gain: Array, period: float) -> float:
+    """T lambda_max(K^-1 Y Gamma Y') over samples: regressor (S, r, P), K (r,), Gamma (P,), T in s."""
+    scaled = regressor * np.sqrt(gain) / np.sqrt(damping)[:, None]
+    return period * float(np.linalg.eigvalsh(scaled @ np.swapaxes(scaled, -1, -2))[:, -1].max())
+
+
+def carried_gain(
+    mechanism: Mechanism, regressor: Array, damping: Array, ranges: Array, period: float, number: float, shares: Shares
+) -> Array:
+    """Diagonal (P,) of Gamma with the adaptation number that is asked for."""
+    gain = ranges**2
+    if shares == "links":
+        gain = _each_link(mechanism, regressor, damping, gain, period)
+    elif shares == "parameters":
+        gain = _each_parameter(mechanism, regressor, damping, gain)
+    return gain * number / adaptation_number(regressor, damping, gain, period)
+
+
+def _each_link(mechanism: Mechanism, regressor: Array, damping: Array, gain: Array, period: float) -> Array:
+    """Gamma whose part for each link, and for each drive, has the same number."""
+    found = gain.copy()
+    for group in _groups(mechanism):
+        number = adaptation_number(regressor[..., group], damping, gain[group], period)
+        found[group] = gain[group] / number if number > 0.0 else 0.0
+    return _positive(found)
+
+
+def _each_parameter(mechanism: Mechanism, regressor: Array, damping: Array, gain: Array) -> Array:
+    """Gamma that is the inverse of how much each parameter is felt at most."""
+    felt = (regressor**2 / damping[:, None]).sum(axis=1).max(axis=0)
+    found = gain.copy()
+    for group in _groups(mechanism):
+        least = LEAST_FELT * float((felt[group] * gain[group]).max()) / gain[group]
+        found[group] = 1.0 / np.maximum(felt[group], least) if np.all(least > 0.0) else 0.0
+    return _positive(found)
+
+
+def _positive(gain: Array) -> Array:
+    """Gains, those of parameters that nothing tells of made small instead of zero."""
+    return np.maximum(gain, 1e-12 * gain[gain > 0.0].min())
+
+
+def _groups(mechanism: Mechanism) -> list[list[int]]:
+    """Indices of the parameters of each link, and of each drive."""
+    groups: dict[tuple[str, bool], list[int]] = {}
+    for k, name in enumerate(mechanism.parameter_names):
+        groups.setdefault((name.rpartition(".")[0], k >= mechanism.energetic), []).append(k)
+    return list(groups.values())
+
+
+def _behind(mechanism: Mechanism) -> Array:
+    """Typical inertia (N,) that the nearest driven joint at or before each link moves."""
+    of_joints = dict(zip(mechanism.description.primary, typical_inertia(mechanism).tolist(), strict=True))
+    found: list[float] = []
+    for i, link in enumerate(mechanism.links):
+        before = found[link.parent] if link.parent != GROUND else max(of_joints.values())
+        found.append(of_joints.get(i, before))
+    return np.array(found)

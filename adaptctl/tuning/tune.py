@@ -1,0 +1,143 @@
+"""The choice of reference, gains and integration for a mechanism, from its description alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.arrays import Array, per_joint
+from adaptctl.control.controller import Reference
+from adaptctl.control.gains.torque_limits import finite_torque_limits
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
+from adaptctl.simulation import Plant
+from adaptctl.simulation.stiffness import MOST, integration
+from adaptctl.tuning.carried_gains import MANY, POSTURES, POSTURES_OF_MANY, CarriedGains
+from adaptctl.tuning.limitations import limitations
+from adaptctl.tuning.motion_range import motion_ranges
+from adaptctl.tuning.proposal import Proposals
+from adaptctl.tuning.search import searched
+from adaptctl.tuning.trial import Trials
+from adaptctl.tuning.tuning import Tuning
+from adaptctl.tuning.verification import Verification, verifications
+from adaptctl.tuning.workable_reference import TORQUE_SHARE, WorkableReference, judged_reference, workable_reference
+
+LARGEST_ERROR = 0.1
+"""rad or m, and of a joint's range: the initial error unless given"""
+STATIC, LITTLE, SLOW = 0.95, 3.0, 1.0
+"""share of a torque limit at rest, ratio of errors without and with adaptation, and bandwidth (1/s), that are noted"""
+
+
+def tune(
+    mechanism: Mechanism,
+    *,
+    period: float = 1e-3,
+    reference: Reference | None = None,
+    initial_error: ArrayLike | None = None,
+    bandwidth: float = 4.0,
+    hold: float = 0.5,
+    adaptation: float = 0.2,
+    search: int = 0,
+    seed: int = 0,
+) -> Tuning:
+    """Reference, gains and integration with which Slotine and Li's law learns a mechanism from zero.
+
+    `period` is the control period T (s). The `reference`, unless given, is drawn by `seed` within 60 % of the torque
+    limits. Lambda is `bandwidth` (1/s) where the torques can follow; K is the largest that T lambda_max((M + T B)^-1 K)
+    of at most `hold` allows along the reference, joint by joint; Gamma is as the prior ranges are, with
+    T lambda_max(K^-1 Y Gamma Y') of `adaptation`. With `search` as many settings about these are run, on links 30 %
+    off, in time and late, and the best is taken. What is found is verified in closed loop.
+
+    Raises `InputError` for settings that are out of range, and for joints that no gains can hold.
+    """
+    for name, value, most in (("period", period, 0.1), ("bandwidth", bandwidth, 1e3), ("hold", hold, 1.5)):
+        _require(name, value, most)
+    _require("adaptation", adaptation, 1.0)
+    if not isinstance(search, int) or search < 0:
+        raise InputError(f"search: expected a whole number of at least 0, got {search!r}")
+    limits, off = finite_torque_limits(mechanism), _initial_error(mechanism, initial_error)
+    if reference is None:
+        found = workable_reference(mechanism, limits, seed)
+    else:
+        found = judged_reference(mechanism, limits, reference)
+    proposals = Proposals.along(mechanism, limits, found.reference, off, period, _postures(mechanism), seed)
+    first = proposals.proposed(bandwidth, hold, adaptation, "ranges")
+    plant = _plant(mechanism, float(period), tuple(limits.tolist()))
+    trials = Trials(plant, found.reference, off)
+    chosen = searched(trials, proposals, first, search, seed) if search and trials.possible else first
+    carried, gain = chosen.carried, chosen.gain
+    verified = verifications(trials, carried.gains, gain, seed) if trials.possible else ()
+    return Tuning(
+        mechanism,
+        period,
+        found.reference,
+        off,
+        carried.gains,
+        gain,
+        plant.substeps,
+        plant.integrator,
+        limits,
+        found.asked,
+        chosen.hold,
+        chosen.adaptation,
+        limitations(mechanism, carried),
+        verified,
+        (*_notes(mechanism, found, carried, plant), *_told(verified, trials.possible)),
+    )
+
+
+@lru_cache(maxsize=8)
+def _plant(mechanism: Mechanism, period: float, limits: tuple[float, ...]) -> Plant:
+    """The plant of trials, kept, and the code of its trials with it."""
+    return Plant(mechanism, period, *integration(mechanism, (), period), np.array(limits))
+
+
+def _require(name: str, value: float, most: float) -> None:
+    if not (isinstance(value, int | float) and math.isfinite(value) and 0.0 < value <= most):
+        raise InputError(f"{name}: expected a number above 0 and at most {most:g}, got {value!r}")
+
+
+def _initial_error(mechanism: Mechanism, given: ArrayLike | None) -> Array:
+    """Initial errors (r,): those given, or a tenth of each joint's range and at most LARGEST_ERROR."""
+    if given is None:
+        lower, upper = motion_ranges(mechanism)
+        return np.minimum(LARGEST_ERROR, LARGEST_ERROR * (upper - lower))
+    error = per_joint(given, mechanism.dof, "initial_error")
+    if not np.all(np.isfinite(error)):
+        raise InputError(f"initial_error: expected finite numbers, got {error.tolist()}")
+    return error
+
+
+def _postures(mechanism: Mechanism) -> int:
+    return POSTURES if mechanism.dof <= MANY else POSTURES_OF_MANY
+
+
+def _notes(mechanism: Mechanism, found: WorkableReference, carried: CarriedGains, plant: Plant) -> Iterator[str]:
+    """What a person should know of the mechanism."""
+    for j, joint in enumerate(mechanism.primary_joints):
+        if found.static[j] > STATIC:
+            yield f"{joint.name}: gravity and friction ask {found.static[j]:.0%} of its torque limit: it can only creep"
+        elif found.asked[j] > max(TORQUE_SHARE, 0.5 * (1.0 + found.static[j])) + 1e-9:
+            yield f"{joint.name}: the reference asks {found.asked[j]:.0%} of its torque limit"
+        if found.reduced[j] < 0.5:
+            yield f"{joint.name}: moved by {found.reduced[j]:.2g} of what its limits allow, for its torque's sake"
+        if (rate := carried.gains.bandwidth[j]) < SLOW:
+            yield f"{joint.name}: its torque limit allows a bandwidth of {rate:.2g} 1/s: learning takes minutes"
+    if wrong := mechanism.description.inconsistent_links:
+        yield f"no rigid body has the inertial parameters of {', '.join(wrong)}"
+    if plant.integrator.implicit:
+        yield f"friction is too stiff for {MOST} explicit steps a period: {plant.substeps} implicit ones are taken"
+
+
+def _told(verified: tuple[Verification, ...], possible: bool) -> Iterator[str]:
+    """What the runs tell a person."""
+    if not possible:
+        yield "too many links to compile: nothing was searched or verified"
+    for run in verified[:1]:
+        ratio = run.off / run.last if run.last > 0.0 else math.inf
+        if ratio < LITTLE:
+            yield "adaptation off tracks nearly as well: there is little to learn on this reference"

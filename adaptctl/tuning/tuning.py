@@ -1,0 +1,70 @@
+"""Tuning: what was chosen for a mechanism, what limits it, and how it does."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.control import Gains, SlotineLi, mapped_gain
+from adaptctl.control.controller import Reference
+from adaptctl.control.gains.workspace import Workspace
+from adaptctl.dynamics import Mechanism
+from adaptctl.identifiability import ReducedModel
+from adaptctl.simulation import Integrator
+from adaptctl.tuning.verification import Verification
+
+
+@dataclass(frozen=True, eq=False)
+class Tuning:
+    """Reference, gains and integration of a mechanism of r joints and P parameters; see `tune`."""
+
+    mechanism: Mechanism
+    period: float
+    """s, for which a torque is held"""
+    reference: Reference
+    initial_error: Array
+    """(r,) rad or m"""
+    gains: Gains
+    """Lambda and K (r,)"""
+    adaptation: Array
+    """(P,) diagonal of Gamma on all parameters"""
+    substeps: int
+    integrator: Integrator
+    torque_limits: Array
+    """(r,) N m or N"""
+    torque_share: Array
+    """(r,) of the torque limits, asked by the reference at most"""
+    hold_number: float
+    """T lambda_max((M + T B)^-1 K) along the reference; a held torque is stable below 2"""
+    adaptation_number: float
+    """T lambda_max(K^-1 Y Gamma Y') along the reference; stable below 2"""
+    limited_by: tuple[str, ...]
+    """what limits each joint's gains, in words (r,)"""
+    verified: tuple[Verification, ...]
+    """runs with these gains; none where the mechanism is too long to compile"""
+    notes: tuple[str, ...] = ()
+    """what else a person should know"""
+
+    def gain_on(self, model: ReducedModel) -> Array:
+        """Gamma (k, k) of a model's parameters: adapting them is then the same as adapting all P."""
+        return mapped_gain(model, self.adaptation)
+
+    @cached_property
+    def workspace(self) -> Workspace:
+        """Positions at which the gains are to hold: the reference, and what may be off it."""
+        margin = float(np.max(np.abs(self.initial_error)))
+        return Workspace.along(self.mechanism, self.reference(np.linspace(0.0, 20.0, 60)).p, margin)
+
+    def controller(self, model: ReducedModel, adaptation: bool = True) -> SlotineLi:
+        """Slotine and Li's law with these gains, from estimates of zero."""
+        gain, gains = self.gain_on(model) if adaptation else None, self.gains
+        given = None, self.period, self.workspace, self.torque_limits
+        return SlotineLi(model, gains.bandwidth, gains.damping, gain, *given)
+
+    @property
+    def learns(self) -> bool:
+        """Whether the arm as described learns with these gains; False where nothing was run."""
+        return bool(self.verified) and self.verified[0].learns

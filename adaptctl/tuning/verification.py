@@ -1,0 +1,94 @@
+"""Verification of gains: what runs show of an arm as described, of another, and of a late torque."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.control import Gains
+from adaptctl.simulation import Rollouts
+from adaptctl.tuning.rough_links import scaled_links
+from adaptctl.tuning.trial import Trials, TrialSetting
+
+DURATION = 20.0
+"""s of a verification run"""
+BEGINNING, SETTLED = 1.0, 2.0
+"""s over which the first and the last error are taken"""
+ASTRAY = 1.0
+"""rad or m"""
+LEARNED, CLIPPED = 1.0 / 3.0, 0.05
+"""of the first error and of the error with adaptation off; share of the second half's samples at a torque limit"""
+LINKS_OFF = 0.3
+
+
+@dataclass(frozen=True)
+class Verification:
+    """A run with the gains found, and the same with adaptation off; errors are RMS over all joints, rad or m."""
+
+    name: str
+    first: float
+    """over the first second"""
+    last: float
+    """over the last two"""
+    off: float
+    """the last, with adaptation off; infinite where that fell"""
+    largest: float
+    """error of any joint at any time"""
+    limited: float
+    """share of the second half of the run in which a torque was at its limit"""
+
+    @property
+    def stayed(self) -> bool:
+        """Whether no error passed 1 rad or m, and torques were hardly limited once it had settled."""
+        return self.largest < ASTRAY and self.limited <= CLIPPED
+
+    @property
+    def learns(self) -> bool:
+        """Whether it stayed, and the last error is at most a third of the first and of that with adaptation off."""
+        return self.stayed and self.last <= LEARNED * min(self.first, self.off)
+
+    def __str__(self) -> str:
+        if not self.stayed:
+            astray = self.largest >= ASTRAY
+            why = f"an error of {self.largest:.2g}" if astray else f"{self.limited:.0%} at a torque limit"
+            return f"{self.name}: fails, {why}"
+        without = f"{1e3 * self.off:.3g} mrad" if np.isfinite(self.off) else "falls"
+        return f"{self.name}: {1e3 * self.first:.3g} to {1e3 * self.last:.3g} mrad; adaptation off {without}"
+
+
+def verifications(trials: Trials, gains: Gains, gain: Array, seed: int) -> tuple[Verification, ...]:
+    """Runs as described, with links off by LINKS_OFF, with a torque one period late, and with both."""
+    mechanism = trials.plant.mechanism
+    own, other = mechanism.inertial_parameters, scaled_links(mechanism, LINKS_OFF, seed)
+    cases = [("as described", own, False), ("torque late", own, True), ("links off", other, False)]
+    cases.append(("both", other, True))
+    settings = [
+        TrialSetting(gains.bandwidth, gains.damping, share * gain, true, late)
+        for _, true, late in cases
+        for share in (1.0, 0.0)
+    ]
+    return tuple(_verified(trials.run(settings, DURATION), [case[0] for case in cases], trials))
+
+
+def _verified(runs: Rollouts, names: list[str], trials: Trials) -> Iterator[Verification]:
+    first, last, largest, limited = measures(runs, np.asarray(trials.plant.torque_limits))
+    for k, name in enumerate(names):
+        on, off = 2 * k, 2 * k + 1
+        without = float(last[off]) if largest[off] < ASTRAY else np.inf
+        yield Verification(name, float(first[on]), float(last[on]), without, float(largest[on]), float(limited[on]))
+
+
+def measures(runs: Rollouts, limits: Array) -> tuple[Array, Array, Array, Array]:
+    """First, last and largest errors of runs (M,), and the share of their second half at a torque limit; infinite
+    where a run was not finite."""
+    finite = runs.finite
+    squares = np.where(finite, np.mean(np.where(finite[:, None], runs.error, 0.0) ** 2, axis=-1), np.inf)
+    time = runs.time
+    first = np.sqrt(squares[time < BEGINNING].mean(axis=0))
+    last = np.sqrt(squares[time >= time[-1] - SETTLED].mean(axis=0))
+    largest = np.where(finite, runs.largest_error.max(axis=-1), np.inf)
+    at_limit = (np.abs(runs.applied[len(time) // 2 :]) >= (1.0 - 1e-9) * limits).any(axis=-1)
+    return first, last, largest, np.asarray(at_limit.mean(axis=0))

@@ -1,0 +1,148 @@
+"""What a held torque carries: the worst configuration is searched for, and 2 is where velocities grow."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from random_trees import random_chain
+from scipy.optimize import differential_evolution
+
+from adaptctl.arrays import Array
+from adaptctl.control import SlotineLi, Workspace, hold_number, least_definite
+from adaptctl.control.gains.hold import hold_numbers, require_hold, slowest_decay
+from adaptctl.control.gains.workspace import everywhere, position_range, sampled_configurations
+from adaptctl.description.drive import Drive
+from adaptctl.dynamics import Mechanism, load
+from adaptctl.errors import GainError, InputError
+from adaptctl.identifiability import ReducedModel
+
+
+def own_damping(mechanism: Mechanism, rate: float) -> Array:
+    return rate * np.median(np.diagonal(everywhere(mechanism).mass_matrices, axis1=1, axis2=2), axis=0)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_search_finds_what_a_global_one_finds(seed: int) -> None:
+    arm = random_chain(seed, 5)
+    damping = own_damping(arm, 100.0)
+    evolved = differential_evolution(
+        lambda p: -hold_numbers(arm, p.T, damping, 1e-3),
+        list(zip(*position_range(arm), strict=True)),
+        vectorized=True,
+        updating="deferred",
+        rng=np.random.default_rng(0),
+        maxiter=60,
+        polish=False,
+    )
+    found = hold_number(arm, damping, 1e-3)
+    assert found.value > 0.95 * -evolved.fun
+    assert found.value == pytest.approx(float(hold_numbers(arm, found.p, damping, 1e-3)), rel=1e-12)
+
+
+def test_random_configurations_alone_accept_what_is_unstable() -> None:
+    """The largest of 200 samples is below the limit, the truth above 2 somewhere, and there velocities grow."""
+    arm = random_chain(10, 6)
+    largest = float(hold_numbers(arm, sampled_configurations(arm), own_damping(arm, 1.0), 1.0).max())
+    damping = own_damping(arm, 1.0) * 1.49 / (1e-3 * largest)
+    found = hold_number(arm, damping, 1e-3)
+    assert found.value > 2.0
+    feedback = np.linalg.solve(arm.mass_matrix(found.p), np.diag(damping))
+    assert np.abs(np.linalg.eigvals(np.eye(6) - 1e-3 * feedback)).max() > 1.0
+    with pytest.raises(GainError, match=rf"at p = .*Joint {found.joint} would ring"):
+        require_hold(arm, damping, 1e-3)
+
+
+@settings(max_examples=20, deadline=None)
+@given(stiff=st.floats(0.01, 1.99), viscous=st.floats(0.0, 3.0))
+def test_with_friction_the_limit_is_that_of_the_exact_hold(stiff: float, viscous: float) -> None:
+    """M v' = -B v - K v_k over T: v_k+1 = (e^-x - (1 - e^-x) K/B) v_k, x = T B/M."""
+    bare = random_chain(3, 1)
+    inertia = float(bare.mass_matrix(np.zeros(1))[0, 0])
+    arm = bare.with_drives(Drive(viscous=viscous * inertia / 1e-3))
+    x = max(viscous, 1e-9)
+    damping = hold_scale(arm, inertia / 1e-3, stiff)
+    pole = np.exp(-x) + np.expm1(-x) * damping * 1e-3 / inertia / x
+    assert hold_number(arm, damping, 1e-3).value == pytest.approx(stiff, rel=1e-9)
+    assert pole > -1.0
+    at_limit = np.exp(-x) + np.expm1(-x) * hold_scale(arm, inertia / 1e-3, 2.0) * 1e-3 / inertia / x
+    assert at_limit == pytest.approx(-1.0, abs=1e-6)
+
+
+def hold_scale(arm: Mechanism, damping: float, wanted: float) -> float:
+    """The damping with a given hold number, which is proportional to it."""
+    return damping * wanted / hold_number(arm, damping, 1e-3).value
+
+
+def test_the_estimate_is_a_velocity_feedback_too() -> None:
+    arm = load("puma560_measured")
+    damping, p = own_damping(arm, 50.0), np.zeros(6)
+    M = arm.mass_matrix(p)
+    for estimate in (arm.inertial_parameters, 3.0 * arm.inertial_parameters):
+        share = estimate[0] / arm.inertial_parameters[0]
+        wanted = 1e-3 * np.linalg.eigvals(np.linalg.solve(M, np.diag(damping))).real.max() + 8e-3 * share
+        assert float(hold_numbers(arm, p, damping, 1e-3, 8.0, estimate=estimate)) == pytest.approx(wanted, rel=1e-9)
+    drives = hold_numbers(arm, p, damping, 1e-3, 8.0, estimate=-10.0 * arm.inertial_parameters)
+    assert np.isinf(drives)
+
+
+def test_a_workspace_along_the_reference_accepts_more() -> None:
+    """A wrist folded straight is light; a reference that keeps away from there may have more damping."""
+    arm = load("puma560_measured")
+    damping = own_damping(arm, 100.0)
+    reference = 0.1 * np.sin(np.linspace(0.0, 6.0, 50))[:, None] + np.array([0.0, -0.6, 0.8, 0.0, 1.2, 0.0])
+    along = hold_number(arm, damping, 1e-3, workspace=Workspace.along(arm, reference))
+    assert along.value < 0.9 * hold_number(arm, damping, 1e-3).value
+    factor = 1.49 / along.value
+    model = ReducedModel.full(arm)
+    with pytest.raises(GainError):
+        SlotineLi(model, 0.1, factor * damping)
+    assert SlotineLi(model, 0.1, factor * damping, workspace=Workspace.along(arm, reference)).dof == 6
+
+
+def test_a_mass_matrix_that_is_indefinite_somewhere_is_found() -> None:
+    arm = load("puma560_measured")
+    assert least_definite(arm, arm.inertial_parameters).value > 1e-4
+    D = arm.inertial_parameters.copy()
+    D[arm.parameter_names.index("link6.I_zz")] = -1e-4
+    found = least_definite(arm, D)
+    assert found.value < 0.0
+    M = arm.with_parameters(D).mass_matrix(found.p)
+    assert np.linalg.eigvalsh(M)[0] < 0.0
+
+
+def test_a_joint_that_moves_nothing_is_named() -> None:
+    arm = load("puma560_measured")
+    D = arm.inertial_parameters.copy()
+    D[50:] = 0.0
+    with pytest.raises(GainError, match=r"joint joint6 moves nothing: give it a link with inertia, or a rotor"):
+        require_hold(arm.with_parameters(D), 1.0, 1e-3)
+
+
+def test_links_that_no_body_can_be_are_named() -> None:
+    arm = load("puma560_measured")
+    D = arm.inertial_parameters.copy()
+    D[arm.parameter_names.index("link6.I_zz")] = -1.0
+    with pytest.raises(GainError, match="no rigid body is: give link6 physically consistent parameters"):
+        require_hold(arm.with_parameters(D), 1.0, 1e-3)
+
+
+@pytest.mark.parametrize("period", [0.0, -1.0, np.nan, np.inf])
+def test_a_period_is_a_positive_time(period: float) -> None:
+    with pytest.raises(InputError, match="control period: expected a positive time in s"):
+        hold_number(load("puma560_measured"), 1.0, period)
+
+
+def test_the_slowest_decay_is_below_all_met() -> None:
+    arm = load("puma560_measured")
+    damping = own_damping(arm, 50.0)
+    M = arm.mass_matrix(sampled_configurations(arm, 500, seed=3))
+    met = np.linalg.eigvals(np.linalg.solve(M, np.diag(damping))).real.min()
+    assert 0.5 * met < slowest_decay(arm, damping) <= met
+
+
+def test_loops_are_searched_where_they_close() -> None:
+    arm = load("semi_direct_drive")
+    found = hold_number(arm, 60.0, 1e-3)
+    assert found.value >= float(hold_numbers(arm, everywhere(arm).samples, 60.0, 1e-3).max())

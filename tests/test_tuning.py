@@ -1,0 +1,222 @@
+"""Tuning: bounds that are kept, joints that limit only themselves, words that are true, and gains that learn."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from adaptctl.cli.main import main
+from adaptctl.control import Sinusoids
+from adaptctl.control.gains.torque_limits import finite_torque_limits
+from adaptctl.description.drive import Drive
+from adaptctl.dynamics import Mechanism, load
+from adaptctl.errors import InputError, SimplificationWarning
+from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
+from adaptctl.simulation import LinearlyImplicitEuler, Plant, simulate_many
+from adaptctl.tuning import Tuning, tune
+from adaptctl.tuning.carried_gains import carried_gains
+from adaptctl.tuning.prior_gain import adaptation_number
+from adaptctl.tuning.proposal import Proposals
+from adaptctl.tuning.trial import EVERY, Trials, TrialSetting
+from adaptctl.tuning.workable_reference import judged_reference
+from tests.random_trees import random_chain, random_tree
+from tests.robot_files import urdf
+
+PERIOD = 1e-3
+PUMA = load("puma560_measured")
+
+
+@pytest.fixture(scope="module")
+def tuned() -> Tuning:
+    return tune(PUMA)
+
+
+def proposals(tuning: Tuning, period: float = PERIOD) -> Proposals:
+    given = tuning.torque_limits, tuning.reference, tuning.initial_error
+    return Proposals.along(tuning.mechanism, *given, period, 60, 0)
+
+
+@pytest.mark.parametrize("name", ["puma560_measured", "semi_direct_drive", "puma560_friction"])
+def test_it_learns_as_described_and_late_and_with_other_links(name: str) -> None:
+    tuning = tune(load(name))
+    assert [run.name for run in tuning.verified] == ["as described", "torque late", "links off", "both"]
+    for run in tuning.verified:
+        assert run.learns, run
+        assert run.last < 2e-3
+    assert tuning.learns
+
+
+def test_the_reference_stays_within_the_torque_limits(tuned: Tuning) -> None:
+    points = tuned.reference(np.linspace(0.0, 20.0, 501))
+    share = np.abs(PUMA.inverse_dynamics(points.p, points.v, points.a)).max(axis=0) / finite_torque_limits(PUMA)
+    assert share.max() < 0.62
+    np.testing.assert_allclose(share, tuned.torque_share, atol=0.02)
+    lower, upper = np.array([(j.limits.lower, j.limits.upper) for j in PUMA.primary_joints]).T
+    assert np.all((points.p > lower) & (points.p < upper))
+
+
+@pytest.mark.parametrize("hold", [0.1, 0.5])
+def test_gains_keep_to_the_numbers_that_are_asked(tuned: Tuning, hold: float) -> None:
+    mine = proposals(tuned)
+    found = mine.proposed(4.0, hold, 0.2, "ranges")
+    K = np.diag(found.carried.gains.damping)
+    numbers = PERIOD * np.linalg.eigvals(np.linalg.solve(PUMA.mass_matrix(mine.postures), K)).real
+    assert numbers.max() <= hold * (1.0 + 1e-9)
+    assert numbers.max() > 0.9 * hold  # and does not leave it lie
+    affordable = 0.5 * tuned.torque_limits / (found.carried.gains.bandwidth * tuned.initial_error)
+    assert np.all(found.carried.gains.damping <= affordable * (1.0 + 1e-9))
+    assert np.all(found.carried.gains.bandwidth <= 4.0)
+
+
+@pytest.mark.parametrize("shares", ["ranges", "links", "parameters"])
+def test_adaptation_gains_have_the_number_that_is_asked(tuned: Tuning, shares: str) -> None:
+    mine = proposals(tuned)
+    found = mine.proposed(4.0, 0.5, 0.3, shares)  # type: ignore[arg-type]
+    rates, points = found.carried.gains.bandwidth, mine.points
+    v_r, a_r = points.v - rates * mine.errors, points.a + rates**2 * mine.errors
+    Y = PUMA.slotine_li_regressor(points.p + mine.errors, points.v, v_r, a_r)
+    K = found.carried.gains.damping
+    products = (Y * found.gain) @ np.swapaxes(Y, -1, -2)
+    exact = PERIOD * np.linalg.eigvals(products / K[:, None]).real.max()
+    assert exact == pytest.approx(0.3, rel=1e-9)
+    assert adaptation_number(Y, K, found.gain, PERIOD) == pytest.approx(0.3, rel=1e-9)
+    assert np.all(found.gain > 0.0)
+
+
+def test_a_light_wrist_does_not_weaken_the_shoulder(tuned: Tuning) -> None:
+    """A last link of a hundredth of its mass: its own K falls, the first three joints' hardly do."""
+    light = PUMA.inertial_parameters.copy()
+    light[50:60] *= 0.01
+    other = PUMA.with_parameters(light)
+    postures = proposals(tuned).postures
+    given = tuned.torque_limits, postures, tuned.initial_error, PERIOD, 4.0, 0.5
+    mine, its = (carried_gains(arm, *given).gains.damping for arm in (PUMA, other))
+    assert its[5] < 0.2 * mine[5]
+    np.testing.assert_allclose(its[:3], mine[:3], rtol=0.1)
+
+
+def test_the_rotor_that_is_named_allows_four_times_the_damping(tuned: Tuning) -> None:
+    """The free inertia grows by the rotor's: 1/(M + r e e')^-1_jj = 1/(M^-1)_jj + r."""
+    mine = proposals(tuned)
+    carried = mine.proposed(4.0, 0.5, 0.2, "ranges").carried
+    assert carried.by_hold[5]
+    assert tuned.limited_by[5].startswith("the control period holds K low: a rotor of ")
+    rotor = 3.0 * carried.free_inertia[5]
+    drives = [Drive() for _ in range(5)] + [Drive(float(rotor))]
+    helped = carried_gains(
+        PUMA.with_drives(drives), tuned.torque_limits, mine.postures, tuned.initial_error, PERIOD, 4.0, 0.5
+    )
+    assert helped.gains.damping[5] / carried.gains.damping[5] == pytest.approx(4.0, rel=0.3)
+
+
+def test_a_trial_is_slotine_and_li_on_the_reduced_model(tuned: Tuning) -> None:
+    model = ReducedModel(PUMA, fundamental_basis(essential_space(PUMA)))
+    law = tuned.controller(model)
+    plant = Plant(PUMA, PERIOD, tuned.substeps, tuned.integrator, tuned.torque_limits)
+    first = tuned.reference(0.0).p + tuned.initial_error
+    theirs = simulate_many(plant, law, tuned.reference, duration=3.0, p=first, every=EVERY)
+    gains = tuned.gains
+    setting = TrialSetting(gains.bandwidth, gains.damping, tuned.adaptation, PUMA.inertial_parameters)
+    late = setting._replace(late=True)
+    ours = Trials(plant, tuned.reference, tuned.initial_error).run([setting, late], 3.0)
+    np.testing.assert_allclose(ours.p[:, 0], theirs.p[:, 0], atol=1e-9)
+    assert 1e-9 < np.abs(ours.p[:, 1] - theirs.p[:, 0]).max() < 0.05
+    held = ours.applied[0, 1]
+    np.testing.assert_array_equal(held, np.zeros(6))  # nothing is commanded before the first tick
+
+
+def test_a_search_is_no_worse_than_the_rule_where_it_judges(tuned: Tuning) -> None:
+    searched = tune(PUMA, search=8)
+    assert searched.learns
+    assert searched.verified[3].last < 1.2 * tuned.verified[3].last
+    again = tune(PUMA, search=8)
+    np.testing.assert_array_equal(again.gains.damping, searched.gains.damping)
+    np.testing.assert_array_equal(again.adaptation, searched.adaptation)
+
+
+def test_stiff_friction_is_integrated_not_refused() -> None:
+    tuning = tune(load(urdf("xarm7.urdf")))
+    assert tuning.integrator == LinearlyImplicitEuler()
+    assert any("friction is too stiff" in note for note in tuning.notes)
+    assert tuning.learns
+
+
+def test_absurd_limits_are_none() -> None:
+    """The iris has limits of 1e16 rad, where doubles are 2 rad apart."""
+    with pytest.warns(SimplificationWarning, match="limits of zero"):
+        tuning = tune(load(urdf("iris.urdf")))
+    assert np.abs(tuning.reference(np.linspace(0.0, 20.0, 50)).p).max() < 2.0
+    assert tuning.verified[0].last < 1e-5
+
+
+def test_a_load_beyond_the_limits_is_told(tuned: Tuning) -> None:
+    tight = np.where(np.arange(6) == 1, 8.0, tuned.torque_limits)
+    upright = judged_reference(PUMA, tight, Sinusoids(np.zeros(6), np.full(6, 0.1), np.full(6, 0.2)))
+    assert upright.static[1] > 1.0
+    description = PUMA.description
+    links = list(description.links)
+    limits = replace(links[1].joint.limits, effort=8.0)
+    links[1] = replace(links[1], joint=replace(links[1].joint, limits=limits))
+    weak = Mechanism(replace(description, links=tuple(links)))
+    tuning = tune(weak, reference=Sinusoids(np.zeros(6), np.full(6, 0.1), np.full(6, 0.2)))
+    assert any(note.startswith("joint2: gravity and friction ask ") for note in tuning.notes)
+    assert not tuning.learns
+
+
+def test_what_moves_nothing_is_named() -> None:
+    chain = random_chain(3, 3)
+    massless = chain.inertial_parameters.copy()
+    massless[20:30] = 0.0
+    last = chain.primary_joints[2].name
+    with pytest.raises(InputError, match=rf"{last}: moves nothing that has inertia.*a rotor's inertia"):
+        tune(chain.with_parameters(massless))
+
+
+def test_links_that_no_body_can_be_are_named() -> None:
+    tree = random_tree(4, 3)
+    wrong = tree.inertial_parameters.copy()
+    wrong[10:20] *= -0.5
+    with pytest.raises(InputError, match=r"no rigid body has|moves nothing"):
+        tune(tree.with_parameters(wrong))
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"period": float("nan")}, "period: expected a number above 0"),
+        ({"period": 0.0}, "period: expected a number above 0"),
+        ({"period": -1.0}, "period: expected a number above 0"),
+        ({"bandwidth": 0.0}, "bandwidth: expected a number above 0"),
+        ({"hold": 2.0}, "hold: expected a number above 0 and at most 1.5"),
+        ({"adaptation": float("inf")}, "adaptation: expected a number above 0"),
+        ({"search": -1}, "search: expected a whole number"),
+        ({"initial_error": float("nan")}, "initial_error: expected"),
+    ],
+)
+def test_wrong_settings_are_refused(settings: dict[str, float], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        tune(PUMA, **settings)  # type: ignore[arg-type]
+
+
+def test_the_command_tells_people_and_programs(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["tune", "docs/examples/two_link.toml"]) == 0
+    assert "What limits the gains" in capsys.readouterr().out
+    assert main(["tune", "docs/examples/two_link.toml", "--json", "--search", "2"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["schema"] == "adaptctl/tuning/1"
+    assert said["verified"][0]["name"] == "as described"
+    assert said["verified"][0]["learns"] is True
+    assert main(["tune", "docs/examples/two_link.toml", "--period", "nan"]) == 2
+    assert "period: expected" in capsys.readouterr().err
+
+
+def test_a_base_may_float(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    source = str(urdf("double_pendulum.urdf"))
+    assert main(["basis", source, "--floating-base", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["dof"] == 8
+    out = str(tmp_path / "out")
+    assert main(["experiment", "run", "adaptive", "--robot", source, "--floating-base", "--out", out]) == 0

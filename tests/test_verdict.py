@@ -1,0 +1,123 @@
+"""The verdict on a run: what failed is said first, and nothing that failed is told as a result."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from adaptctl.arrays import Array
+from adaptctl.dynamics import load
+from adaptctl.experiments.adaptive import AdaptiveTracking
+from adaptctl.recording import Comparison, Failure, judged
+from adaptctl.recording.overview import summary_markdown
+from adaptctl.recording.summary import summary
+from adaptctl.recording.wording import facts, told
+from tests.comparisons import PERIOD, comparison
+
+SHOWN = comparison(load("puma560_measured"))
+LIMITS = SHOWN.torque_limits
+
+
+def changed(shown: Comparison, run: int = 0, samples: int | None = None, **fields: object) -> Comparison:
+    """A comparison one of whose runs has other fields, or ends after some samples."""
+    rollout = shown.runs[run].rollout
+    if samples is not None:
+        arrays = {name: x[:samples] for name, x in vars(rollout).items() if isinstance(x, np.ndarray)}
+        rollout = replace(rollout, **arrays)  # type: ignore[arg-type]
+    runs = list(shown.runs)
+    runs[run] = replace(runs[run], rollout=replace(rollout, **fields))  # type: ignore[arg-type]
+    return replace(shown, runs=tuple(runs))
+
+
+def failures(shown: Comparison) -> list[Failure]:
+    """What is judged to have failed."""
+    return [fault.failure for fault in judged(shown).faults]
+
+
+def off_by(error: float, after: float = 0.0) -> Array:
+    """Positions with an error from a time (s) on."""
+    rollout = SHOWN.subject.rollout
+    return rollout.reference_p + np.where(rollout.time[:, None] >= after, error, 0.0)
+
+
+def test_a_run_that_learned_passes_and_says_what_it_learned() -> None:
+    assert failures(SHOWN) == []
+    assert judged(SHOWN).passed
+    assert re.match(r"Knowing nothing .* goes from .* stays at .* times as much\.", told(SHOWN))
+    assert summary(SHOWN)["verdict"] == {"passed": True, "faults": []}
+
+
+def test_a_run_that_stopped_says_so_first_and_has_no_last_two_seconds() -> None:
+    stopped = changed(SHOWN, samples=210, terminated=True)
+    assert failures(stopped) == [Failure.STOPPED]
+    assert told(stopped).startswith("Failed: Slotine-Li, <learning> was stopped at 0.42 s")
+    assert summary_markdown(stopped).startswith("Failed: ")
+    said = summary(stopped)
+    assert said["verdict"]["passed"] is False
+    assert (said["first_rms_error"], said["final_rms_error"]) == (None, None)
+    assert said["rms_error"] == pytest.approx(float(np.sqrt(np.mean(stopped.subject.rollout.error**2))))
+    assert dict(facts(stopped))["RMS error, last 2 s"] == "–"
+
+
+def test_figures_of_two_seconds_exist_from_two_seconds_on() -> None:
+    for samples, first, last in ((499, False, False), (500, True, False), (999, True, False), (1000, True, True)):
+        run = changed(SHOWN, samples=samples).subject
+        assert ((run.first_rms_error is not None), (run.final_rms_error is not None)) == (first, last)
+
+
+def test_adaptation_off_that_fell_is_not_said_to_stay() -> None:
+    fell = changed(SHOWN, 1, samples=235, terminated=True)
+    assert failures(fell) == []
+    assert "adaptation off is stopped at 0.47 s" in told(fell)
+    assert "stays" not in told(fell)
+    assert dict(facts(fell))["… with adaptation off"].startswith("stopped at 0.47 s")
+
+
+def test_errors_that_no_tracking_has_are_divergence() -> None:
+    assert failures(changed(SHOWN, p=off_by(1.5, after=2.0)))[0] is Failure.DIVERGED
+    assert Failure.DIVERGED not in failures(changed(SHOWN, p=off_by(1.5) * (SHOWN.subject.rollout.time < 0.5)[:, None]))
+    assert Failure.DIVERGED not in failures(changed(SHOWN, p=off_by(0.9, after=2.0)))
+
+
+def test_learning_that_gains_nothing_fails() -> None:
+    same = changed(SHOWN, p=SHOWN.runs[1].rollout.p)
+    assert failures(same) == [Failure.NO_BETTER]
+    assert failures(replace(same, complete=False)) == []  # what was interrupted is not compared
+
+
+@pytest.mark.parametrize("told_by", ["limit", "clipping"])
+def test_seconds_at_a_torque_limit_fail_whoever_clips(told_by: str) -> None:
+    """A guard that knows the limits leaves the environment nothing to clip: the torque is at its limit all the same."""
+    rollout = SHOWN.subject.rollout
+    for seconds, failed in ((1.9, []), (2.1, [Failure.SATURATED])):
+        long = rollout.time < seconds - 0.5 * PERIOD
+        if told_by == "limit":
+            at_limit = changed(SHOWN, applied=np.where(long[:, None], LIMITS, 0.5 * LIMITS), clipped=0.0 * rollout.time)
+        else:
+            at_limit = changed(SHOWN, applied=0.5 * rollout.applied, clipped=long.astype(float))
+        steps = round(seconds / PERIOD)
+        assert failures(at_limit) == failed
+        assert summary(at_limit)["clipped_steps"] == at_limit.limited_steps(at_limit.subject) == steps
+        assert dict(facts(at_limit))["Steps at a torque limit"] == f"{steps:,} of 1,500"
+
+
+def test_a_failure_that_is_the_question_passes_and_is_told_last() -> None:
+    weak = changed(SHOWN, clipped=np.ones(1500))
+    expected = replace(weak, expected={Failure.SATURATED: "its motors are weak"})
+    assert not judged(weak).passed
+    assert judged(expected).passed
+    assert told(expected).startswith("Knowing nothing")
+    assert "As expected (its motors are weak): Slotine-Li" in told(expected)
+    assert summary(expected)["verdict"]["faults"][0]["expected"] == "its motors are weak"
+    stopped = changed(expected, terminated=True)
+    assert not judged(stopped).passed  # another failure is not excused by it
+
+
+def test_what_an_experiment_compares_with_is_not_judged() -> None:
+    """Computed torque without a model falls; the verdict is on the adaptive controller."""
+    shown = AdaptiveTracking(duration=3.0, seed=1).compare(lambda what, share: None)
+    assert any(run.rollout.terminated for run in shown.runs if run is not shown.subject)
+    assert judged(shown).passed
