@@ -63,6 +63,7 @@ def imbalance(V: Array, lost: Array) -> float:
 
 
 def slotine_li(name: str, adaptation: AdaptationLaw, **options: object) -> SlotineLi:
+    options = {"torque_limits": np.inf} | options
     return SlotineLi(reduced(name), 8.0, gains(name).damping, adaptation, **options)  # type: ignore[arg-type]
 
 
