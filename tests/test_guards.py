@@ -13,6 +13,7 @@ from random_trees import random_chain
 from adaptctl.arrays import Array
 from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.control import ComputedTorque, Controller, Guarded, ReferencePoint, SlotineLi, adaptation_gain
+from adaptctl.control.controller import leaves
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import InputError, NonFiniteError
@@ -32,7 +33,7 @@ def puma() -> Mechanism:
 @pytest.fixture(scope="module")
 def law(puma: Mechanism) -> SlotineLi:
     model = ReducedModel.full(puma)
-    return SlotineLi(model, 8.0, DAMPING, adaptation_gain(model))
+    return SlotineLi(model, 8.0, DAMPING, adaptation_gain(model), torque_limits=np.inf)
 
 
 @pytest.fixture(scope="module")
@@ -138,7 +139,7 @@ def test_estimates_stay_within_their_bounds(law: SlotineLi, bounded: Guarded, se
 def test_a_rollout_has_the_marks(puma: Mechanism, law: SlotineLi) -> None:
     env = TrackingEnv(puma, 1, duration=0.2, initial_error=0.1)
     run = rollout(env, Guarded(law, torque_limits=np.full(6, 40.0), rate_limits=1e4), seed=0)
-    assert tuple(run.marks) == ("torque_limited", "rate_limited", "frozen", "bounded", "stopped")
+    assert tuple(run.marks) == ("torque_limited", "rate_limited", "frozen", "bounded", "ringing", "stopped")
     assert 0.0 < run.marks["frozen"].mean() < 1.0
     held = np.isclose(np.abs(run.torque), 40.0).any(axis=1)
     assert np.all(run.marks["torque_limited"][held] == 1.0)
@@ -176,7 +177,7 @@ def test_the_law_runs_on_arrays_of_samples(held: Guarded) -> None:
     inputs = [smooth(seed)[0] for seed in range(4)]
     inputs[2][0, 0] = np.nan
     start = held.init(np.zeros(6), np.zeros(6))
-    from adaptctl.control.controller import leaves, like
+    from adaptctl.control.controller import like
 
     batch = [Column(np.array([x[i] for x in inputs]).T) for i in range(5)]
     memory = like(start, [Column(np.tile(part[:, None], 4)) for part in leaves(start)])
@@ -212,3 +213,57 @@ def test_what_a_law_does_not_know_must_be_given(puma: Mechanism) -> None:
     with pytest.raises(InputError, match="estimate_bounds: ComputedTorque estimates nothing"):
         Guarded(law, estimate_bounds=(-1.0, 1.0), stop_damping=1.0)
     assert Guarded(law, rate_limits=1.0, stop_damping=1.0, period=1e-3).period == 1e-3
+
+
+@pytest.mark.parametrize("period", [-1.0, 0.0, np.nan])
+def test_a_period_is_a_positive_time(law: SlotineLi, period: float) -> None:
+    with pytest.raises(InputError, match="control period: expected a positive time in s"):
+        Guarded(law, rate_limits=1e3, period=period)
+
+
+@pytest.mark.parametrize(
+    "limits", [{"position_limits": (-0.5, 0.5)}, {"velocity_limits": 0.8}, {"velocity_limits": np.full(6, 0.8)}]
+)
+def test_beyond_limits_of_motion_it_brakes_from_then_on(law: SlotineLi, limits: dict[str, Any]) -> None:
+    inputs = np.zeros((12, 5, 6))
+    what = 0 if "position_limits" in limits else 1
+    inputs[5, what, 2] = -0.9
+    inputs[6:, 1] = 0.1
+    torques, states = ticks(Guarded(law, **limits), inputs)
+    np.testing.assert_array_equal([state.marks.stopped[0] for state in states], np.arange(12) >= 5)
+    np.testing.assert_allclose(torques[6:], -DAMPING * 0.1 * np.ones((6, 6)))
+
+
+def rung(law: Controller[Any], factor: float, count: int = 200) -> list[Any]:
+    """States while velocities are multiplied by a factor from tick to tick."""
+    inputs = np.zeros((count, 5, 6))
+    inputs[:, 1, 4] = 0.5 * factor ** np.arange(count)
+    return ticks(law, inputs)[1]
+
+
+def test_a_joint_that_rings_is_told_and_braked(law: SlotineLi) -> None:
+    """A free loop of hold number h has rho = 1 - h."""
+    quiet = rung(Guarded(law), -0.3)
+    assert not any(state.marks.ringing[0] or state.marks.stopped[0] for state in quiet)
+    told = rung(Guarded(law), -0.99, 60)
+    assert told[-1].marks.ringing[0] == 1.0
+    assert [state.marks.stopped[0] for state in told].index(1.0) < 40
+    warned = rung(Guarded(law), -0.7, 60)
+    assert warned[-1].marks.ringing[0] == 1.0
+    assert not any(state.marks.stopped[0] for state in warned)
+
+
+def test_a_jump_is_no_ringing(law: SlotineLi) -> None:
+    """A reference that jumps turns the sign of s once."""
+    inputs = np.zeros((100, 5, 6))
+    inputs[:50, 2], inputs[50:, 2] = 0.05, -0.05
+    _, states = ticks(Guarded(law), inputs)
+    assert not any(state.marks.ringing[0] or state.marks.stopped[0] for state in states)
+
+
+def test_a_sliding_variable_beyond_measure_leaves_the_state_finite(law: SlotineLi) -> None:
+    inputs = np.zeros((4, 5, 6))
+    inputs[2, 1] = 1e200
+    _, states = ticks(Guarded(law, torque_limits=10.0), inputs)
+    for state in states:
+        assert all(np.isfinite(part).all() for part in leaves(state))

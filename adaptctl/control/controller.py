@@ -208,9 +208,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
             self._measured(values, f"reference.{part}", self.reference_size)
         arm = np.argwhere(~np.isfinite(np.atleast_1d(made)))[:1, :-1].ravel().tolist()
         whose = f" of arm {', '.join(map(str, arm))}" if arm else ""
-        raise NonFiniteError(
-            f"{type(self).__name__}: the torque or the state{whose} is not finite, though all it was given is"
-        )
+        raise NonFiniteError(f"{type(self).__name__}: the {what}{whose} is not finite, though all it was given is")
 
 
 @lru_cache(maxsize=64)

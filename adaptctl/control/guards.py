@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array, per_joint
 from adaptctl.control.controller import Controller, ReferencePoint, leaves
 from adaptctl.control.gains.hold import require_period
-from adaptctl.control.ringing import ALARM, BRAKE, Ringing
+from adaptctl.control.ringing import Ringing
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column, Scalar, absolute, clip, column, maximum, minimum, where
 from adaptctl.scalars.scalar import Condition
@@ -68,7 +68,7 @@ class Guarded(Controller[GuardedState]):
     integration (Astrom and Hagglund, Advanced PID Control, 2006, section 3.5). Estimates stay within
     `estimate_bounds`, two of (k,). When a measurement, a reference, or anything that the law makes of them is not
     finite, when a joint is outside `position_limits`, two of (r,) rad, or faster than `velocity_limits` (rad/s), or
-    when it rings so that rho is below -0.9 (`adaptctl.control.ringing`), the arm is braked by `stop_damping`
+    when it rings, rho below -0.9 for 25 ticks (`adaptctl.control.ringing`), the arm is braked by `stop_damping`
     (N m s/rad; the law's own damping where it has one) from then on, until `init`: gravity is not held, so a brake
     must. Numbers are scalars or one a joint.
 
@@ -142,8 +142,7 @@ class Guarded(Controller[GuardedState]):
         after, bounded = self._bounded(after)
         sound = _sound((*given, torque, *leaves(after)))
         heard = memory.heard.heard(self._sliding(sound, after, clean))
-        worst = heard.worst
-        lost = maximum(self._outside(clean[0], clean[1]), where(worst < BRAKE, 1.0, 0.0))
+        lost = maximum(self._outside(clean[0], clean[1]), heard.brake)
         stopped = where(sound, maximum(memory.marks.stopped[0], lost), 1.0)
         torque = _either(stopped > 0.5, -(column(self.stop_damping) * clean[1]), torque)
         after = _chosen(stopped > 0.5, memory.of, after)
@@ -154,8 +153,7 @@ class Guarded(Controller[GuardedState]):
         frozen = maximum(beyond, too_fast) if self.freeze else 0.0
         after = _told(after, applied)
         after = _without_learning(frozen > 0.5, after) if self.freeze else after
-        rings = where(worst < ALARM, 1.0, 0.0)
-        marks = Marks(*(Column((mark,)) for mark in (beyond, too_fast, frozen, bounded, rings, stopped)))
+        marks = Marks(*(Column((mark,)) for mark in (beyond, too_fast, frozen, bounded, heard.alarm, stopped)))
         return applied, GuardedState(after, applied, Column((1.0,)), heard, marks)
 
     def _sliding(self, sound: Condition, after: Any, clean: list[Column]) -> Column:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.scalars import Column, minimum
+from adaptctl.scalars import Column, minimum, where
 
 SPAN = 100
 """ticks that the moving averages remember"""
@@ -15,6 +15,8 @@ FAINT = 0.01
 """rad/s (m/s): where s is no larger on average, its signs say little"""
 ALARM, BRAKE = -0.5, -0.9
 """of rho: below the first the loop rings, below the second hardly anything else happens"""
+LASTING = 25
+"""ticks in a row that it takes"""
 
 
 class Ringing(NamedTuple):
@@ -26,31 +28,45 @@ class Ringing(NamedTuple):
     """(r,) of s a tick ago, squared"""
     s: Any
     """(r,) the last"""
+    lasting: Any
+    """(2,) ticks in a row in which some joint's rho was below ALARM and below BRAKE: a single jump is neither"""
 
     @classmethod
     def silent(cls, dof: int) -> Ringing:
         """The averages before the first tick."""
-        return cls(np.zeros(dof), np.zeros(dof), np.zeros(dof))
+        return cls(np.zeros(dof), np.zeros(dof), np.zeros(dof), np.zeros(2))
 
     def heard(self, s: Column) -> Ringing:
         """The averages a tick later."""
         keep, new = 1.0 - 1.0 / SPAN, 1.0 / SPAN
-        return Ringing(keep * self.product + new * (self.s * s), keep * self.square + new * (self.s * self.s), s)
+        product = keep * self.product + new * (self.s * s)
+        square = keep * self.square + new * (self.s * self.s)
+        worst = _least(correlation(product, square))
+        pairs = zip(self.lasting, (ALARM, BRAKE), strict=True)
+        return Ringing(product, square, s, Column(where(worst < bound, x + 1.0, 0.0) for x, bound in pairs))
 
     @property
-    def rho(self) -> Column:
-        """(r,) the correlation of s with itself a tick ago, 1 - h in a free loop of hold number h; towards 0 where s is
-        FAINT."""
-        return Column(x / (y + FAINT * FAINT) for x, y in zip(self.product, self.square, strict=True))
+    def alarm(self) -> Any:
+        """1 where a joint has rung for a while, else 0."""
+        return where(self.lasting[0] > LASTING - 0.5, 1.0, 0.0)
 
     @property
-    def worst(self) -> Any:
-        """The least rho of all joints."""
-        rho = self.rho
-        least = rho[0]
-        for x in rho.of[1:]:
-            least = minimum(least, x)
-        return least
+    def brake(self) -> Any:
+        """1 where a joint has hardly done anything else for a while, else 0."""
+        return where(self.lasting[1] > LASTING - 0.5, 1.0, 0.0)
+
+
+def correlation(product: Column, square: Column) -> Column:
+    """rho (r,): how s follows from itself a tick ago, 1 - h in a free loop of hold number h; towards 0 where s is
+    FAINT."""
+    return Column(x / (y + FAINT * FAINT) for x, y in zip(product, square, strict=True))
+
+
+def _least(values: Column) -> Any:
+    least = values[0]
+    for x in values.of[1:]:
+        least = minimum(least, x)
+    return least
 
 
 def ringing(s: Array) -> Array:
@@ -58,5 +74,5 @@ def ringing(s: Array) -> Array:
     averages, found = Ringing(*map(Column, Ringing.silent(s.shape[-1]))), np.empty(s.shape)
     for k, row in enumerate(s):
         averages = averages.heard(Column(row.tolist()))
-        found[k] = averages.rho.of
+        found[k] = correlation(averages.product, averages.square).of
     return found
