@@ -88,7 +88,10 @@ def test_help_answers_at_once() -> None:
     ("command", "told"),
     [
         ((), "a command is missing: basis, gains, identify, excite, experiment; see adaptctl --help"),
-        (("bases",), 'Unknown command "bases". Did you mean "basis"? Available commands: basis, gains, identify, excite, experiment.'),
+        (
+            ("bases",),
+            'Unknown command "bases". Did you mean "basis"? Available commands: basis, gains, identify, excite, experiment.',
+        ),
         (("experiment",), "a command is missing: run, list; see adaptctl experiment --help"),
         (("experiment", "lst"), 'Unknown command "lst". Did you mean "list"?'),
         (("experiment", "list", "x"), "Unused Tokens: ['x']. See adaptctl experiment list --help"),
