@@ -104,10 +104,16 @@ class LogEvidence:
         others = [c for c in np.flatnonzero(self.mask(friction)).tolist() if c >= energetic]
         return np.array([*self.basis.columns, *others])
 
-    def fit(self, settings: FitSettings, blocks: Sequence[int], start: Array | None = None) -> Fit:
-        """Consistent parameters from some of the blocks."""
-        load = self.load_from(settings, blocks)
-        return self.fitted(self.equations(settings.cutoff, blocks, load), settings, start)
+    def fit(self, settings: FitSettings, blocks: Sequence[int]) -> Fit:
+        """Consistent parameters from some of the blocks, sought from where the last search on them ended."""
+        load, key = self.load_from(settings, blocks), tuple(blocks)
+        found = self.fitted(self.equations(settings.cutoff, blocks, load), settings, self._ends.get(key))
+        self._ends[key] = found.x
+        return found
+
+    @cached_property
+    def _ends(self) -> dict[tuple[int, ...], Array]:
+        return {}
 
     def load_from(self, settings: FitSettings, blocks: Sequence[int], cutoff: float | None = None) -> Array | None:
         """Load-dependent friction's columns at a cut-off, the settings' own by default, as far as some blocks tell:

@@ -182,7 +182,7 @@ def identified(
     origin = "the last 40 % of the logs, held out" if held_out else ", ".join(log.source for log in test)
     validation = _validated(judged, fit.x, origin)
     others = {other.name: _validated(judged, other.x, origin) for other in alternatives(training, fit, plain)}
-    final = evidence.fit(choice.settings, range(evidence.blocks), fit.x) if held_out else fit
+    final = evidence.fit(choice.settings, range(evidence.blocks)) if held_out else fit
     own = _plain(evidence, final) if held_out else plain
     return _result(mechanism, evidence, own, final, validation, others, choice, steps, remarks + known)
 
@@ -252,7 +252,7 @@ def _plain(evidence: LogEvidence, fit: Fit) -> Fit:
     friction = fit.settings.friction
     if not friction.load:
         return fit
-    return evidence.fit(replace(fit.settings, friction=replace(friction, load=False)), range(evidence.blocks), fit.x)
+    return evidence.fit(replace(fit.settings, friction=replace(friction, load=False)), range(evidence.blocks))
 
 
 def _validated(evidence: LogEvidence, x: Array, origin: str) -> Validation:
