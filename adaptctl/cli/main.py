@@ -53,6 +53,7 @@ app = App(
 app.command("adaptctl.cli.basis:basis", name="basis", help="The independent inertial parameters of a robot.")
 app.command("adaptctl.cli.gains:gains", name="gains", help="Gains of a robot's tracking loop, and their margins.")
 app.command("adaptctl.cli.experiment:app", name="experiment", help="List experiments and run them.")
+app.command("adaptctl.cli.sweep:app", name="sweep", help="Many runs of an experiment, on this machine or a cluster.")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
