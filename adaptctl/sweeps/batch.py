@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.control.references import Sinusoids
-from adaptctl.dynamics import Mechanism
-from adaptctl.errors import AdaptctlError
+from adaptctl.dynamics import Mechanism, load
+from adaptctl.errors import AdaptctlError, NotFoundError
 from adaptctl.experiments.contest import Contender
 from adaptctl.experiments.experiment import Experiment
 from adaptctl.experiments.learning import Learning
 from adaptctl.identifiability import FundamentalBasis, essential_space, fundamental_basis
-from adaptctl.simulation import Episode, Plant, Rollouts, simulate_many
+from adaptctl.simulation import Episode, Rollouts, simulate_many
 from adaptctl.sweeps.outcome import Outcome
 
 FEWEST = 2
@@ -37,16 +37,20 @@ def batched(experiments: Sequence[Experiment], controllers: Sequence[str]) -> Ou
     """Outcomes, by their number, of those experiments that can run together.
 
     These are comparisons on an ideal plant, whose references are sinusoids; their runs are those of each experiment by
-    itself, to round-off. Others are left out, as are those for which anything is wrong.
+    itself, to round-off. Others are left out.
     """
     if len(experiments) < FEWEST or not all(isinstance(one, Learning) for one in experiments):
         return {}
     trials: dict[int, Trial] = {}
+    outcomes: Outcomes = {}
     for k, one in enumerate(experiments):
-        trial = _trial(one, controllers)  # type: ignore[arg-type]  # each is a Learning
+        try:
+            trial = _trial(one, controllers)  # type: ignore[arg-type]  # each is a Learning
+        except AdaptctlError as error:
+            outcomes[k] = [("", Outcome.failed(" ".join(str(error).split())))]
+            continue
         if trial is not None:
             trials[k] = trial
-    outcomes: Outcomes = {}
     groups: dict[Any, list[tuple[int, int]]] = {}
     for k, trial in trials.items():
         for c, contender in enumerate(trial.contenders):
@@ -60,27 +64,58 @@ def batched(experiments: Sequence[Experiment], controllers: Sequence[str]) -> Ou
 
 
 def _trial(experiment: Learning, controllers: Sequence[str]) -> Trial | None:
-    """What an experiment would run; None where that is not for many at once."""
-    try:
-        mechanism = interned(experiment.mechanism())
-        contenders = experiment.contenders(mechanism, offline(mechanism))
-        env: Any = experiment.environment(mechanism)
-        env.reset(seed=experiment.seed, options=experiment.options)
-        episode = env.unwrapped.hand_over()
-    except AdaptctlError:
-        return None  # by itself it tells what is wrong
+    """What an experiment would run; None where that is not for many at once. Raises what the experiment raises."""
+    mechanism = _loaded(experiment)
+    contenders = experiment.contenders(mechanism, offline(mechanism))
+    env: Any = experiment.environment(mechanism)
+    env.reset(seed=experiment.seed, options=experiment.options)
+    episode = env.unwrapped.hand_over()
     plant, reference = episode.plant, episode.reference
-    chosen = [one for one in contenders if not controllers or one.name in controllers]
+    chosen = named(contenders, controllers)
     simple = not plant.effects and isinstance(reference, Sinusoids) and plant.mechanism.continuation is None
     if not simple or any(one.controller.reference_size != plant.dof for one in chosen):
         return None
     return Trial(chosen, episode, env.unwrapped.error_bound)
 
 
+class Named(Protocol):
+    """What has a name."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        ...
+
+
+Some = TypeVar("Some", bound=Named)
+
+
+def named(candidates: Sequence[Some], names: Sequence[str]) -> list[Some]:
+    """Those of some names, all where none is given. Raises `NotFoundError` for a name that none has."""
+    known = [one.name for one in candidates]
+    for name in names:
+        if name not in known:
+            raise NotFoundError(f"there is no controller {name!r}; there are: {', '.join(known)}")
+    return [one for one in candidates if not names or one.name in names]
+
+
 @lru_cache(maxsize=8)
 def offline(mechanism: Mechanism) -> FundamentalBasis:
     """The basis of a mechanism."""
     return fundamental_basis(essential_space(mechanism))
+
+
+def _loaded(experiment: Learning) -> Mechanism:
+    """The mechanism of an experiment: read once where it is that of its robot."""
+    if type(experiment).mechanism is Learning.mechanism:
+        return robot(experiment.robot)
+    return interned(experiment.mechanism())
+
+
+@lru_cache(maxsize=64)
+def robot(source: str) -> Mechanism:
+    """The robot of that name or file, as it was when first asked for."""
+    return interned(load(source))
 
 
 _MECHANISMS: dict[str, Mechanism] = {}
@@ -96,26 +131,15 @@ def interned(mechanism: Mechanism) -> Mechanism:
 def _group(trial: Trial, contender: Contender) -> Any:
     """Equal for what can run together."""
     plant, reference = trial.episode.plant, trial.episode.reference
-    settings = plant.mechanism, plant.control_period, plant.substeps, plant.integrator, trial.episode.steps
-    limits = np.asarray(plant.torque_limits).tobytes(), trial.error_bound.tobytes()
-    return contender.controller.structure, *settings, *limits, np.shape(getattr(reference, "amplitude", ()))
-
-
-_PLANTS: dict[Any, Plant] = {}
-
-
-def _plant(settings: Any, plant: Plant) -> Plant:
-    """The plant of equal settings that was met first."""
-    if len(_PLANTS) > 64:
-        _PLANTS.clear()
-    return _PLANTS.setdefault(settings, plant)
+    waves = np.shape(getattr(reference, "amplitude", ()))
+    return contender.controller.structure, plant.structure, trial.episode.steps, trial.error_bound.tobytes(), waves
 
 
 def _together(trials: Mapping[int, Trial], places: Sequence[tuple[int, int]]) -> dict[tuple[int, int], Outcome]:
     """Outcomes of trials' contenders that can run together."""
     first, chosen = trials[places[0][0]], [trials[k].contenders[c].controller for k, c in places]
     episodes = [trials[k].episode for k, _ in places]
-    plant = _plant(_group(first, first.contenders[places[0][1]])[1:], first.episode.plant)
+    plant = first.episode.plant
     runs = simulate_many(
         plant,
         chosen,

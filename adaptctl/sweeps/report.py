@@ -152,10 +152,10 @@ def write_report(path: Path) -> Path:
     """Write a folder's report as a page; returns its place. Raises `FileError`."""
     report, place = SweepReport.of(path), path / "report.html"
     figures = {name: [map_figure(name, shown) for shown in report.maps(name)] for name in report.controllers}
-    title = f"Sweep of {report.study.experiment}"
+    content = {"report": report, "figures": figures, "facts": report.facts()}
     write_text(
         place,
-        rendered("sweep.html", "adaptctl.sweeps", report=report, figures=figures, title=title, facts=report.facts()),
+        rendered("sweep.html", "adaptctl.sweeps", title=f"Sweep of {report.study.experiment}", **content),
     )
     return place
 

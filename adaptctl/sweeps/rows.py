@@ -20,7 +20,7 @@ from adaptctl.errors import (
 from adaptctl.experiments import find
 from adaptctl.experiments.experiment import Experiment
 from adaptctl.recording import Comparison, ControllerRun
-from adaptctl.sweeps.batch import batched
+from adaptctl.sweeps.batch import batched, named
 from adaptctl.sweeps.outcome import OUTCOME, Outcome
 from adaptctl.version import __version__
 
@@ -80,9 +80,9 @@ def _alone(experiment: Experiment, controllers: Sequence[str]) -> list[tuple[str
         if compare is None:
             return [("", Outcome.failed(f"{experiment.name} compares no controllers, so that it has no rows"))]
         comparison = compare(lambda what, share: None)
+        chosen = named(comparison.runs, controllers)
     except (AdaptctlError, ArithmeticError, np.linalg.LinAlgError) as error:
         return [("", Outcome.failed(" ".join(str(error).split())))]
-    chosen = [run for run in comparison.runs if not controllers or run.name in controllers]
     return [(run.name, _outcome(run)) for run in chosen]
 
 

@@ -46,11 +46,13 @@ def search(
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     asked = optuna.create_study(sampler=optuna.samplers.TPESampler(seed=seed, constant_liar=True))
     best: Found | None = None
+    controllers = study.controllers[:1]
     for first in range(0, trials, TOGETHER):
         batch = [asked.ask() for _ in range(min(TOGETHER, trials - first))]
         settings = [_suggested(study, trial) for trial in batch]
-        for trial, chosen in zip(batch, settings, strict=True):
-            row = rows_of(study.experiment, [chosen], study.controllers[:1])[0]
+        controllers = controllers or (rows_of(study.experiment, settings[:1])[0]["controller"],)
+        rows = rows_of(study.experiment, settings, controllers)
+        for trial, chosen, row in zip(batch, settings, rows, strict=True):
             value = row[minimise] if row["status"] == "done" and row[minimise] is not None else np.inf
             asked.tell(trial, min(value, 1e300))
             if np.isfinite(value) and (best is None or value < best.value):

@@ -84,10 +84,28 @@ def sampled_gain(mechanism: Mechanism, damping: ArrayLike, period: float) -> flo
     return period / smallest if smallest > 0.0 else np.inf
 
 
+def _largest_share(mechanism: Mechanism, damping: ArrayLike) -> float:
+    """An upper bound of max_q lambda_max(M(q)^-1 K) that costs little: K is at most so many times the typical inertia,
+    and the eigenvalues rise with K."""
+    inertia, largest = _typical(mechanism)
+    if not (np.isfinite(largest) and np.all(inertia > 0.0)):
+        return np.inf
+    return float((positive_per_joint(damping, mechanism.dof, "damping") / inertia).max()) * largest
+
+
+@lru_cache(maxsize=8)
+def _typical(mechanism: Mechanism) -> tuple[Array, float]:
+    """The typical inertia, and max_q lambda_max(M(q)^-1 K) were K that; infinite where it cannot be."""
+    inertia = typical_inertia(mechanism)
+    return inertia, sampled_gain(mechanism, inertia, 1.0) if np.all(inertia > 0.0) else np.inf
+
+
 def require_sampled_gain(mechanism: Mechanism, damping: ArrayLike, period: float) -> None:
     """Raise `GainError` for a damping (r,) that the control period (s) cannot carry, saying the largest it can."""
     if not (np.isfinite(period) and period > 0.0):
         raise InputError(f"control period: expected a positive time in s, got {period}")
+    if period * _largest_share(mechanism, damping) <= LARGEST_SAMPLED_GAIN:
+        return
     gain = sampled_gain(mechanism, damping, period)
     if not gain <= LARGEST_SAMPLED_GAIN:
         _refuse(mechanism, gain, period)
