@@ -19,9 +19,6 @@ from adaptctl.identifiability import FundamentalBasis, essential_space, fundamen
 from adaptctl.simulation import Episode, Rollouts, simulate_many
 from adaptctl.sweeps.outcome import Outcome
 
-FEWEST = 2
-"""Runs that are worth a compilation together."""
-
 Outcomes = dict[int, list[tuple[str, Outcome]]]
 
 
@@ -39,7 +36,7 @@ def batched(experiments: Sequence[Experiment], controllers: Sequence[str]) -> Ou
     These are comparisons on an ideal plant, whose references are sinusoids; their runs are those of each experiment by
     itself, to round-off. Others are left out.
     """
-    if len(experiments) < FEWEST or not all(isinstance(one, Learning) for one in experiments):
+    if not all(isinstance(one, Learning) for one in experiments):
         return {}
     trials: dict[int, Trial] = {}
     outcomes: Outcomes = {}

@@ -48,7 +48,7 @@ def _rows(experiment: str, runs: Sequence[Mapping[str, Any]], controllers: Seque
         if isinstance(one, str):
             outcomes = [("", Outcome.failed(one))]
         else:
-            outcomes = found[k] if k in found else _alone(one, controllers)
+            outcomes = found[k] if k in found else alone(one, controllers)
         settings = {name: _plain(value) for name, value in _settings(kind, runs[k]).items()}
         rows += [settings | {"controller": name} | outcome._asdict() for name, outcome in outcomes]
     about = {"version": __version__, "wall_time": (time.perf_counter() - started) / max(1, len(runs))}
@@ -73,7 +73,7 @@ def _checked(kind: type[Experiment], settings: Mapping[str, Any]) -> Experiment 
         return str(error)
 
 
-def _alone(experiment: Experiment, controllers: Sequence[str]) -> list[tuple[str, Outcome]]:
+def alone(experiment: Experiment, controllers: Sequence[str]) -> list[tuple[str, Outcome]]:
     """Outcomes of an experiment that runs by itself."""
     try:
         compare: Callable[..., Comparison] | None = getattr(experiment, "compare", None)
