@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -49,15 +50,16 @@ def contest(
     contenders: Sequence[Contender],
     seed: int,
     progress: Progress,
+    options: Mapping[str, Any] = MappingProxyType({}),
 ) -> Outcome:
-    """Outcome of driving the environment with each contender from the same seed.
+    """Outcome of driving the environment with each contender from the same seed and options of its reset.
 
     Ctrl-C ends the contest and keeps what was run; before anything was run it passes.
     """
     runs: list[ControllerRun] = []
     try:
         for contender in contenders:
-            runs.append(_run(env, mechanism, contender, seed, partial(progress, contender.label)))
+            runs.append(_run(env, mechanism, contender, seed, options, partial(progress, contender.label)))
             if not runs[-1].rollout.complete:
                 break
     except KeyboardInterrupt:
@@ -74,15 +76,17 @@ def _run(
     mechanism: Mechanism,
     contender: Contender,
     seed: int,
+    options: Mapping[str, Any],
     progress: Callable[[float], object],
 ) -> ControllerRun:
     controller = contender.controller
     progress(0.0)
-    result = simulate(env, controller, seed=seed, progress=progress)
+    result = simulate(env, controller, seed=seed, options=dict(options), progress=progress)
     run = ControllerRun(name=contender.name, label=contender.label, knows=contender.knows, rollout=result)
     try:
         cost = tick_cost(controller, result) if result.complete else None
-        run = replace(run, lyapunov=_lyapunov(controller, result, mechanism), cost=cost)
+        known = "payload" not in options  # else the truth is not the mechanism's own
+        run = replace(run, lyapunov=_lyapunov(controller, result, mechanism) if known else None, cost=cost)
     except KeyboardInterrupt:
         run = replace(run, rollout=replace(result, complete=False))
     progress(1.0)

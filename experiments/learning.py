@@ -68,6 +68,11 @@ class Learning(ClosedLoopExperiment):
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
         """Environment that all contenders drive."""
 
+    @property
+    def options(self) -> dict[str, Any]:
+        """Options of the environment's reset."""
+        return {}
+
     @abstractmethod
     def gains(self, mechanism: Mechanism) -> Gains:
         """Gains of the tracking loop."""
@@ -96,7 +101,7 @@ class Learning(ClosedLoopExperiment):
         space = essential_space(mechanism, seed=self.seed)
         basis = fundamental_basis(space)
         progress(OFFLINE, 1.0)
-        outcome = contest(env, mechanism, self.contenders(mechanism, basis), self.seed, progress)
+        outcome = contest(env, mechanism, self.contenders(mechanism, basis), self.seed, progress, self.options)
         findings = tuple(self.findings(outcome, basis))
         return Comparison(
             experiment=self.name,

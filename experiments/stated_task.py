@@ -40,6 +40,8 @@ class StatedTask(RangedGain, Learning):
     frequency: tuple[float, ...] = setting((), "frequency of the reference, Hz", low=0.0, high=5.0)
     start_time: float = setting(2.0, "length of the smooth (quintic) start, s", low=0.0, high=60.0)
 
+    payload: float = setting(0.0, "mass that the last link holds and no controller knows of, kg", low=0.0, high=1e3)
+
     def __post_init__(self) -> None:
         super().__post_init__()
         require_count(self, ("damping", "center", "amplitude", "frequency"), self.joints, "one a joint")
@@ -64,6 +66,11 @@ class StatedTask(RangedGain, Learning):
             initial_error=self.initial_error,
             torque_limits=self.torque_limits(mechanism),
         )
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The payload, where there is one."""
+        return {"payload": self.payload} if self.payload > 0.0 else {}
 
     def torque_limits(self, mechanism: Mechanism) -> Array | None:
         """Limits (r,) of the joints' torques, in N m; None for the mechanism's own."""

@@ -30,6 +30,7 @@ ORDER = (
     "recording",
     "envs",
     "experiments",
+    "sweeps",
     "cli",
 )
 """A folder uses only those before it."""
@@ -38,7 +39,7 @@ ABOUT = {
     "pinocchio": {"description.readers.pinocchio_model", "description.readers.pinocchio_constraints"},
     "matplotlib": {"recording", "envs.rendering", "experiments.replication", "experiments.serial_versus_graph"},
     "rerun": {"recording", "experiments.replication", "experiments.serial_versus_graph"},
-    "pyarrow": {"recording"},
+    "pyarrow": {"recording", "sweeps.folder", "sweeps.run", "sweeps.report"},
     "gymnasium": {"envs"},
     "rich": {"cli.basis_report", "cli.gains_report", "cli.tune_report"},
     "control": set(),

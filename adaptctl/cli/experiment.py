@@ -70,7 +70,7 @@ def run_experiment(experiment: Experiment, out: Path, overwrite: bool) -> int:
 
 def _computed(experiment: Experiment, folder: Path, interruption: Interruption) -> Result:
     """Result of an experiment, computed and written, with progress on stderr."""
-    with _progress() as told:
+    with shown_progress() as told:
         result = experiment.run(interruption.heeded(told))
         if not result.complete:
             print("adaptctl: interrupted; writing what was computed", file=sys.stderr)
@@ -79,7 +79,7 @@ def _computed(experiment: Experiment, folder: Path, interruption: Interruption) 
 
 
 @contextmanager
-def _progress() -> Iterator[Callable[[str, float], None]]:
+def shown_progress() -> Iterator[Callable[[str, float], None]]:
     """Progress as a bar a stage on stderr, where that is a terminal."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
 from difflib import get_close_matches
 from functools import cached_property
 from itertools import accumulate
@@ -150,6 +150,8 @@ def _key(value: Any) -> Hashable:
         return type(value), tuple(map(_key, value))
     if value is None or isinstance(value, bool | int | float | str):
         return type(value), value
+    if is_dataclass(value) and getattr(type(value), "__dataclass_params__").frozen:  # noqa: B009  # typeshed has none
+        return type(value), tuple(_key(getattr(value, entry.name)) for entry in fields(value))
     return _Same(value)
 
 

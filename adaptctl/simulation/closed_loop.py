@@ -106,15 +106,15 @@ class ClosedLoop:
         return (*self.plant.marks, *getattr(guards(self._blank), "_fields", ()))
 
     def __eq__(self, other: object) -> bool:
-        """Whether the plant is the same, and the controllers but for their gains."""
+        """Whether the plants are equal, and the controllers but for their gains."""
         return isinstance(other, ClosedLoop) and self._parts == other._parts
 
     def __hash__(self) -> int:
         return hash(self._parts)
 
     @property
-    def _parts(self) -> tuple[int, Structure]:
-        return id(self.plant), self.controller.structure
+    def _parts(self) -> tuple[Structure, Structure]:
+        return self.plant.structure, self.controller.structure
 
     @lru_cache(maxsize=8)  # noqa: B019  # some code is worth keeping, and its loop with it
     def compiled(self) -> Stepper:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,8 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array, numbers
 from adaptctl.control.controller import Controller
 from adaptctl.errors import InputError
+
+NONE: Mapping[str, Array] = MappingProxyType({})
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,14 +25,24 @@ class GainsOfMany:
     given: Mapping[str, Array]
 
     @classmethod
-    def of(cls, controller: Controller[Any], given: Mapping[str, ArrayLike]) -> GainsOfMany:
-        """Gains that the controller takes: every set is checked as a new controller's is. Raises what that raises."""
+    def of(
+        cls,
+        controller: Controller[Any],
+        given: Mapping[str, ArrayLike],
+        own: Mapping[str, Array] = NONE,
+    ) -> GainsOfMany:
+        """Gains that the controller takes: every set is checked as a new controller's is, but for those that are
+        controllers' `own`. Raises what a new controller raises."""
+        if own and given:
+            raise InputError("gains: expected none besides those of a sequence of controllers")
+        if own:
+            return cls(controller, own)
         controller.tuned({name: controller.numbers.get(name, values) for name, values in given.items()})
         gains = cls(controller, {name: numbers(values, name) for name, values in given.items()})
         for name, values in gains.given.items():
-            own = controller.numbers[name].shape
-            if values.shape not in (own, (*values.shape[:1], *own)):
-                raise InputError(f"gains: {name}: expected shape {own}, or {('M', *own)}, got {values.shape}")
+            shape = controller.numbers[name].shape
+            if values.shape not in (shape, (*values.shape[:1], *shape)):
+                raise InputError(f"gains: {name}: expected shape {shape}, or {('M', *shape)}, got {values.shape}")
         gains.require()
         return gains
 
@@ -65,3 +78,18 @@ class GainsOfMany:
     def _rows(self, arms: slice, count: int) -> dict[str, Array]:
         rows = {name: x[arms] if self.arms[f"gains {name}"] else x for name, x in self.given.items()}
         return {name: np.broadcast_to(x, (count, *self.controller.numbers[name].shape)) for name, x in rows.items()}
+
+
+def alike(given: Controller[Any] | Sequence[Controller[Any]]) -> tuple[Controller[Any], dict[str, Array]]:
+    """A controller, and by name the numbers (M, ...) of those of a sequence. Raises `InputError` where they differ in
+    more."""
+    if isinstance(given, Controller):
+        return given, {}
+    controllers = list(given) if isinstance(given, Sequence) else []
+    if not controllers or not all(isinstance(one, Controller) for one in controllers):
+        raise InputError(f"controller: expected a Controller or a sequence of them, got {given!r}")
+    first = controllers[0]
+    for k, one in enumerate(controllers):
+        if one.structure != first.structure:
+            raise InputError(f"controller: expected any to differ in numbers alone, number {k} does not")
+    return first, {name: np.stack([one.numbers[name] for one in controllers]) for name in first.numbers}

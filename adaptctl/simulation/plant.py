@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import KW_ONLY, dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from types import MappingProxyType
 from typing import Any, NoReturn
 
@@ -18,7 +18,7 @@ from adaptctl.compilation.floats import native_or_floats
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.loops.continuation import NEAREST
 from adaptctl.errors import InputError, NonFiniteError
-from adaptctl.scalars import Column, Scalar, column
+from adaptctl.scalars import Column, Scalar, Structure, Tunable, column
 from adaptctl.simulation.effects import Effect, LoadEffect, PlantEffects
 from adaptctl.simulation.held_motion import held_motion
 from adaptctl.simulation.integrator import Integrator, RungeKutta4
@@ -29,7 +29,7 @@ _DOUBLE = np.dtype(np.float64)
 
 
 @dataclass(frozen=True, eq=False)
-class Plant:
+class Plant(Tunable):
     """A mechanism driven by torques in N m (N for a prismatic joint), each held over one control period.
 
     `control_period` is in s and is integrated in `substeps` equal steps; `torque_limits`, one number or one a joint,
@@ -197,6 +197,10 @@ class Plant:
 
     @cached_property
     def _advance(self) -> Callable[..., tuple[Any, ...]]:
+        """A control period on arrays; equal plants share it."""
+        return _advance_of(self.structure)
+
+    def _advancing(self) -> Callable[..., tuple[Any, ...]]:
         """A control period on arrays; of a plant with nothing between controller and joints, the motion alone."""
         empty, chained = Column(()), self._chained
 
@@ -211,6 +215,10 @@ class Plant:
 
     @cached_property
     def _energy(self) -> Callable[..., tuple[Array]]:
+        """Energy on arrays; plants of one mechanism share it."""
+        return _energy_of(self.structure)
+
+    def _measuring(self) -> Callable[..., tuple[Array]]:
         def energy(q: Column, v: Column, parameters: Column) -> tuple[Column]:
             return (Column((self.energy_equation(q, v, parameters),)),)
 
@@ -308,6 +316,18 @@ class Plant:
             f"{self.mechanism.name}: the motion ran away after {state.time:g} s: use a shorter control period or "
             "more substeps, weaker gains, and parameters whose mass matrix is positive definite"
         )
+
+
+@lru_cache(maxsize=32)
+def _advance_of(structure: Structure) -> Callable[..., tuple[Any, ...]]:
+    plant: Any = structure.of
+    return plant._advancing()
+
+
+@lru_cache(maxsize=32)
+def _energy_of(structure: Structure) -> Callable[..., tuple[Array]]:
+    plant: Any = structure.of
+    return plant._measuring()
 
 
 def require_ten_a_link(mechanism: Mechanism) -> None:

@@ -21,7 +21,7 @@ from adaptctl.errors import InputError
 from adaptctl.scalars import Column
 from adaptctl.simulation.closed_loop import ClosedLoop
 from adaptctl.simulation.error_sums import LARGEST, SETTLED, ErrorSums, judged_by, sum_sizes, summary, summed
-from adaptctl.simulation.gains_of_many import GainsOfMany
+from adaptctl.simulation.gains_of_many import GainsOfMany, alike
 from adaptctl.simulation.noise import Noise
 from adaptctl.simulation.plant import Plant
 from adaptctl.simulation.references_of_many import ReferenceForm, ReferencesOfMany
@@ -95,7 +95,7 @@ class Rollouts:
 
 def simulate_many(
     plant: Plant,
-    controller: Controller[Any],
+    controller: Controller[Any] | Sequence[Controller[Any]],
     reference: Reference | Sequence[Reference],
     *,
     duration: float,
@@ -114,6 +114,8 @@ def simulate_many(
 ) -> Rollouts:
     """Many runs of one controller on one plant, of `duration` s each, that differ in what is given as a row each.
 
+    Instead of one controller there may be M that differ in their `numbers` alone.
+
     `reference` is one for all or a sequence of M; those that are `Sinusoids` alike in their number of terms cost no
     memory. `parameters` (P,) or (M, P) are the true ones, the mechanism's own when not given; `p` and `v`, (r,) or
     (M, r), are where the arms start, on their references when not given; `memory` is what the controllers remember,
@@ -128,9 +130,10 @@ def simulate_many(
     the arms. `progress` is called in between with the share done, and Ctrl-C keeps what was computed. Nothing ends a
     run early. Raises `InputError` where arguments do not fit together, and for more than LARGEST_COMPILED links.
     """
-    run = _Runs(ClosedLoop(plant, controller), reference, duration, every, threads)
+    law, own = alike(controller)
+    run = _Runs(ClosedLoop(plant, law), reference, duration, every, threads)
     bounds = {"within": per_joint(within, plant.dof, "within"), "beyond": per_joint(beyond, plant.dof, "beyond")}
-    run.begin(members, seed, memory, gains or {}, bounds, parameters=parameters, p=p, v=v)
+    run.begin(members, seed, memory, GainsOfMany.of(law, gains or {}, own), bounds, parameters=parameters, p=p, v=v)
     complete, started = False, perf_counter()
     try:
         while run.count < run.steps:
@@ -197,7 +200,7 @@ class _Runs:
         members: int | None,
         seed: int | Sequence[int] | None,
         memory: Any,
-        gains: Mapping[str, ArrayLike],
+        tuned: GainsOfMany,
         bounds: Mapping[str, Array],
         **given: ArrayLike | None,
     ) -> None:
@@ -210,7 +213,6 @@ class _Runs:
         if members is not None:
             _require_count("members", members)
         remembered = [] if memory is None else self._remembered(memory)
-        tuned = GainsOfMany.of(loop.controller, gains)
         seeds = {} if seed is None or isinstance(seed, int | np.integer) else {"seed": np.asarray(seed).shape}
         told = rows | {f"memory {k}": np.asarray(part) for k, part in enumerate(remembered)}
         axes = {k: x.shape[:-1] for k, x in told.items()} | tuned.arms | seeds

@@ -1,0 +1,131 @@
+"""`adaptctl sweep`: many runs of an experiment, kept as a table."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import App, Parameter
+
+from adaptctl.cli.experiment import shown_progress
+from adaptctl.cli.interruption import interruptible
+from adaptctl.errors import InputError
+
+if TYPE_CHECKING:
+    from adaptctl.sweeps.study import Study
+
+MANY = 20_000
+"""Runs that are not begun without being asked for."""
+WHERE, WHAT = "Where it runs", "What is run"
+
+app = App(name="sweep")
+
+
+@app.default
+def sweep(
+    target: Annotated[str, Parameter(name="EXPERIMENT|STUDY", help="An experiment, a shipped study, or a .toml file.")],
+    *,
+    out: Annotated[Path, Parameter(metavar="DIR", group=WHAT, help="Folder of the results; the same one resumes.")],
+    controllers: Annotated[str, Parameter(group=WHAT, help="Those to run, apart by commas; all by default.")] = "",
+    sampling: Annotated[
+        Literal["grid", "latin-hypercube", "sobol"] | None, Parameter(group=WHAT, help="How settings are combined.")
+    ] = None,
+    samples: Annotated[int, Parameter(group=WHAT, help="Runs to draw, where they are not a grid.")] = 0,
+    search: Annotated[int, Parameter(group=WHAT, help="Search with so many runs instead (extra `search`).")] = 0,
+    minimise: Annotated[str, Parameter(group=WHAT, help="The column that a search makes small.")] = "rms_error_last",
+    yes: Annotated[bool, Parameter(group=WHAT, help="Begin, however many runs there are.")] = False,
+    jobs: Annotated[int | None, Parameter(group=WHERE, help="Processes here; one a processor by default.")] = None,
+    scheduler: Annotated[str | None, Parameter(group=WHERE, help="A Dask scheduler: tcp://, tls://.")] = None,
+    scheduler_file: Annotated[Path | None, Parameter(group=WHERE, help="The file that a Dask scheduler wrote.")] = None,
+    tls_ca: Annotated[Path | None, Parameter(group=WHERE, help="Certificate authority of the scheduler.")] = None,
+    tls_cert: Annotated[Path | None, Parameter(group=WHERE, help="Certificate of this client.")] = None,
+    tls_key: Annotated[Path | None, Parameter(group=WHERE, help="Its key.")] = None,
+    shard: Annotated[int, Parameter(group=WHERE, help="Runs that are computed, and kept, together.")] = 256,
+    **settings: Annotated[str, Parameter(help="Values of a setting: 4,8,12, 0..99, 0..5:11, or 0..5 to draw from.")],
+) -> int:
+    """Run an experiment for every combination of settings.
+
+    Exit code 0 when every run has its rows, whatever they say.
+    """
+    from adaptctl.sweeps.cluster import Cluster
+    from adaptctl.sweeps.folder import Folder
+    from adaptctl.sweeps.report import write_report
+    from adaptctl.sweeps.run import sweep as swept
+    from adaptctl.sweeps.study import Study
+
+    if not 1 <= shard <= 100_000:
+        raise InputError(f"shard: expected from 1 to 100000 runs, got {shard}")
+    names = tuple(name.strip() for name in controllers.split(",") if name.strip())
+    options = {"controllers": names, "sampling": "sobol" if search else sampling, "samples": search or samples}
+    study = Study.named(target, settings, **options)
+    if search:
+        return _search(study, minimise, search, out)
+    _require_few(study.count, yes)
+    tls = (tls_ca, tls_cert, tls_key)
+    if any(tls) and not all(tls):
+        raise InputError("TLS needs all of --tls-ca, --tls-cert and --tls-key")
+    cluster = Cluster(jobs, scheduler, scheduler_file, tls if all(tls) else None)  # type: ignore[arg-type]
+    folder = Folder.opened(out, study, shard, sys.argv[1:])
+    with interruptible() as interruption, shown_progress() as told:
+        heeded = interruption.heeded(told)
+        swept(folder, cluster, lambda share: heeded(f"{study.count} runs", share))
+    write_report(out)
+    return _told(out)
+
+
+@app.command
+def status(folder: Path) -> int:
+    """Print how far a sweep is, and what its rows say so far."""
+    from adaptctl.sweeps.folder import saved_study
+
+    study = saved_study(folder)
+    shards = len(list((folder / "shards").glob("[!.]*.parquet")))
+    print(f"{shards} of {-(-study.runs // study.shard)} shards of {study.shard} runs are there")
+    return _told(folder) if shards else 0
+
+
+@app.command
+def report(folder: Path) -> int:
+    """Write report.html of what a sweep has so far: maps, the worst runs, and the commands that show them."""
+    from adaptctl.sweeps.report import write_report
+
+    print(f"Read it:  {write_report(folder)}")
+    return 0
+
+
+def _told(folder: Path) -> int:
+    from adaptctl.sweeps.report import SweepReport
+
+    print(SweepReport.of(folder).text())
+    if (folder / "sweep.parquet").is_file():
+        print(f"\nRows:     {folder / 'sweep.parquet'}\nRead it:  {folder / 'report.html'}")
+    return 0
+
+
+def _search(study: Study, minimise: str, trials: int, out: Path) -> int:
+    from adaptctl.sweeps.search import search, write_settings
+
+    if out.exists() and any(out.iterdir()):
+        raise InputError(f"{out}: is not empty: choose another --out")
+    with interruptible() as interruption, shown_progress() as told:
+        heeded = interruption.heeded(told)
+        found = search(study, minimise, trials, lambda share: heeded(f"{trials} runs", share))
+    out.mkdir(parents=True, exist_ok=True)
+    write_settings(out / "best.toml", study, found)
+    print(f"{minimise} {found.value:.4g} of {found.controller}, of {trials} runs, with")
+    for name, value in found.settings.items():
+        print(f"  {name}  {value}")
+    print(f"\nRun it:  adaptctl sweep {out / 'best.toml'} --out {out / 'again'}")
+    return 0
+
+
+def _require_few(count: int, yes: bool) -> None:
+    """Ask before a grid that may have been meant smaller; refuse it where nobody can answer."""
+    if count <= MANY or yes:
+        return
+    if sys.stdin.isatty():
+        print(f"{count} runs. Begin? [y/N] ", end="", file=sys.stderr, flush=True)
+        if sys.stdin.readline().strip().lower() in ("y", "yes"):
+            return
+    raise InputError(f"{count} runs are many: say --yes to begin, or give fewer values")

@@ -1,0 +1,171 @@
+"""Runs that share a mechanism and a law, computed together in native code."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from typing import Any, NamedTuple, Protocol, TypeVar
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.control.references import Sinusoids
+from adaptctl.dynamics import Mechanism, load
+from adaptctl.errors import AdaptctlError, NotFoundError
+from adaptctl.experiments.contest import Contender
+from adaptctl.experiments.experiment import Experiment
+from adaptctl.experiments.learning import Learning
+from adaptctl.identifiability import FundamentalBasis, essential_space, fundamental_basis
+from adaptctl.simulation import Episode, Rollouts, simulate_many
+from adaptctl.sweeps.outcome import Outcome
+
+Outcomes = dict[int, list[tuple[str, Outcome]]]
+
+
+class Trial(NamedTuple):
+    """A run before it begins: the controllers compared, and the episode that each drives."""
+
+    contenders: list[Contender]
+    episode: Episode
+    error_bound: Array
+
+
+def batched(experiments: Sequence[Experiment], controllers: Sequence[str]) -> Outcomes:
+    """Outcomes, by their number, of those experiments that can run together.
+
+    These are comparisons on an ideal plant, whose references are sinusoids; their runs are those of each experiment by
+    itself, to round-off. Others are left out.
+    """
+    if not all(isinstance(one, Learning) for one in experiments):
+        return {}
+    trials: dict[int, Trial] = {}
+    outcomes: Outcomes = {}
+    for k, one in enumerate(experiments):
+        try:
+            trial = _trial(one, controllers)  # type: ignore[arg-type]  # each is a Learning
+        except AdaptctlError as error:
+            outcomes[k] = [("", Outcome.failed(" ".join(str(error).split())))]
+            continue
+        if trial is not None:
+            trials[k] = trial
+    groups: dict[Any, list[tuple[int, int]]] = {}
+    for k, trial in trials.items():
+        for c, contender in enumerate(trial.contenders):
+            groups.setdefault(_group(trial, contender), []).append((k, c))
+    found: dict[tuple[int, int], Outcome] = {}
+    for places in groups.values():
+        found |= _together(trials, places)
+    for k, trial in trials.items():
+        outcomes[k] = [(one.name, found[k, c]) for c, one in enumerate(trial.contenders)]
+    return outcomes
+
+
+def _trial(experiment: Learning, controllers: Sequence[str]) -> Trial | None:
+    """What an experiment would run; None where that is not for many at once. Raises what the experiment raises."""
+    mechanism = _loaded(experiment)
+    contenders = experiment.contenders(mechanism, offline(mechanism))
+    env: Any = experiment.environment(mechanism)
+    env.reset(seed=experiment.seed, options=experiment.options)
+    episode = env.unwrapped.hand_over()
+    plant, reference = episode.plant, episode.reference
+    chosen = named(contenders, controllers)
+    simple = not plant.effects and isinstance(reference, Sinusoids) and plant.mechanism.continuation is None
+    if not simple or any(one.controller.reference_size != plant.dof for one in chosen):
+        return None
+    return Trial(chosen, episode, env.unwrapped.error_bound)
+
+
+class Named(Protocol):
+    """What has a name."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        ...
+
+
+Some = TypeVar("Some", bound=Named)
+
+
+def named(candidates: Sequence[Some], names: Sequence[str]) -> list[Some]:
+    """Those of some names, all where none is given. Raises `NotFoundError` for a name that none has."""
+    known = [one.name for one in candidates]
+    for name in names:
+        if name not in known:
+            raise NotFoundError(f"there is no controller {name!r}; there are: {', '.join(known)}")
+    return [one for one in candidates if not names or one.name in names]
+
+
+@lru_cache(maxsize=8)
+def offline(mechanism: Mechanism) -> FundamentalBasis:
+    """The basis of a mechanism."""
+    return fundamental_basis(essential_space(mechanism))
+
+
+def _loaded(experiment: Learning) -> Mechanism:
+    """The mechanism of an experiment: read once where it is that of its robot."""
+    if type(experiment).mechanism is Learning.mechanism:
+        return robot(experiment.robot)
+    return interned(experiment.mechanism())
+
+
+@lru_cache(maxsize=64)
+def robot(source: str) -> Mechanism:
+    """The robot of that name or file, as it was when first asked for."""
+    return interned(load(source))
+
+
+_MECHANISMS: dict[str, Mechanism] = {}
+
+
+def interned(mechanism: Mechanism) -> Mechanism:
+    """The mechanism of the same description that was met first, so that native code is shared."""
+    if len(_MECHANISMS) > 64:
+        _MECHANISMS.clear()
+    return _MECHANISMS.setdefault(mechanism.description.sha256, mechanism)
+
+
+def _group(trial: Trial, contender: Contender) -> Any:
+    """Equal for what can run together."""
+    plant, reference = trial.episode.plant, trial.episode.reference
+    waves = np.shape(getattr(reference, "amplitude", ()))
+    return contender.controller.structure, plant.structure, trial.episode.steps, trial.error_bound.tobytes(), waves
+
+
+def _together(trials: Mapping[int, Trial], places: Sequence[tuple[int, int]]) -> dict[tuple[int, int], Outcome]:
+    """Outcomes of trials' contenders that can run together."""
+    first, chosen = trials[places[0][0]], [trials[k].contenders[c].controller for k, c in places]
+    episodes = [trials[k].episode for k, _ in places]
+    plant = first.episode.plant
+    runs = simulate_many(
+        plant,
+        chosen,
+        [one.reference for one in episodes],
+        duration=first.episode.steps * plant.control_period,
+        parameters=np.stack([one.parameters for one in episodes]),
+        p=np.stack([one.state.p for one in episodes]),
+        v=np.stack([one.state.v for one in episodes]),
+        every=None,
+        beyond=first.error_bound,
+    )
+    return {place: _outcome(runs, m) for m, place in enumerate(places)}
+
+
+def _outcome(runs: Rollouts, m: int) -> Outcome:
+    """What run m came to."""
+    lost = runs.diverged_joint[m] >= 0
+    joints = f"joint {runs.diverged_joint[m] + 1} left its bound at {runs.diverged_at[m]:g} s"
+
+    def mean(values: Array) -> float | None:
+        value = float(np.sqrt(np.mean(values[m] ** 2)))
+        return value if np.isfinite(value) else None
+
+    return Outcome(
+        status="diverged" if lost else "done",
+        reason=joints if lost else "",
+        rms_error=mean(runs.rms_error),
+        rms_error_last=None if lost else mean(runs.final_rms_error),
+        largest_error=float(runs.largest_error[m].max()),
+        diverged_at=float(runs.diverged_at[m]) if lost else None,
+        diverged_joint=int(runs.diverged_joint[m]) + 1 if lost else None,
+    )

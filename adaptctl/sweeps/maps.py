@@ -1,0 +1,31 @@
+"""Figures of a sweep: the error, and the share of runs that were stable, over two settings."""
+
+from __future__ import annotations
+
+import base64
+import io
+from typing import TYPE_CHECKING
+
+from adaptctl.recording.page import Figure
+
+if TYPE_CHECKING:
+    from adaptctl.sweeps.report import SettingsMap
+
+
+def map_figure(controller: str, shown: SettingsMap) -> Figure:
+    """The two maps side by side."""
+    from matplotlib.figure import Figure as Canvas
+
+    canvas = Canvas(figsize=(10.0, 3.8), layout="constrained")
+    titles = ("error at the end, rad or m", "share of stable runs")
+    for axes, values, title in zip(canvas.subplots(1, 2), (shown.error, shown.stable), titles, strict=True):
+        shares = {"vmin": 0.0, "vmax": 1.0} if title.startswith("share") else {}
+        image = axes.imshow(values, origin="lower", aspect="auto", cmap="viridis", **shares)
+        axes.set_xticks(range(len(shown.across)), [f"{value:.3g}" for value in shown.across], rotation=45)
+        axes.set_yticks(range(len(shown.down)), [f"{value:.3g}" for value in shown.down])
+        axes.set(xlabel=shown.x, ylabel=shown.y, title=title)
+        canvas.colorbar(image, ax=axes)
+    data = io.BytesIO()
+    canvas.savefig(data, format="png", dpi=110)
+    caption = f"{controller}: {shown.x} and {shown.y}"
+    return Figure(caption, base64.b64encode(data.getvalue()).decode("ascii"))

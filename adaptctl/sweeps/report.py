@@ -1,0 +1,188 @@
+"""Reports of sweeps: how many runs were stable, where errors are large, and how to see the worst again."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
+from itertools import combinations
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyarrow as pa
+
+from adaptctl.arrays import Array
+from adaptctl.experiments import find
+from adaptctl.files import write_text
+from adaptctl.recording.page import rendered
+from adaptctl.sweeps.folder import Saved, read_table, saved_study
+from adaptctl.sweeps.maps import map_figure
+
+WORST = 5
+"""Runs that are told, of each controller."""
+SAME = 1e-9
+"""Relative difference of errors that is round-off."""
+BINS = 8
+"""Values of a setting in a map, at most: more are put together."""
+
+
+class SettingsMap(NamedTuple):
+    """Means over two settings x and y: rows are those of y."""
+
+    x: str
+    y: str
+    across: list[Any]
+    """values of x, or the lower ends of its bins"""
+    down: list[Any]
+    error: Array
+    """at the end of the runs"""
+    stable: Array
+    """share of runs that were done"""
+
+
+@dataclass(frozen=True, eq=False)
+class SweepReport:
+    """What a sweep's rows say."""
+
+    study: Saved
+    table: pa.Table
+
+    @classmethod
+    def of(cls, path: Path) -> SweepReport:
+        """That of a folder, finished or not. Raises `FileError` for another folder."""
+        return cls(saved_study(path), read_table(path))
+
+    @cached_property
+    def rows(self) -> list[dict[str, Any]]:
+        """All rows."""
+        return list(self.table.to_pylist())
+
+    @cached_property
+    def controllers(self) -> list[str]:
+        """Names of the controllers compared, in their order."""
+        return list(dict.fromkeys(row["controller"] for row in self.rows if row["controller"]))
+
+    def of_controller(self, name: str) -> list[dict[str, Any]]:
+        """The rows of a controller."""
+        return [row for row in self.rows if row["controller"] == name]
+
+    def without_effect(self) -> dict[str, list[str]]:
+        """Swept settings that change no result, of some controllers: those, by the setting's name.
+
+        Told by pairs of runs that differ in that setting alone, which a grid has.
+        """
+        found: dict[str, list[str]] = {}
+        for setting in self.study.swept:
+            idle = [name for name in self.controllers if _is_idle(self.of_controller(name), setting, self.study.swept)]
+            if idle:
+                found[setting] = idle
+        return found
+
+    def counts(self, rows: Sequence[dict[str, Any]]) -> dict[str, int]:
+        """How many rows there are of each status."""
+        return {status: sum(row["status"] == status for row in rows) for status in ("done", "diverged", "failed")}
+
+    def worst(self, name: str) -> list[dict[str, Any]]:
+        """The rows of a controller to look at first: what diverged soonest, then the largest errors."""
+
+        def badness(row: dict[str, Any]) -> tuple[float, float]:
+            gone = row["diverged_at"] if row["status"] == "diverged" else np.inf
+            return gone, -(row["rms_error_last"] or row["rms_error"] or 0.0)
+
+        return sorted((row for row in self.of_controller(name) if row["status"] != "failed"), key=badness)[:WORST]
+
+    def replay(self, row: dict[str, Any]) -> str:
+        """The command that runs a row's settings again, into a recording."""
+        words = ["adaptctl", "experiment", "run", self.study.experiment]
+        for entry in fields(find(self.study.experiment)):
+            value = row[entry.name]
+            default = " ".join(map(str, entry.default)) if isinstance(entry.default, tuple) else entry.default
+            if value != default:
+                words += [f"--{entry.name.replace('_', '-')}", *str(value).split()]
+        return shlex.join([*words, "--out", f"results/{self.study.experiment}-replay"])
+
+    def maps(self, name: str) -> Iterator[SettingsMap]:
+        """Maps of a controller's rows over each two swept settings of numbers."""
+        rows = [row for row in self.of_controller(name) if row["status"] != "failed"]
+        numeric = [s for s in self.study.swept if rows and not isinstance(rows[0][s], str)]
+        for x, y in combinations(numeric, 2):
+            across, down = _binned([row[x] for row in rows]), _binned([row[y] for row in rows])
+            error, stable = np.full((2, len(down), len(across)), np.nan)
+            for i in range(len(down)):
+                for j in range(len(across)):
+                    cell = [row for row in rows if _bin(row[y], down) == i and _bin(row[x], across) == j]
+                    kept = [row["rms_error_last"] for row in cell if row["rms_error_last"] is not None]
+                    error[i, j] = np.mean(kept) if kept else np.nan
+                    stable[i, j] = np.mean([row["status"] == "done" for row in cell]) if cell else np.nan
+            yield SettingsMap(x, y, across, down, error, stable)
+
+    def facts(self) -> list[tuple[str, str]]:
+        """Questions and answers at the head of the page."""
+        counts = self.counts(self.rows)
+        share = counts["done"] / max(1, len(self.rows))
+        return [
+            ("Runs", str(self.study.runs)),
+            ("Rows", str(len(self.rows))),
+            ("Stable", f"{100 * share:.1f} %"),
+            ("Diverged", str(counts["diverged"])),
+            ("Failed", str(counts["failed"])),
+        ]
+
+    def text(self) -> str:
+        """The report for a terminal."""
+        lines = [f"{self.study.experiment}: {len(self.rows)} rows of {self.study.runs} runs"]
+        for name in self.controllers:
+            rows = self.of_controller(name)
+            errors = [row["rms_error_last"] for row in rows if row["rms_error_last"] is not None]
+            told = f"median error at the end {np.median(errors):.3g}, largest {max(errors):.3g}" if errors else ""
+            counts = ", ".join(f"{count} {status}" for status, count in self.counts(rows).items() if count)
+            lines.append(f"  {name}: {counts}; {told}".rstrip("; "))
+        failed = [row for row in self.rows if row["status"] == "failed"]
+        for reason in list(dict.fromkeys(row["reason"] for row in failed))[:WORST]:
+            lines.append(f"  failed: {reason}")
+        for setting, idle in self.without_effect().items():
+            whose = "" if len(idle) == len(self.controllers) else f" of {', '.join(idle)}"
+            lines.append(f"  {setting} changes no result{whose}")
+        return "\n".join(lines)
+
+
+def write_report(path: Path) -> Path:
+    """Write a folder's report as a page; returns its place. Raises `FileError`."""
+    report, place = SweepReport.of(path), path / "report.html"
+    figures = {name: [map_figure(name, shown) for shown in report.maps(name)] for name in report.controllers}
+    content = {"report": report, "figures": figures, "facts": report.facts()}
+    write_text(
+        place,
+        rendered("sweep.html", "adaptctl.sweeps", title=f"Sweep of {report.study.experiment}", **content),
+    )
+    return place
+
+
+def _is_idle(rows: Sequence[dict[str, Any]], setting: str, swept: Sequence[str]) -> bool:
+    """Whether rows that differ in a setting alone have the same results, and there are such."""
+    groups: dict[Any, list[tuple[Any, ...]]] = {}
+    for row in rows:
+        others = tuple(row[name] for name in swept if name != setting)
+        groups.setdefault(others, []).append(tuple(row[x] for x in ("status", "rms_error", "largest_error")))
+    pairs = [(group[0], other) for group in groups.values() for other in group[1:]]
+    return bool(pairs) and all(_alike(a, b) for a, b in pairs)
+
+
+def _alike(a: tuple[Any, ...], b: tuple[Any, ...]) -> bool:
+    if a[0] != b[0] or any((x is None) != (y is None) for x, y in zip(a[1:], b[1:], strict=True)):
+        return False
+    return all(x is None or abs(x - y) <= SAME * abs(x) for x, y in zip(a[1:], b[1:], strict=True))
+
+
+def _binned(values: list[Any]) -> list[Any]:
+    """Lower ends of the bins of a map's side: the values themselves where they are few."""
+    different = sorted(set(values))
+    if len(different) <= 2 * BINS:
+        return different
+    return np.linspace(different[0], different[-1], BINS + 1)[:-1].tolist()
+
+
+def _bin(value: Any, lower: list[Any]) -> int:
+    return int(np.searchsorted(lower, value, side="right")) - 1

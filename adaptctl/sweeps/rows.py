@@ -1,0 +1,114 @@
+"""Rows of a sweep: one for each run and compared controller, and how they are computed."""
+
+from __future__ import annotations
+
+import platform
+import time
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from adaptctl.errors import (
+    AdaptctlError,
+    NotCompiledWarning,
+    PhysicalConsistencyWarning,
+    SimplificationWarning,
+)
+from adaptctl.experiments import find
+from adaptctl.experiments.experiment import Experiment
+from adaptctl.recording import Comparison, ControllerRun
+from adaptctl.sweeps.batch import batched, named
+from adaptctl.sweeps.outcome import OUTCOME, Outcome
+from adaptctl.version import __version__
+
+Row = dict[str, Any]
+TIMES = ("wall_time", "host")
+"""Columns that differ from one computer, and one time, to another."""
+
+
+def rows_of(experiment: str, runs: Sequence[Mapping[str, Any]], controllers: Sequence[str] = ()) -> list[Row]:
+    """The rows of runs, in their order. A run that fails is a row with its reason; nothing but Ctrl-C is raised."""
+    with warnings.catch_warnings():
+        for category in (PhysicalConsistencyWarning, SimplificationWarning, NotCompiledWarning):
+            warnings.simplefilter("ignore", category)  # an experiment by itself tells them, and not a thousand times
+        return _rows(experiment, runs, controllers)
+
+
+def _rows(experiment: str, runs: Sequence[Mapping[str, Any]], controllers: Sequence[str]) -> list[Row]:
+    kind, started = find(experiment), time.perf_counter()
+    made: list[Experiment | str] = [_checked(kind, settings) for settings in runs]
+    valid = [k for k, one in enumerate(made) if isinstance(one, Experiment)]
+    together = batched([made[k] for k in valid], controllers)  # type: ignore[misc]
+    found: dict[int, list[tuple[str, Outcome]]] = {valid[k]: outcomes for k, outcomes in together.items()}
+    rows: list[Row] = []
+    for k, one in enumerate(made):
+        if isinstance(one, str):
+            outcomes = [("", Outcome.failed(one))]
+        else:
+            outcomes = found[k] if k in found else alone(one, controllers)
+        settings = {name: _plain(value) for name, value in _settings(kind, runs[k]).items()}
+        rows += [settings | {"controller": name} | outcome._asdict() for name, outcome in outcomes]
+    about = {"version": __version__, "wall_time": (time.perf_counter() - started) / max(1, len(runs))}
+    return [row | about | {"host": platform.node()} for row in rows]
+
+
+def columns_of(kind: type[Experiment]) -> dict[str, tuple[str, str]]:
+    """Kinds and units of the columns of a table, by name: settings, then outcomes."""
+    settings = {entry.name: (_kind(entry.default), entry.metadata["meaning"]) for entry in fields(kind)}
+    about = {
+        "version": ("string", "of adaptctl"),
+        "wall_time": ("double", "s a run, with all that ran with it"),
+        "host": ("string", "computer"),
+    }
+    return settings | {"controller": ("string", "the controller compared")} | OUTCOME | about
+
+
+def _checked(kind: type[Experiment], settings: Mapping[str, Any]) -> Experiment | str:
+    try:
+        return kind(**settings)
+    except AdaptctlError as error:
+        return str(error)
+
+
+def alone(experiment: Experiment, controllers: Sequence[str]) -> list[tuple[str, Outcome]]:
+    """Outcomes of an experiment that runs by itself."""
+    try:
+        compare: Callable[..., Comparison] | None = getattr(experiment, "compare", None)
+        if compare is None:
+            return [("", Outcome.failed(f"{experiment.name} compares no controllers, so that it has no rows"))]
+        comparison = compare(lambda what, share: None)
+        chosen = named(comparison.runs, controllers)
+    except (AdaptctlError, ArithmeticError, np.linalg.LinAlgError) as error:
+        return [("", Outcome.failed(" ".join(str(error).split())))]
+    return [(run.name, _outcome(run)) for run in chosen]
+
+
+def _outcome(run: ControllerRun) -> Outcome:
+    """What a run that was recorded came to."""
+    error = np.abs(run.rollout.error)
+    joint = int(error[-1].argmax()) if run.rollout.terminated and len(error) else -1
+    return Outcome(
+        status="diverged" if run.rollout.terminated else "done",
+        reason="the environment ended the run" if run.rollout.terminated else "",
+        rms_error=run.rms_error(),
+        rms_error_last=None if run.rollout.terminated else run.final_rms_error,
+        largest_error=float(error.max()) if error.size else None,
+        diverged_at=run.duration if run.rollout.terminated else None,
+        diverged_joint=joint + 1 if joint >= 0 else None,
+        lyapunov_rise=run.lyapunov_max_increase,
+    )
+
+
+def _settings(kind: type[Experiment], given: Mapping[str, Any]) -> dict[str, Any]:
+    return {entry.name: given.get(entry.name, entry.default) for entry in fields(kind)}
+
+
+def _plain(value: Any) -> Any:
+    return " ".join(map(str, value)) if isinstance(value, tuple) else value
+
+
+def _kind(default: Any) -> str:
+    return {int: "int64", float: "double"}.get(type(default), "string")

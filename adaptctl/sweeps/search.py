@@ -1,0 +1,100 @@
+"""Searches: the settings of an experiment that make one of its numbers smallest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from adaptctl.errors import InputError, MissingExtraError
+from adaptctl.files import write_text
+from adaptctl.sweeps.outcome import OUTCOME
+from adaptctl.sweeps.rows import rows_of
+from adaptctl.sweeps.study import Study
+from adaptctl.sweeps.values import Span
+
+TOGETHER = 16
+"""Trials that are asked for, and run, at once."""
+SMALLEST = tuple(name for name, (kind, _) in OUTCOME.items() if kind == "double")
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """The best settings of a search, their controller, and the number that is smallest there."""
+
+    settings: Mapping[str, Any]
+    controller: str
+    value: float
+    trials: int
+
+
+def search(
+    study: Study, minimise: str, trials: int, progress: Callable[[float], object] = lambda share: None, seed: int = 0
+) -> Found:
+    """The settings within a study's ranges with the smallest `minimise`, by tree-structured Parzen estimators
+    (Bergstra, Bardenet, Bengio and Kegl 2011).
+
+    Runs that fail or diverge count as infinitely bad. The study names the controller, or its first is taken. Raises
+    `InputError` for a number that rows do not have, and where no run succeeds.
+    """
+    optuna = _optuna()
+    if minimise not in SMALLEST:
+        raise InputError(f"minimise: expected one of {', '.join(SMALLEST)}, got {minimise!r}")
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    asked = optuna.create_study(sampler=optuna.samplers.TPESampler(seed=seed, constant_liar=True))
+    best: Found | None = None
+    controllers = study.controllers[:1]
+    for first in range(0, trials, TOGETHER):
+        batch = [asked.ask() for _ in range(min(TOGETHER, trials - first))]
+        settings = [_suggested(study, trial) for trial in batch]
+        controllers = controllers or (rows_of(study.experiment, settings[:1])[0]["controller"],)
+        rows = rows_of(study.experiment, settings, controllers)
+        for trial, chosen, row in zip(batch, settings, rows, strict=True):
+            value = row[minimise] if row["status"] == "done" and row[minimise] is not None else np.inf
+            asked.tell(trial, min(value, 1e300))
+            if np.isfinite(value) and (best is None or value < best.value):
+                best = Found(chosen, row["controller"], float(value), trials)
+        progress(min(1.0, (first + TOGETHER) / trials))
+    if best is None:
+        raise InputError(f"search: none of {trials} runs of {study.experiment} was done: widen the ranges")
+    return best
+
+
+def write_settings(path: Path, study: Study, found: Found) -> None:
+    """Write the settings found as a study's file, of one run. Raises FileError."""
+    lines = [
+        'schema = "adaptctl/study/1"',
+        f'experiment = "{study.experiment}"',
+        f'controllers = ["{found.controller}"]',
+    ]
+    lines += ["", "[settings]"]
+    for name, value in found.settings.items():
+        text = " ".join(map(repr, value)) if isinstance(value, tuple) else value
+        lines.append(f'{name} = "{text}"' if isinstance(text, str) else f"{name} = {text!r}")
+    write_text(path, "\n".join(lines) + "\n")
+
+
+def _suggested(study: Study, trial: Any) -> dict[str, Any]:
+    kinds = {entry.name: entry for entry in fields(study.kind)}
+    chosen: dict[str, Any] = {}
+    for name, values in study.settings.items():
+        if isinstance(values, Span):
+            chosen[name] = trial.suggest_float(name, values.low, values.high)
+        elif len(values) == 1:
+            chosen[name] = values[0]
+        else:
+            chosen[name] = values[trial.suggest_int(name, 0, len(values) - 1)]
+        if isinstance(kinds[name].default, int):
+            chosen[name] = int(chosen[name])
+    return chosen
+
+
+def _optuna() -> Any:
+    try:
+        import optuna
+    except ImportError as error:
+        raise MissingExtraError("a search needs Optuna: pip install 'adaptctl[search]'") from error
+    return optuna

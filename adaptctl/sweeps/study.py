@@ -1,0 +1,172 @@
+"""Studies: an experiment, the settings that are varied, and every run of them."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
+from difflib import get_close_matches
+from functools import cached_property
+from itertools import product
+from math import prod
+from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
+
+from adaptctl.errors import FileError, InputError, NotFoundError
+from adaptctl.experiments import EXPERIMENTS, find
+from adaptctl.experiments.experiment import Experiment
+from adaptctl.files import read_toml
+from adaptctl.sweeps.values import Span, as_span, parsed
+
+STUDIES = Path(__file__).with_name("studies")
+"""Folder of the studies that come with the package."""
+Sampling = Literal["grid", "latin-hypercube", "sobol"]
+
+
+class StudyFile(msgspec.Struct, forbid_unknown_fields=True):
+    """Content of a study's file."""
+
+    schema: Literal["adaptctl/study/1"]
+    experiment: str
+    question: str = ""
+    settings: dict[str, str | float | int | list[str | float | int]] = {}
+    controllers: list[str] = []
+    sampling: Sampling = "grid"
+    samples: int = 0
+    sampling_seed: int = 0
+
+
+@dataclass(frozen=True)
+class Study:
+    """An experiment and the values of its settings; `controllers` are those that run, all where none is named."""
+
+    experiment: str
+    settings: Mapping[str, tuple[Any, ...] | Span]
+    controllers: tuple[str, ...] = ()
+    question: str = ""
+    sampling: Sampling = "grid"
+    samples: int = 0
+    sampling_seed: int = 0
+
+    def __post_init__(self) -> None:
+        drawn = [name for name, values in self.settings.items() if isinstance(values, Span)]
+        if self.sampling == "grid" and drawn:
+            raise InputError(
+                f"{drawn[0]}: a range of numbers needs a count in a grid, as in 0..5:11; or draw from it with "
+                "--sampling latin-hypercube or sobol, and --samples"
+            )
+        if self.sampling != "grid" and not 1 <= self.samples <= 10_000_000:
+            raise InputError(f"samples: expected how many to draw by {self.sampling}, got {self.samples}")
+
+    @classmethod
+    def named(cls, target: str, given: Mapping[str, str], **options: Any) -> Study:
+        """The study of an experiment's name, of a shipped study's, or of a file, with settings as they are typed.
+
+        Raises `NotFoundError` for names that do not exist, `FileError` and `InputError` for wrong contents.
+        """
+        if target in (entry.name for entry in EXPERIMENTS):
+            return cls._made(StudyFile("adaptctl/study/1", target), given, options)
+        path = STUDIES / f"{target}.toml"
+        if not path.is_file():
+            path = Path(target)
+        if path.suffix != ".toml":
+            names = [*(entry.name for entry in EXPERIMENTS), *shipped()]
+            close = get_close_matches(target, names, n=1, cutoff=0.4)
+            guess = f" (did you mean {close[0]!r}?)" if close else ""
+            raise NotFoundError(f"unknown experiment or study {target!r}{guess}; there are: {', '.join(names)}")
+        try:
+            return cls._made(read_toml(path, StudyFile), given, options)
+        except NotFoundError as error:
+            raise FileError(f"{path}: {error}") from error
+
+    @classmethod
+    def _made(cls, file: StudyFile, given: Mapping[str, str], options: Mapping[str, Any]) -> Study:
+        kind = find(file.experiment)
+        typed = {name: _typed(value) for name, value in file.settings.items()}
+        typed |= {name.replace("-", "_"): text for name, text in given.items()}
+        known = {entry.name: entry for entry in fields(kind)}
+        for name in typed:
+            if name not in known:
+                close = get_close_matches(name, known, n=1)
+                guess = f" (did you mean {close[0]!r}?)" if close else ""
+                raise NotFoundError(f"{file.experiment} has no setting {name!r}{guess}; settings: {', '.join(known)}")
+        settings = {name: parsed(known[name], text) for name, text in typed.items()}
+        chosen: dict[str, Any] = {
+            "controllers": tuple(file.controllers),
+            "question": file.question,
+            "sampling": file.sampling,
+        }
+        chosen |= {"samples": file.samples, "sampling_seed": file.sampling_seed}
+        return cls(file.experiment, settings, **(chosen | {k: v for k, v in options.items() if v}))
+
+    @property
+    def kind(self) -> type[Experiment]:
+        """Class of the experiment."""
+        return find(self.experiment)
+
+    @property
+    def count(self) -> int:
+        """How many runs there are."""
+        if self.sampling != "grid":
+            return self.samples
+        return prod(len(values) for values in self.settings.values() if isinstance(values, tuple))
+
+    @property
+    def swept(self) -> tuple[str, ...]:
+        """Names of the settings that have more than one value."""
+        return tuple(name for name, x in self.settings.items() if isinstance(x, Span) or len(x) > 1)
+
+    def runs(self) -> Iterator[dict[str, Any]]:
+        """The settings of each run that are not the experiment's own defaults, in a fixed order."""
+        if self.sampling == "grid":
+            for values in product(*(x for x in self.settings.values() if isinstance(x, tuple))):
+                yield dict(zip(self.settings, values, strict=True))
+            return
+        known = {entry.name: entry for entry in fields(self.kind)}
+        for shares in self._shares():
+            yield {name: self._drawn(known[name], share) for name, share in zip(self.settings, shares, strict=True)}
+
+    def _drawn(self, entry: Any, share: float) -> Any:
+        values = self.settings[entry.name]
+        span = as_span(entry, values)
+        if span is not None:
+            return span.at(share)
+        choices: Any = values
+        return choices[min(int(share * len(choices)), len(choices) - 1)]
+
+    def _shares(self) -> list[list[float]]:
+        """Points of the unit cube, one row a run."""
+        import warnings
+
+        from scipy.stats import qmc
+
+        source = qmc.LatinHypercube if self.sampling == "latin-hypercube" else qmc.Sobol
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # Sobol's balance for powers of two: anyone may stop between
+            points = source(max(1, len(self.settings)), rng=self.sampling_seed).random(self.samples)
+        return [row[: len(self.settings)] for row in points.tolist()]
+
+    @cached_property
+    def sha256(self) -> str:
+        """Hash of all that decides the runs."""
+        values = {k: [x.low, x.high] if isinstance(x, Span) else list(x) for k, x in self.settings.items()}
+        sampling = [self.sampling, self.samples, self.sampling_seed] if self.sampling != "grid" else []
+        return hashed([self.experiment, values, sorted(self.controllers), sampling])
+
+
+def hashed(content: Any) -> str:
+    """SHA-256 of content in JSON's types."""
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def shipped() -> list[str]:
+    """Names of the studies that come with the package."""
+    return sorted(path.stem for path in STUDIES.glob("*.toml"))
+
+
+def _typed(value: str | float | int | list[str | float | int]) -> str:
+    """A value of a file as it would be typed."""
+    return ",".join(map(str, value)) if isinstance(value, list) else str(value)

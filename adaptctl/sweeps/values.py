@@ -1,0 +1,93 @@
+"""Values of swept settings, as they are typed: lists, ranges, and ranges to draw from."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import Field, dataclass
+from typing import Any
+
+import numpy as np
+
+from adaptctl.errors import InputError
+
+MOST = 1_000_000
+"""Values that one setting may have."""
+_RANGE = re.compile(r"^\s*(?P<low>[^:]+?)\.\.(?P<high>[^:]+?)(?::(?P<count>[^:]*))?\s*$")
+
+
+@dataclass(frozen=True)
+class Span:
+    """A range with both ends in it, to draw from."""
+
+    low: float
+    high: float
+    whole: bool
+
+    def at(self, share: float) -> float | int:
+        """The value at a share of the way: whole numbers all alike likely."""
+        if self.whole:
+            return int(min(self.low + math.floor(share * (self.high - self.low + 1)), self.high))
+        return self.low + share * (self.high - self.low)
+
+
+def parsed(entry: Field[Any], text: str) -> tuple[Any, ...] | Span:
+    """The values of a setting: ``4,8,12``, ``0..99`` of whole numbers, ``0..5:11`` for so many evenly apart, and of
+    numbers ``0..5``, to draw from. A setting of several numbers takes them apart by blanks, ``90 150 70``.
+
+    Raises `InputError` for what is none of this.
+    """
+    if not isinstance(entry.default, tuple | str) and (match := _RANGE.match(text)):
+        return _range(entry, match)
+    values = tuple(_one(entry, part.strip()) for part in text.split(","))
+    if len(set(values)) < len(values):
+        raise InputError(f"{entry.name}: expected different values, got {text!r}")
+    return values
+
+
+def _range(entry: Field[Any], match: re.Match[str]) -> tuple[Any, ...] | Span:
+    low, high = (_number(entry, match[end]) for end in ("low", "high"))
+    whole, count = isinstance(entry.default, int), match["count"]
+    if not low < high:
+        raise InputError(f"{entry.name}: expected a range that rises, got {match[0]!r}")
+    if count is None and whole:
+        count = str(int(high - low) + 1)
+    if count is None:
+        return Span(low, high, whole)
+    if not count.isdecimal() or not 2 <= int(count) <= MOST:
+        raise InputError(f"{entry.name}: expected from 2 to {MOST} values in {match[0]!r}, got {count!r}")
+    points = np.linspace(low, high, int(count)).tolist()
+    if whole and any(point != int(point) for point in points):
+        raise InputError(f"{entry.name}: {match[0]!r} gives values that are not whole")
+    return tuple(int(point) for point in points) if whole else tuple(points)
+
+
+def as_span(entry: Field[Any], values: tuple[Any, ...] | Span) -> Span | None:
+    """The range that values of numbers span, to draw from; None for those of other kinds, which are picked from."""
+    if isinstance(values, Span):
+        return values
+    if len(values) > 1 and isinstance(entry.default, int) and list(values) == list(range(values[0], values[-1] + 1)):
+        return Span(values[0], values[-1], whole=True)
+    return None
+
+
+def _one(entry: Field[Any], text: str) -> Any:
+    default = entry.default
+    if isinstance(default, tuple):
+        words = text.split()
+        return tuple(words) if default and isinstance(default[0], str) else tuple(_number(entry, w) for w in words)
+    if isinstance(default, str):
+        return text
+    number = _number(entry, text)
+    return int(number) if isinstance(default, int) else number
+
+
+def _number(entry: Field[Any], text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError as error:
+        form = "numbers apart by commas, or a range such as 0..5:11"
+        raise InputError(f"{entry.name}: expected {form}, got {text!r}") from error
+    if not math.isfinite(number) or (isinstance(entry.default, int) and number != int(number)):
+        raise InputError(f"{entry.name}: expected {'a whole' if isinstance(entry.default, int) else 'a finite'} number")
+    return number
