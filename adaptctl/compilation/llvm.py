@@ -15,12 +15,14 @@ from adaptctl.compilation.graph import Expression, Op
 from adaptctl.compilation.lanes import Lanes
 from adaptctl.compilation.layout import numbered
 from adaptctl.compilation.routine import Routine, trace
-from adaptctl.compilation.sine import FARTHEST, sine_and_cosine
+from adaptctl.compilation.sine import FARTHEST, reduced
 
 _ARITHMETIC = {Op.ADD: "fadd", Op.SUBTRACT: "fsub", Op.MULTIPLY: "fmul", Op.DIVIDE: "fdiv"}
 _COMPARISONS = {Op.LESS: "olt", Op.LESS_EQUAL: "ole"}
 _INTRINSICS = {Op.SQRT: "sqrt", Op.ABSOLUTE: "fabs", Op.MINIMUM: "minimum", Op.MAXIMUM: "maximum"}
 _ANGLES = {Op.SIN: 0, Op.COS: 1}
+_WIDE = (2, 4, 8)
+"""Numbers of arguments whose sines are computed at once, where numbers are not side by side anyway."""
 
 
 def program(routine: Routine, lanes: Lanes) -> tuple[str, str]:
@@ -29,6 +31,8 @@ def program(routine: Routine, lanes: Lanes) -> tuple[str, str]:
     functions = [_function(r, symbols, lanes, "noinline") for r in symbols]
     if any(x.op in _ANGLES for r in symbols for x in r.body):
         functions.append(_sincos(lanes))
+    widths = {wide for r in symbols for _, wide in _turned_together(r, lanes)}
+    functions += [_sincos(wide, f".{wide.count}") for wide in sorted(widths, key=lambda wide: wide.count)]
     return "\n".join(functions), symbols[routine]
 
 
@@ -54,12 +58,25 @@ def _function(routine: Routine, symbols: Mapping[Routine, str], lanes: Lanes, in
             wanted.setdefault(value.index, []).append(place)
         else:
             body.store(f"%out{place[0]}", place[1], value)
+    for angles, wide in _turned_together(routine, lanes):
+        body.turn(angles, wide)
     for expression in routine.body:
         body.compute(expression)
         for part, k in wanted.get(expression.index, ()):  # at once: registers are few
             body.store(f"%out{part}", k, expression)
     head = f"define internal void @{symbols[routine]}({', '.join(inputs + outputs)}) {inlining} {lanes.attributes} {{"
     return "\n".join([head, *body.memory, *body.lines, "ret void\n}"])
+
+
+def _turned_together(routine: Routine, lanes: Lanes) -> list[tuple[list[Expression], Lanes]]:
+    """Groups of arguments whose sines are computed at once, and in how many lanes: where one number is worked on at a
+    time, an angle alone leaves most of a register empty."""
+    asked = [x.operands[0] for x in routine.body if x.op in _ANGLES]
+    angles = list(dict.fromkeys(x for x in asked if isinstance(x, Expression) and x.op is Op.INPUT))
+    if lanes.count > 1 or len(angles) < 2:
+        return []
+    groups = [angles[k : k + _WIDE[-1]] for k in range(0, len(angles), _WIDE[-1])]
+    return [(group, Lanes(next(wide for wide in _WIDE if wide >= len(group)))) for group in groups]
 
 
 class _Body:
@@ -77,6 +94,28 @@ class _Body:
             self._call(f"%x{expression.index}", expression.detail, expression.operands)
         elif _place(expression) is None:
             self._evaluate(f"%x{expression.index}", expression.op, [self._operand(y) for y in expression.operands])
+
+    def turn(self, angles: Sequence[Expression], wide: Lanes) -> None:
+        """Sines and cosines of several angles, side by side for once."""
+        value, several = wide.value, "zeroinitializer"
+        for k, angle in enumerate(angles):
+            self._add(
+                f"%x{angle.index}.beside = insertelement {value} {several}, double {self._operand(angle)}, i32 {k}"
+            )
+            several = f"%x{angle.index}.beside"
+        pairs = f"{several}.sincos"
+        self._add(f"{pairs} = call {{{value}, {value}}} @sincos.{wide.count}({value} {several})")
+        for part, name in enumerate(("sin", "cos")):
+            self._add(f"{pairs}.{name} = extractvalue {{{value}, {value}}} {pairs}, {part}")
+        for k, angle in enumerate(angles):
+            x, pair = f"%x{angle.index}", "{double, double}"
+            for part, name in enumerate(("sin", "cos")):
+                self._add(f"{x}.{name} = extractelement {value} {pairs}.{name}, i32 {k}")
+                before = f"{x}.half" if part else "undef"
+                self._add(
+                    f"{x}.{'sincos' if part else 'half'} = insertvalue {pair} {before}, double {x}.{name}, {part}"
+                )
+            self._loaded.add(f"{x}.sincos")
 
     def _evaluate(self, x: str, op: Op, operands: Sequence[str]) -> None:
         value = self._lanes.value
@@ -156,8 +195,10 @@ def _place(x: Expression) -> tuple[str, int] | None:
     return None
 
 
-def _sincos(lanes: Lanes) -> str:
-    """The functions that compute sines and cosines."""
-    near = trace(lambda x: sine_and_cosine(x[0]), {"x": 1})
-    text = lanes.filled("sincos", farthest=lanes.constant(FARTHEST))
-    return f"{_function(near, {near: 'sincos.near'}, lanes, 'alwaysinline')}\n{text}"
+def _sincos(lanes: Lanes, tag: str = "") -> str:
+    """The functions that compute sines and cosines, their names ending in a tag."""
+    near = trace(lambda x: reduced(x[0]), {"x": 1})
+    whole = {"zero": 0, "one": 1, "second": 62, "last": 63, "sign": -(2**63)}
+    numbers = {name: lanes.whole(k) for name, k in whole.items()}
+    text = lanes.filled("sincos", farthest=lanes.constant(FARTHEST), tag=tag, **numbers)
+    return f"{_function(near, {near: f'sincos.near{tag}'}, lanes, 'alwaysinline')}\n{text}"
