@@ -3,9 +3,9 @@
 from adaptctl.scalars.column import Column, column, spread
 from adaptctl.scalars.dual import Dual
 from adaptctl.scalars.scalar import Scalar, absolute, clip, cos, maximum, minimum, sin, sqrt, where
-from adaptctl.scalars.vector import ZERO, Mat, Vec, cross, dot
+from adaptctl.scalars.vector import ZERO, Mat, Vec, cross, dot, product
 
 __all__ = [
     "ZERO", "Column", "Dual", "Mat", "Scalar", "Vec", "absolute", "clip", "column", "cos", "cross", "dot",
-    "maximum", "minimum", "sin", "spread", "sqrt", "where",
+    "maximum", "minimum", "product", "sin", "spread", "sqrt", "where",
 ]  # fmt: skip
