@@ -16,7 +16,7 @@ from expression_trees import Tree, evaluated, size, trees
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adaptctl.compilation import Kernel, compile_function, outlined, trace
+from adaptctl.compilation import Kernel, compile_function, compile_step, outlined, pieces, trace
 from adaptctl.compilation.lanes import Lanes
 from adaptctl.compilation.llvm import program
 from adaptctl.scalars import Column, Dual, absolute, clip, cos, maximum, minimum, sin, sqrt, where
@@ -271,3 +271,46 @@ def test_fifty_thousand_operations_compile_in_seconds_too_and_are_right(monkeypa
     assert time.perf_counter() - start < 20.0  # about 1.5 s on an idle core
     x = [0.3, -0.2, 0.9, 0.4, 0.6, -0.7]
     np.testing.assert_allclose(kernel(x), equation(Column(x)).of, rtol=1e-12)
+
+
+@pytest.mark.parametrize("lanes", [1, 4])
+@pytest.mark.parametrize("length", [1, 2, 3, 7, 40])
+def test_pieces_make_up_the_whole(length: int, lanes: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever passes from one to the next: numbers, comparisons, angles, and what is called."""
+    inner = outlined(lambda x, y: (x * y + Column(map(sin, x)), x @ y, x))
+
+    def equation(x: Column, y: Column) -> tuple[Any, ...]:
+        first, dot, back = inner(x, y)
+        bent = Column(where(a < b, cos(a), b + dot) for a, b in zip(first, y, strict=True))
+        again, _, _ = inner(bent, back)
+        return again, Column(where(a < b, c, 2.0) for a, b, c in zip(first, y, again, strict=True)), dot, x, 3.0
+
+    def values() -> list[Any]:
+        stepper = compile_step(equation, state={}, held={"x": 3, "y": 3}, lanes=lanes)
+        ensemble = stepper.ensemble(2 * lanes - 1)
+        shape = (ensemble.members, 3)
+        ensemble.held["x"], ensemble.held["y"] = np.random.default_rng(0).uniform(-2.0, 2.0, (2, *shape))
+        return [part.tolist() for part in ensemble.run()]
+
+    whole = values()
+    monkeypatch.setattr(pieces, "LONGEST", 0)
+    monkeypatch.setattr(pieces, "PIECE", length)
+    np.testing.assert_allclose(
+        np.concatenate([np.ravel(a) for a in values()]),
+        np.concatenate([np.ravel(a) for a in whole]),
+        rtol=1e-14,
+        atol=1e-15,
+    )
+
+
+def test_long_code_is_compiled_in_time_that_grows_with_its_length() -> None:
+    """Not with its square: each function is short."""
+
+    def equation(x: Column) -> Column:
+        a, b = x
+        for k in range(8000):
+            a, b = b + 0.1 * a, a - 0.1 * b * (1.0 + k)
+        return Column((a, b))
+
+    text, _ = program(trace(equation, {"x": 2}), Lanes())
+    assert max(function.count("\n") for function in text.split("\ndefine ")) < 3 * pieces.PIECE

@@ -11,8 +11,10 @@ from random_trees import random_tree
 from robot_files import urdf
 
 from adaptctl.arrays import Array
-from adaptctl.description.drive import DriveParameter
-from adaptctl.dynamics import Mechanism, load
+from adaptctl.compilation import trace
+from adaptctl.description.drive import Drive, DriveParameter
+from adaptctl.dynamics import Mechanism, load, tree_equations
+from adaptctl.dynamics.equations import Equations
 from adaptctl.dynamics.recursion.drive import SLOW
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.scalars import Column, Dual, column
@@ -81,6 +83,40 @@ def test_every_tree_agrees_with_pinocchio(seed: int, links: int) -> None:
     p, v, _, a = (x[0] for x in states(mechanism, 1, seed))
     expected = pinocchio.rnea(model, model.createData(), p, v, a)
     assert np.abs(mechanism.inverse_dynamics(p, v, a) - expected).max() < 1e-12 * max(np.abs(expected).max(), 1.0)
+
+
+@settings(max_examples=20, deadline=None)
+@given(seeds, st.integers(1, 9), st.booleans())
+def test_articulated_bodies_are_the_mass_matrix_solved(seed: int, links: int, driven: bool) -> None:
+    """On every tree, whatever its joints, frames and drives, though only long ones are solved so."""
+    mechanism = random_tree(seed, links)
+    if driven:
+        mechanism = mechanism.with_drives(Drive(rotor_inertia=0.1, viscous=0.3, coulomb=0.2))
+    p, v, torque, _ = (Column(x[0].tolist()) for x in states(mechanism, 1, seed))
+    D, equations = Column(mechanism.inertial_parameters.tolist()), mechanism.equations
+    solved = np.array(Equations.forward_dynamics(equations, p, v, torque, D).of)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tree_equations, "ARTICULATED", 0.0)
+        articulated = np.array(equations.forward_dynamics(p, v, torque, D).of)
+    condition = np.linalg.cond(np.array(equations.mass_matrix(p, D)))
+    assert np.abs(articulated - solved).max() < 1e-13 * condition * max(np.abs(solved).max(), 1.0)
+
+
+@pytest.mark.filterwarnings("ignore::adaptctl.errors.SimplificationWarning")
+def test_a_floating_humanoid_is_solved_by_articulated_bodies() -> None:
+    robot = load(urdf("talos_reduced.urdf"), floating_base=True)
+    p, v, _, a = states(robot, 3)
+    condition = np.linalg.cond(robot.mass_matrix(p)).max()
+    assert relative(robot.forward_dynamics(p, v, robot.inverse_dynamics(p, v, a)), a) < 1e-14 * condition
+    assert flops(robot) < flops(robot, articulated=False)
+
+
+def flops(mechanism: Mechanism, *, articulated: bool = True) -> int:
+    """Of forward dynamics, one way or the other."""
+    given, r = mechanism.equations, mechanism.dof
+    solve = type(given).forward_dynamics if articulated else Equations.forward_dynamics
+    sizes = {"p": r, "v": r, "torque": r, "parameters": len(mechanism.parameter_names)}
+    return trace(lambda **columns: solve(given, *columns.values()), sizes).operations.flops
 
 
 @settings(max_examples=20, deadline=None)

@@ -312,13 +312,27 @@ def test_map_is_a_call_for_each_sample(kernel: Kernel, samples: int, order: Any)
     ("p", "v", "message"),
     [
         (np.ones((3, 2)), np.ones((4, 2)), r"argument 'v': expected shape \(3, 2\), got \(4, 2\) \(one row a sample"),
-        (np.ones(2), np.ones(2), r"argument 'p': expected shape \(2, 2\), got \(2,\)"),
-        (1.0, 2.0, r"argument 'p': expected shape \(2,\), got \(\)"),
+        (np.ones(3), np.ones(2), r"argument 'p': expected shape \(3, 2\), got \(3,\)"),
+        (1.0, 2.0, r"argument 'p': expected shape \(3, 2\), got \(\)"),
     ],
 )
 def test_map_names_the_argument_without_samples(kernel: Kernel, p: Any, v: Any, message: str) -> None:
     with pytest.raises(InputError, match=message):
         kernel.map(p, np.ones((3, 0)), v)
+
+
+def test_what_all_samples_share_is_given_once(kernel: Kernel) -> None:
+    p, v = np.arange(10.0).reshape(5, 2), np.array([2.0, 3.0])
+    shared, repeated = (kernel.map(p, np.empty((5, 0)), x) for x in (v, np.tile(v, (5, 1))))
+    for one, other in zip(shared, repeated, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_a_map_into_given_memory() -> None:
+    kernel, x = compile_function(lambda x: [x, 2.0 * x], {"x": 3}), np.arange(21.0).reshape(7, 3)
+    memory = np.empty((7, 2, 3))
+    assert kernel.map(x, out=memory) is memory
+    np.testing.assert_array_equal(memory, kernel.map(x))
 
 
 # Threads

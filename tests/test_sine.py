@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from adaptctl.compilation import compile_step
+from adaptctl.compilation import compile_function, compile_step
 from adaptctl.compilation.processor import Processor
-from adaptctl.compilation.sine import FARTHEST, sine_and_cosine
+from adaptctl.compilation.sine import FARTHEST
 from adaptctl.scalars import Column, cos, sin
 
 Array = NDArray[np.float64]
@@ -76,8 +76,23 @@ def compiled(lanes: int | None, processor: Processor | None = None) -> Pair:
     return evaluate
 
 
+def beside_others() -> Pair:
+    """As one arm's joints: all sines of a call together."""
+    stepper = compile_step(
+        lambda x: (Column(map(sin, x)), Column(map(cos, x))), state={}, held={"x": 8}, lanes=1, name="joints"
+    )
+
+    def evaluate(angles: Array) -> tuple[Array, Array]:
+        ensemble = stepper.ensemble(-(-len(angles) // 8))
+        ensemble.held["x"] = np.resize(angles, (ensemble.members, 8))
+        sines, cosines = (part.ravel()[: len(angles)] for part in ensemble.run())
+        return sines, cosines
+
+    return evaluate
+
+
 PAIRS: dict[str, Callable[[], Pair]] = {
-    "arrays": lambda: sine_and_cosine,
+    "eight joints of one arm": beside_others,
     "1 lane": lambda: compiled(1),
     "2 lanes": lambda: compiled(2),
     "4 lanes": lambda: compiled(4),
@@ -120,6 +135,17 @@ def test_tiny_angles(pair: Pair) -> None:
     sines, cosines = pair(tiny)
     np.testing.assert_array_equal(sines, tiny)
     np.testing.assert_array_equal(cosines, 1.0)
+
+
+@pytest.mark.parametrize("joints", [2, 3, 5, 8, 9, 17])
+def test_as_many_joints_as_there_are(joints: int) -> None:
+    def both(x: Column) -> tuple[Column, Column]:
+        return Column(map(sin, x)), Column(map(cos, x))
+
+    angles = np.random.default_rng(joints).uniform(-7.0, 7.0, joints)
+    angles[0], angles[-1] = 1e7, -2e-9
+    for found, function in zip(compile_function(both, {"x": joints})(angles), (np.sin, np.cos), strict=True):
+        np.testing.assert_allclose(found, function(angles), rtol=4.5e-16, atol=0.0)
 
 
 def test_up_to_the_limit(pair: Pair) -> None:

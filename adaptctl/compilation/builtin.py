@@ -117,7 +117,8 @@ def builtin_source(routine: Routine, symbol: str, *, finite: Finite) -> str:
     }
     texts = {name: "\n  ".join(lines) for name, lines in pieces.items()}
     pointers = ", ".join(f"ptr {pointer}" for pointer in sizes)
-    return Lanes().filled("builtin", expected=len(inputs), routine=symbol, pointers=pointers, **texts)
+    text = Lanes().filled("builtin", expected=len(inputs), routine=symbol, pointers=pointers, **texts)
+    return f"{text}\n{Lanes().filled('finite')}"
 
 
 def _packed(numbers: Sequence[int], count: int, *, in_tuple: bool) -> list[str]:

@@ -10,15 +10,18 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from adaptctl.compilation.batch import ENTRY, NativeBatch, batch
 from adaptctl.compilation.builtin import Finite, builtin, builtin_source, has_builtins
 from adaptctl.compilation.lanes import Lanes
 from adaptctl.compilation.llvm import program
-from adaptctl.compilation.loop import ENTRY, NativeLoop, Source, loop
-from adaptctl.compilation.native import load
+from adaptctl.compilation.native import NativeCode, load
+from adaptctl.compilation.processor import Processor
 from adaptctl.compilation.routine import Routine, trace
 from adaptctl.errors import InputError, NonFiniteError
 
 Array = NDArray[np.float64]
+
+_DOUBLE = np.dtype(np.float64)
 
 
 def compile_function(
@@ -32,7 +35,7 @@ def compile_function(
     """
     if not arguments:
         raise InputError(f"{name or function}: expected at least one argument")
-    return Kernel(trace(function, arguments, name=name), arguments, finite=finite)
+    return Kernel(lambda: trace(function, arguments, name=name), arguments, finite=finite)
 
 
 class Kernel:
@@ -43,35 +46,88 @@ class Kernel:
     may call it at once.
 
     `arguments` has their names and lengths, `outputs` the shapes of the results, `operations` what one sample costs.
-    `call` is what is called with nothing around it: where every call counts, it takes 60 ns less.
+    `call` is what is called with nothing around it: where every call counts, it takes 60 ns less. Code is made when
+    it is first asked for, apart for single samples and for many.
     """
 
     __slots__ = ("__call__", "__dict__", "__weakref__")
     __call__: Callable[..., Any]  # kept in a slot, it is called with no step through Python
 
-    def __init__(self, routine: Routine, arguments: Mapping[str, int], *, finite: Finite) -> None:
+    def __init__(self, traced: Callable[[], Routine], arguments: Mapping[str, int], *, finite: Finite) -> None:
+        routine = traced()
+        self._traced, self._layout, self._finite = traced, routine.layout, finite
+        self._latest: Routine | None = routine
         self.name, self.operations = routine.name, routine.operations
         self.arguments, self.outputs = MappingProxyType(dict(arguments)), routine.layout.shapes
-        self._layout, self._given = routine.layout, Given(routine.name, self.arguments)
-        self._widths, self._finite = (sum(routine.inputs), len(routine.outputs)), finite
-        text, symbol = program(routine, Lanes())
-        text += "\n" + loop(routine, symbol, Lanes(), dict.fromkeys(Source, ()) | {Source.DRIVEN: routine.inputs})
-        self._code = load(f"{text}\n{builtin_source(routine, symbol, finite=finite)}" if has_builtins() else text)
-        self._loop = NativeLoop(self._code.address(ENTRY))
-        self.call = self.__call__ = self._as_builtin() if has_builtins() else self._one_sample
+        self._given = Given(self.name, self.arguments)
+        self._single: Any = None
+        self._many: tuple[NativeCode, Any] | None = None
+        self._called: Callable[..., Any] | None = None
+        self.__call__ = lambda *arguments: self.call(*arguments)
 
-    def map(self, *arguments: ArrayLike) -> Any:
-        """Evaluate at m samples: arrays (m, n) in; out (m, ...), whatever the shape of one result."""
+    @property
+    def call(self) -> Callable[..., Any]:
+        """What is called with nothing around it, once its code is made."""
+        if self._called is None:
+            self._called = self.__call__ = self._as_builtin() if has_builtins() else self._one_sample
+        return self._called
+
+    @property
+    def _code(self) -> NativeCode:
+        """The code for one sample. Threads may both make it, for a lock would outlive a fork."""
+        if self._single is None and has_builtins():
+            routine = self._routine()
+            text, symbol = program(routine, Lanes())
+            self._single = load(f"{text}\n{builtin_source(routine, symbol, finite=self._finite)}")
+        return self._single
+
+    def _routine(self) -> Routine:
+        """The equation, traced; not kept any longer, for its graph is many times as large as code."""
+        routine, self._latest = self._latest or self._traced(), None
+        return routine
+
+    def map(self, *arguments: ArrayLike, out: Array | None = None) -> Any:
+        """Evaluate at m samples: arrays (m, n) in, or (n,) where all samples share them; out (m, ...), whatever the
+        shape of one result. The samples are worked on in SIMD lanes.
+
+        `out` takes the result in place of a fresh array, where it is the only one.
+        """
         arrays = self._given.arrays(arguments, sample_axes=1)
-        samples, (taken, made) = len(arrays[0]), self._widths
-        packed, results = np.empty((samples, taken)), np.empty((samples, made))
-        np.concatenate(arrays, axis=1, out=packed)
-        self._loop(0, 1, samples, 0, taken, made, None, None, None, packed.ctypes.data, results.ctypes.data)
-        sound = results.sum(axis=1) + (packed.sum(axis=1) if self._finite is True else 0.0)
-        if self._finite and not np.isfinite(sound).all():
-            self._given.refuse(*(array[int(np.isfinite(sound).argmin())] for array in arrays))
-        parts = zip(self._layout.places, self._layout.shapes, strict=True)
-        return self._layout.contain(results[:, place].reshape(samples, *shape) for place, shape in parts)
+        samples = next((len(array) for array in arrays if array.ndim > 1), 1)
+        results = [np.empty((samples, *shape)) for shape in self.outputs] if out is None else [out]
+        strides = [array.shape[1] if array.ndim > 1 else 0 for array in arrays]
+        tables = [a.ctypes.data for a in arrays], strides, [a.ctypes.data for a in results]
+        packed = [np.array(table, dtype=np.int64) for table in tables]
+        if not self._batch(samples, *(table.ctypes.data for table in packed)):
+            self._blame(arrays, results)
+        return self._layout.contain(
+            result if shape else result.reshape(samples) for result, shape in zip(results, self.outputs, strict=True)
+        )
+
+    def otherwise(self, instead: Callable[..., Any]) -> Callable[..., Any]:
+        """The kernel on usual arguments with a finite outcome; what is called in place of it on others."""
+        return builtin(self._code, self.name, instead) if has_builtins() else instead
+
+    @property
+    def _batch(self) -> Callable[..., bool]:
+        """The code for many samples."""
+        if self._many is None:
+            processor, routine = Processor.host(), self._routine()
+            lanes = Lanes(processor.lanes)
+            text, symbol = program(routine, lanes)
+            checked = {"inputs": self._finite is True, "outputs": bool(self._finite)}
+            code = load(f"{text}\n{batch(routine, symbol, lanes, checked)}", processor)
+            self._many = code, NativeBatch(code.address(ENTRY))
+        return self._many[1]
+
+    def _blame(self, arrays: Sequence[Array], results: Sequence[Array]) -> NoReturn:
+        """Raise for the first sample that has something not finite."""
+        rows = [np.atleast_2d(array) for array in arrays]
+        sound = np.ones(len(results[0]), dtype=np.bool_)
+        for array in (*(rows if self._finite is True else ()), *results):
+            sound &= np.isfinite(array).all(axis=tuple(range(1, array.ndim)))
+        worst = int(sound.argmin())
+        self._given.refuse(*(array[worst] if array.ndim > 1 else array for array in arrays))
 
     def _as_builtin(self) -> Callable[..., Any]:
         """A built-in function; what it finds unusual is made usual for another, which then only refuses."""
@@ -99,14 +155,15 @@ class Given:
     columns: Mapping[str, int]
 
     def arrays(self, arguments: Sequence[ArrayLike], sample_axes: int = 0) -> list[Array]:
-        """The arguments as new arrays of float64; all have the samples of the first."""
+        """The arguments as arrays that native code can read, with the same samples; with `sample_axes` some may be of
+        one sample, for all."""
         if len(arguments) != len(self.columns):
             expected = f"{len(self.columns)} arguments ({', '.join(self.columns)})"
             raise InputError(f"{self.kernel}: expected {expected}, got {len(arguments)}")
         arrays = [self._numbers(name, x) for name, x in zip(self.columns, arguments, strict=True)]
-        samples = arrays[0].shape[:sample_axes]
+        samples = next((array.shape[:sample_axes] for array in arrays if array.ndim > 1), ())
         for (name, size), array in zip(self.columns.items(), arrays, strict=True):
-            if array.shape != (*samples, size):
+            if array.shape != (*samples, size) and not (sample_axes and array.shape == (size,)):
                 what = f"{self.kernel}: argument {name!r}: expected shape {(*samples, size)}, got {array.shape}"
                 raise InputError(what + " (one row a sample)" * sample_axes)
         return arrays
@@ -120,6 +177,8 @@ class Given:
 
     def _numbers(self, name: str, argument: ArrayLike) -> Array:
         try:
+            if type(argument) is np.ndarray and argument.dtype is _DOUBLE and argument.flags.carray:
+                return argument
             given = np.asarray(argument)
             array = np.empty(given.shape)
             np.copyto(array, given, casting="same_kind")

@@ -26,6 +26,11 @@ class Lanes:
         return self._of("double")
 
     @property
+    def integer(self) -> str:
+        """The type of whole numbers of as many bits."""
+        return self._of("i64")
+
+    @property
     def condition(self) -> str:
         """The type of their comparison."""
         return self._of("i1")
@@ -50,9 +55,13 @@ class Lanes:
         digits = f"0x{struct.pack('>d', x).hex()}"
         return digits if self.count == 1 else "<" + ", ".join([f"double {digits}"] * self.count) + ">"
 
+    def whole(self, k: int) -> str:
+        """A whole number in every lane."""
+        return str(k) if self.count == 1 else "<" + ", ".join([f"i64 {k}"] * self.count) + ">"
+
     def filled(self, name: str, **values: object) -> str:
         """The text of `name`.ll, with these types and other values in place of its $names."""
-        types = ("value", "condition", "suffix", "count", "alignment", "attributes")
+        types = ("value", "integer", "condition", "suffix", "count", "alignment", "attributes")
         template = Template(Path(__file__).with_name(f"{name}.ll").read_text(encoding="utf-8"))
         return template.substitute({of: getattr(self, of) for of in types}, **values)
 

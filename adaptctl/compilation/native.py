@@ -16,13 +16,8 @@ import llvmlite.binding as llvm
 from adaptctl.compilation.object_cache import ObjectCache, cache_folder
 from adaptctl.compilation.processor import Processor
 
-_RECIPE = 2
+_RECIPE = 3
 """Changes when the same IR would give other code."""
-
-LONG = 35_000
-"""Lines in the longest function from which LLVM is told to be quick. To give out registers well takes it a time that
-grows with the square of the length: 1 s for a plant of 16 links, 7 s for one of 32. Its quick way takes a tenth of that
-for code that takes four times as long, and still a hundredth of Python's."""
 
 
 class NativeCode:
@@ -44,7 +39,7 @@ def load(text: str, processor: Processor | None = None) -> NativeCode:
     """Machine code of a module, for this processor unless another is named."""
     with _compiler():
         processor = processor or Processor.host()
-        machine = processor.machine(0 if _longest(text) > LONG else 2)
+        machine = processor.machine()
         return NativeCode(_object(text, processor, machine), machine)
 
 
@@ -53,11 +48,6 @@ def define(addresses: Mapping[str, int]) -> None:
     with _compiler():
         for name, address in addresses.items():
             llvm.add_symbol(name, address)
-
-
-def _longest(text: str) -> int:
-    """Lines of the longest function."""
-    return max(function.count("\n") for function in text.split("\ndefine "))
 
 
 def _release(engine: Any) -> None:

@@ -53,10 +53,10 @@ class Processor:
         has = self.features.split(",")
         return next((lanes for feature, lanes in _WIDEST.items() if f"+{feature}" in has), 1)
 
-    def machine(self, effort: int) -> llvm.TargetMachine:
-        """What makes code for it, to be run in this process, with this effort: 0 is least, 2 usual."""
+    def machine(self) -> llvm.TargetMachine:
+        """What makes code for it, to be run in this process."""
         target = llvm.Target.from_default_triple()
-        return target.create_target_machine(cpu=self.name, features=self.features, opt=effort, jit=True)
+        return target.create_target_machine(cpu=self.name, features=self.features, opt=2, jit=True)
 
 
 @functools.cache

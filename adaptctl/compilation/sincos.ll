@@ -1,13 +1,33 @@
 ; Sines and cosines of the angles in all lanes.
 
-define internal {$value, $value} @sincos($value %x) alwaysinline $attributes {
+define internal {$value, $value} @sincos$tag($value %x) alwaysinline $attributes {
   %angle = alloca $value
-  %sine = alloca $value
-  %cosine = alloca $value
+  %sine.at = alloca $value
+  %cosine.at = alloca $value
+  %shifted.at = alloca $value
   store $value %x, ptr %angle
-  call void @sincos.near(ptr %angle, ptr %sine, ptr %cosine)
-  %sin = load $value, ptr %sine
-  %cos = load $value, ptr %cosine
+  call void @sincos.near$tag(ptr %angle, ptr %sine.at, ptr %cosine.at, ptr %shifted.at)
+  %sine = load $value, ptr %sine.at
+  %cosine = load $value, ptr %cosine.at
+
+  ; After k quarter turns: of an odd number they change places, and of the second bit of k and of k + 1 are their signs.
+  %k = load $integer, ptr %shifted.at
+  %next = add $integer %k, $one
+  %parity = shl $integer %k, $last
+  %odd = icmp slt $integer %parity, $zero
+  %first = select $condition %odd, $value %cosine, $value %sine
+  %second = select $condition %odd, $value %sine, $value %cosine
+  %first.bits = bitcast $value %first to $integer
+  %second.bits = bitcast $value %second to $integer
+  %k.high = shl $integer %k, $second
+  %next.high = shl $integer %next, $second
+  %first.sign = and $integer %k.high, $sign
+  %second.sign = and $integer %next.high, $sign
+  %sin.bits = xor $integer %first.bits, %first.sign
+  %cos.bits = xor $integer %second.bits, %second.sign
+  %sin = bitcast $integer %sin.bits to $value
+  %cos = bitcast $integer %cos.bits to $value
+
   %size = call $value @llvm.fabs.$suffix($value %x)
   %far = fcmp ugt $value %size, $farthest
   %bits = bitcast $condition %far to i$count
@@ -15,17 +35,17 @@ define internal {$value, $value} @sincos($value %x) alwaysinline $attributes {
   br i1 %any, label %corrected, label %returned
 
 corrected:
-  %exact = call {$value, $value} @sincos.far($value %x, $value %sin, $value %cos, $condition %far)
+  %exact = call {$value, $value} @sincos.far$tag($value %x, $value %sin, $value %cos, $condition %far)
   ret {$value, $value} %exact
 
 returned:
-  %first = insertvalue {$value, $value} undef, $value %sin, 0
-  %both = insertvalue {$value, $value} %first, $value %cos, 1
+  %one = insertvalue {$value, $value} undef, $value %sin, 0
+  %both = insertvalue {$value, $value} %one, $value %cos, 1
   ret {$value, $value} %both
 }
 
 ; Where an angle is far, or not finite, the C library's instead.
-define internal {$value, $value} @sincos.far($value %x, $value %sin, $value %cos, $condition %far) noinline cold $attributes {
+define internal {$value, $value} @sincos.far$tag($value %x, $value %sin, $value %cos, $condition %far) noinline cold $attributes {
   %library.sin = call $value @llvm.sin.$suffix($value %x)
   %library.cos = call $value @llvm.cos.$suffix($value %x)
   %s = select $condition %far, $value %library.sin, $value %sin

@@ -1,4 +1,4 @@
-"""Sine and cosine of an angle at once, from arithmetic that every kind of scalar has; LLVM has none in lanes."""
+"""Sine and cosine of an angle at once; LLVM has none in lanes. `sincos.ll` turns them by whole quarters."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from collections.abc import Sequence
 from functools import reduce
 from typing import Any
 
-from adaptctl.scalars import absolute, where
-
 FARTHEST = 2.0**20
-"""rad; up to here `sine_and_cosine` holds."""
+"""rad; up to here `reduced` holds."""
+
+_SHIFT = 1.5 * 2.0**52
+"""With this added, a number has no bits for less than 1, so that the sum is the nearest whole number's."""
 
 _QUARTER = (1.57079632673412561417e00, 6.07710050630396597660e-11, 2.02226624879595063154e-21)
 """pi/2 is their sum, to 150 bits."""
@@ -28,36 +29,19 @@ _COSINE = (
 """(cos r - 1 + r^2/2) / r^4 in powers of r^2"""
 
 
-def sine_and_cosine(x: Any) -> tuple[Any, Any]:
-    """Both within 2 ulp for |x| up to FARTHEST, in rad.
+def reduced(x: Any) -> tuple[Any, Any, Any]:
+    """Sine and cosine, within 2 ulp, of the rest r of |x| up to FARTHEST (rad), x being k quarter turns and r; after
+    them k + 1.5 * 2^52, whose last bits are those of the whole number k.
 
-    x is k quarter turns and a rest r in [-pi/4, pi/4]. The quarter is subtracted in three parts; the first two
-    have 33 bits, so that k times them is exact (Cody and Waite 1980). The polynomials are fdlibm's.
+    r is in [-pi/4, pi/4]. The quarter is subtracted in three parts; the first two have 33 bits, so that k times them is
+    exact, fused or not (Cody and Waite 1980). The polynomials are fdlibm's.
     """
     first, second, third = _QUARTER
-    k = _nearest(x * (2.0 / math.pi))
-    left = x - k * first
-    rest = left - k * second
-    r = rest + (((left - rest) - k * second) - k * third)
+    shifted = x * (2.0 / math.pi) + _SHIFT
+    k = shifted - _SHIFT
+    r = ((x - k * first) - k * second) - k * third
     z = r * r
-    sine, cosine = r + r * z * _polynomial(_SINE, z), (1.0 - 0.5 * z) + z * z * _polynomial(_COSINE, z)
-    return _turned(k, sine, cosine)
-
-
-def _turned(k: Any, sine: Any, cosine: Any) -> tuple[Any, Any]:
-    """Sine and cosine after k quarter turns.
-
-    `odd` is 1 or -1 for an odd k, as k modulo 4, since ties round to an even number of half turns.
-    """
-    half = _nearest(0.5 * k)
-    odd, sign = k - 2.0 * half, 1.0 - 2.0 * absolute(half - 2.0 * _nearest(0.5 * half))
-    even = absolute(odd) < 0.5
-    return where(even, sign * sine, odd * cosine), where(even, sign * cosine, -odd * sine)
-
-
-def _nearest(x: Any) -> Any:
-    """The nearest whole number, the even one of two: the sum has no bits for less."""
-    return (x + 1.5 * 2.0**52) - 1.5 * 2.0**52
+    return r + r * z * _polynomial(_SINE, z), (1.0 - 0.5 * z) + z * z * _polynomial(_COSINE, z), shifted
 
 
 def _polynomial(coefficients: Sequence[float], z: Any) -> Any:

@@ -4,9 +4,9 @@ from adaptctl.scalars.column import Column, column, each, spread
 from adaptctl.scalars.dual import Dual
 from adaptctl.scalars.scalar import Scalar, absolute, clip, cos, maximum, minimum, sin, sqrt, where
 from adaptctl.scalars.tunable import Structure, Tunable
-from adaptctl.scalars.vector import ZERO, Mat, Vec, cross, dot
+from adaptctl.scalars.vector import ZERO, Mat, Vec, cross, dot, product
 
 __all__ = [
     "ZERO", "Column", "Dual", "Mat", "Scalar", "Structure", "Tunable", "Vec", "absolute", "clip", "column", "cos",
-    "cross", "dot", "each", "maximum", "minimum", "sin", "spread", "sqrt", "where",
+    "cross", "dot", "each", "maximum", "minimum", "product", "sin", "spread", "sqrt", "where",
 ]  # fmt: skip

@@ -56,6 +56,15 @@ class Mat:
         """A matrix of floats from nested sequences or a (3, 3) array."""
         return cls(*(Vec(*(float(entry) for entry in row)) for row in rows))
 
+    def __add__(self, other: Mat) -> Mat:
+        return Mat(self.x + other.x, self.y + other.y, self.z + other.z)
+
+    def __sub__(self, other: Mat) -> Mat:
+        return Mat(self.x - other.x, self.y - other.y, self.z - other.z)
+
+    def __iter__(self) -> Iterator[Vec]:
+        return iter((self.x, self.y, self.z))
+
     def __matmul__(self, u: Vec) -> Vec:
         return Vec(dot(self.x, u), dot(self.y, u), dot(self.z, u))
 
@@ -64,6 +73,12 @@ class Mat:
         """The transpose."""
         a, b, c = self.x, self.y, self.z
         return Mat(Vec(a.x, b.x, c.x), Vec(a.y, b.y, c.y), Vec(a.z, b.z, c.z))
+
+
+def product(a: Mat, b: Mat) -> Mat:
+    """A B."""
+    columns = b.T
+    return Mat(*(columns @ row for row in a))
 
 
 ZERO = Vec(0.0, 0.0, 0.0)

@@ -85,7 +85,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
     | `autoreset_mode` | `"NextStep"` | see above                                                                      |
     | `reset_options`  | `None`       | options of every reset that is told nothing else, those that arms begin again with included |
 
-    Mechanisms may have at most 48 links.
+    Mechanisms may have at most 100 links.
 
     ## Options at reset
 

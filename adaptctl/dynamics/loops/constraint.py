@@ -9,7 +9,7 @@ from typing import NamedTuple
 from adaptctl.description.loops import ClosureKind
 from adaptctl.dynamics.recursion.motion import GROUND
 from adaptctl.dynamics.recursion.segment import Placement
-from adaptctl.scalars import ZERO, Column, Mat, Scalar, Vec, cross, dot
+from adaptctl.scalars import ZERO, Column, Mat, Scalar, Vec, cross, product
 
 _AXES = Mat.of(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
 
@@ -48,12 +48,6 @@ class Reach(NamedTuple):
     hinges: list[Hinge]
     rotation: Mat
     origin: Vec
-
-
-def product(a: Mat, b: Mat) -> Mat:
-    """A B."""
-    columns = b.T
-    return Mat(*(Vec(dot(row, columns.x), dot(row, columns.y), dot(row, columns.z)) for row in (a.x, a.y, a.z)))
 
 
 def reach(places: Sequence[Placement], side: ClosureSide) -> Reach:

@@ -20,8 +20,7 @@ class Body:
         self.mass, self.moment, self.inertia = mass, moment, inertia
 
     def __add__(self, other: Body) -> Body:
-        a, b = self.inertia, other.inertia
-        return Body(self.mass + other.mass, self.moment + other.moment, Mat(a.x + b.x, a.y + b.y, a.z + b.z))
+        return Body(self.mass + other.mass, self.moment + other.moment, self.inertia + other.inertia)
 
 
 def body(ten: Sequence[Scalar]) -> Body:

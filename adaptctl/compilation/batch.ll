@@ -1,0 +1,76 @@
+; A routine at many samples, so many at once: rows of arrays are gathered into lanes, and the results put into rows.
+; Returns whether all that was to be checked is finite. In the last lanes the last sample is repeated.
+
+define i1 @batch(i64 %samples, ptr %inputs, ptr %strides, ptr %outputs) $attributes {
+start:
+  $memory
+  %last = sub i64 %samples, 1
+  br label %blocks
+
+blocks:
+  %first = phi i64 [0, %start], [%following, %work]
+  %sound = phi i1 [true, %start], [%still.sound, %work]
+  %following = add i64 %first, $count
+  %left = icmp slt i64 %first, %samples
+  br i1 %left, label %work, label %finished
+
+work:
+  $gather
+  call void @$routine($pointers)
+  $scatter
+  $check
+  br label %blocks
+
+finished:
+  ret i1 %sound
+}
+
+; The number of a sample for each lane is the first and so many more, at most the last.
+define internal i64 @sample(i64 %first, i64 %lane, i64 %last) nounwind alwaysinline {
+  %more = add i64 %first, %lane
+  %sample = call i64 @llvm.smin.i64(i64 %more, i64 %last)
+  ret i64 %sample
+}
+declare i64 @llvm.smin.i64(i64, i64)
+
+define internal void @gather(ptr noalias %to, ptr noalias %rows, i64 %stride, i64 %count, i64 %first, i64 %last) $attributes {
+start:
+  $rows
+  br label %columns
+
+columns:
+  %k = phi i64 [0, %start], [%next, %column]
+  %next = add i64 %k, 1
+  %left = icmp slt i64 %k, %count
+  br i1 %left, label %column, label %end
+
+column:
+  $loads
+  %to.at = getelementptr $value, ptr %to, i64 %k
+  store $value $gathered, ptr %to.at, align 8
+  br label %columns
+
+end:
+  ret void
+}
+
+define internal void @scatter(ptr noalias %rows, ptr noalias %from, i64 %stride, i64 %count, i64 %first, i64 %last) $attributes {
+start:
+  $rows
+  br label %columns
+
+columns:
+  %k = phi i64 [0, %start], [%next, %column]
+  %next = add i64 %k, 1
+  %left = icmp slt i64 %k, %count
+  br i1 %left, label %column, label %end
+
+column:
+  %from.at = getelementptr $value, ptr %from, i64 %k
+  %all = load $value, ptr %from.at, align 8
+  $stores
+  br label %columns
+
+end:
+  ret void
+}

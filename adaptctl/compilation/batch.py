@@ -1,0 +1,82 @@
+"""LLVM IR that runs a routine on rows of arrays, as many at a time as there are lanes."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from collections.abc import Mapping
+
+from adaptctl.compilation.lanes import Lanes
+from adaptctl.compilation.routine import Routine
+
+ENTRY = "batch"
+
+NativeBatch = ctypes.CFUNCTYPE(ctypes.c_bool, ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p)
+"""ENTRY takes the number of samples and three tables: addresses of the arguments' rows, the doubles from row to row of
+each, and addresses of the results' rows."""
+
+
+def batch(routine: Routine, symbol: str, lanes: Lanes, checked: Mapping[str, bool]) -> str:
+    """The function ENTRY; inputs and outputs are `checked` to be finite or not."""
+    inputs = {f"in{k}": n for k, n in enumerate(routine.inputs)}
+    outputs = {f"out{k}": math.prod(shape) for k, shape in enumerate(routine.layout.shapes)}
+    both = inputs | outputs
+    memory = [f"%{name} = alloca [{n} x {lanes.value}], align {lanes.alignment}" for name, n in both.items()]
+    for k, name in enumerate(inputs):
+        memory += [_entry(f"{name}.rows", "ptr", "inputs", k), _entry(f"{name}.stride", "i64", "strides", k)]
+    memory += [_entry(f"{name}.rows", "ptr", "outputs", k) for k, name in enumerate(outputs)]
+    ends = "i64 %first, i64 %last"
+    pieces = {
+        "memory": memory,
+        "gather": [
+            f"call void @gather(ptr %{name}, ptr %{name}.rows, i64 %{name}.stride, i64 {n}, {ends})"
+            for name, n in inputs.items()
+        ],
+        "scatter": [
+            f"call void @scatter(ptr %{name}.rows, ptr %{name}, i64 {n}, i64 {n}, {ends})"
+            for name, n in outputs.items()
+        ],
+        "check": _check(
+            {k: n for k, n in inputs.items() if checked["inputs"]} | (outputs if checked["outputs"] else {}), lanes
+        ),
+        **_rows(lanes),
+    }
+    texts = {name: "\n  ".join(lines) for name, lines in pieces.items()}
+    pointers = ", ".join(f"ptr %{name}" for name in both)
+    gathered = f"%gathered{lanes.count - 1}" if lanes.count > 1 else "%x0"
+    text = lanes.filled("batch", routine=symbol, pointers=pointers, gathered=gathered, **texts)
+    return f"{text}\n{lanes.filled('finite')}"
+
+
+def _entry(name: str, kind: str, table: str, k: int) -> str:
+    """The k-th entry of a table."""
+    return f"%{name}.at = getelementptr {kind}, ptr %{table}, i64 {k}\n  %{name} = load {kind}, ptr %{name}.at"
+
+
+def _check(sizes: Mapping[str, int], lanes: Lanes) -> list[str]:
+    """Whether all is finite still."""
+    lines, sound = [], "%sound"
+    for name, n in sizes.items():
+        lines.append(f"%{name}.finite = call i1 @finite(ptr %{name}, i64 {n * lanes.count})")
+        lines.append(f"%{name}.sound = and i1 {sound}, %{name}.finite")
+        sound = f"%{name}.sound"
+    return [*lines, f"%still.sound = and i1 {sound}, true"]
+
+
+def _rows(lanes: Lanes) -> dict[str, list[str]]:
+    """The row of each lane, and a number of each row read into its lane or written from it."""
+    rows, loads, stores = [], [], []
+    for lane in range(lanes.count):
+        rows += [
+            f"%sample{lane} = call i64 @sample(i64 %first, i64 {lane}, i64 %last)",
+            f"%skip{lane} = mul i64 %sample{lane}, %stride",
+            f"%row{lane} = getelementptr double, ptr %rows, i64 %skip{lane}",
+        ]
+        at = f"%at{lane} = getelementptr double, ptr %row{lane}, i64 %k"
+        loads += [at, f"%x{lane} = load double, ptr %at{lane}, align 8"]
+        before = f"%gathered{lane - 1}" if lane else "zeroinitializer"
+        if lanes.count > 1:
+            loads.append(f"%gathered{lane} = insertelement {lanes.value} {before}, double %x{lane}, i32 {lane}")
+            stores.append(f"%x{lane} = extractelement {lanes.value} %all, i32 {lane}")
+        stores += [at, f"store double {f'%x{lane}' if lanes.count > 1 else '%all'}, ptr %at{lane}, align 8"]
+    return {"rows": rows, "loads": loads, "stores": stores}

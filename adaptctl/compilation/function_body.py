@@ -1,0 +1,130 @@
+"""The instructions of one native function: each expression in its register, or where it is in memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import islice
+
+from adaptctl.compilation.graph import Expression, Op
+from adaptctl.compilation.lanes import Lanes
+from adaptctl.compilation.routine import Routine
+
+ANGLES = {Op.SIN: 0, Op.COS: 1}
+"""Operations on angles, and which of the pair of sine and cosine they ask for."""
+
+_ARITHMETIC = {Op.ADD: "fadd", Op.SUBTRACT: "fsub", Op.MULTIPLY: "fmul", Op.DIVIDE: "fdiv"}
+_COMPARISONS = {Op.LESS: "olt", Op.LESS_EQUAL: "ole"}
+_INTRINSICS = {Op.SQRT: "sqrt", Op.ABSOLUTE: "fabs", Op.MINIMUM: "minimum", Op.MAXIMUM: "maximum"}
+
+
+class FunctionBody:
+    """The instructions of one function: `memory` for the calls it makes is set aside first."""
+
+    def __init__(self, symbols: Mapping[Routine, str], lanes: Lanes, found: Mapping[int, int]) -> None:
+        self.memory: list[str] = []
+        self.lines: list[str] = []
+        self._symbols, self._lanes, self._found = symbols, lanes, found
+        self._loaded: set[str] = set()
+
+    def compute(self, expression: Expression) -> None:
+        """One expression into its register; what is in memory is loaded where it is first used."""
+        if expression.op is Op.CALL:
+            self._call(f"%x{expression.index}", expression.detail, expression.operands)
+        elif self._place(expression) is None:
+            self._evaluate(f"%x{expression.index}", expression.op, [self._operand(y) for y in expression.operands])
+
+    def turn(self, angles: Sequence[Expression], wide: Lanes) -> None:
+        """Sines and cosines of several angles, side by side for once."""
+        value, several = wide.value, "zeroinitializer"
+        for k, angle in enumerate(angles):
+            x, before = self._operand(angle), several
+            several = f"{x}.beside"
+            self._add(f"{several} = insertelement {value} {before}, double {x}, i32 {k}")
+        pairs = f"{several}.sincos"
+        self._add(f"{pairs} = call {{{value}, {value}}} @sincos.{wide.count}({value} {several})")
+        for part in ANGLES.values():
+            self._add(f"{pairs}.{part} = extractvalue {{{value}, {value}}} {pairs}, {part}")
+        for k, angle in enumerate(angles):
+            x, pair = f"%x{angle.index}", "{double, double}"
+            for part, before, after in ((0, "undef", f"{x}.sine"), (1, f"{x}.sine", f"{x}.sincos")):
+                self._add(f"{x}.{part} = extractelement {value} {pairs}.{part}, i32 {k}")
+                self._add(f"{after} = insertvalue {pair} {before}, double {x}.{part}, {part}")
+            self._loaded.add(f"{x}.sincos")
+
+    def _evaluate(self, x: str, op: Op, operands: Sequence[str]) -> None:
+        value = self._lanes.value
+        if op is Op.NEGATE:
+            self._add(f"{x} = fneg {value} {operands[0]}")
+        elif op is Op.SELECT:
+            chosen, yes, no = operands
+            self._add(f"{x} = select {self._lanes.condition} {chosen}, {value} {yes}, {value} {no}")
+        elif op in _ARITHMETIC:
+            self._add(f"{x} = {_ARITHMETIC[op]} contract {value} {', '.join(operands)}")
+        elif op in _COMPARISONS:
+            self._add(f"{x} = fcmp {_COMPARISONS[op]} {value} {', '.join(operands)}")
+        elif op in ANGLES:
+            self._add(f"{x} = extractvalue {{{value}, {value}}} {self._sincos(operands[0])}, {ANGLES[op]}")
+        else:  # `nsz`: of two zeros, either may be the smaller
+            arguments = ", ".join(f"{value} {y}" for y in operands)
+            self._add(f"{x} = call nsz {value} @llvm.{_INTRINSICS[op]}.{self._lanes.suffix}({arguments})")
+
+    def store(self, pointer: str, k: int, value: Expression | float) -> None:
+        """A number into the k-th place after a pointer."""
+        name, kind = f"{pointer}.{k}", self._lanes.value
+        self._add(f"{name} = getelementptr {kind}, ptr {pointer}, i64 {k}")
+        self._add(f"store {kind} {self._operand(value)}, ptr {name}, align 8")
+
+    def _add(self, line: str) -> None:
+        self.lines.append(line)
+
+    def _operand(self, x: Expression | float) -> str:
+        if not isinstance(x, Expression):
+            return self._lanes.constant(x)
+        name, place = f"%x{x.index}", self._place(x)
+        if place is not None and name not in self._loaded:
+            self._loaded.add(name)
+            self._add(f"{name}.at = getelementptr {self._lanes.value}, ptr {place[0]}, i64 {place[1]}")
+            self._add(f"{name} = load {self._lanes.value}, ptr {name}.at, align 8")
+        return name
+
+    def _call(self, x: str, routine: Routine, operands: Iterable[Expression | float]) -> None:
+        rest = iter(operands)
+        groups = [list(islice(rest, size)) for size in routine.inputs]
+        pointers = [self._gathered(f"{x}.in{part}", group) for part, group in enumerate(groups)]
+        for part, size in enumerate(routine.layout.sizes):
+            pointers.append(self._reserve(f"{x}.out{part}", size))
+        self._add(f"call void @{self._symbols[routine]}({', '.join(f'ptr {pointer}' for pointer in pointers)})")
+
+    def _gathered(self, name: str, group: Sequence[Expression | float]) -> str:
+        """A pointer to these numbers side by side: where they already are so, or a copy."""
+        places = [self._place(x) if isinstance(x, Expression) else None for x in group]
+        if places and places[0] and places == [(places[0][0], places[0][1] + k) for k in range(len(places))]:
+            self._add(f"{name} = getelementptr {self._lanes.value}, ptr {places[0][0]}, i64 {places[0][1]}")
+            return name
+        self._reserve(name, len(group))
+        for k, x in enumerate(group):
+            self.store(name, k, x)
+        return name
+
+    def _reserve(self, name: str, size: int) -> str:
+        self.memory.append(f"{name} = alloca [{size} x {self._lanes.value}], align {self._lanes.alignment}")
+        return name
+
+    def _sincos(self, angle: str) -> str:
+        """The pair of an angle's sine and cosine, computed once."""
+        pair = f"{{{self._lanes.value}, {self._lanes.value}}}"
+        name = f"{angle}.sincos"
+        if name not in self._loaded:
+            self._loaded.add(name)
+            self._add(f"{name} = call {pair} @sincos({self._lanes.value} {angle})")
+        return name
+
+    def _place(self, x: Expression) -> tuple[str, int] | None:
+        """Where an expression is in memory already, as a pointer and a number of places after it."""
+        if x.index in self._found:
+            return "%passed", self._found[x.index]
+        if x.op is Op.INPUT:
+            return f"%in{x.detail[0]}", x.detail[1]
+        if x.op is Op.RESULT:
+            return f"%x{x.operands[0].index}.out{x.detail[0]}", x.detail[1]
+        return None

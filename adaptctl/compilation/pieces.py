@@ -1,0 +1,84 @@
+"""A long routine in pieces, each a function of its own.
+
+LLVM's time to give out registers grows with the square of a function's length: 7 s for 35,000 operations. What one
+piece computes and a later one needs passes through memory, where most of so many numbers would be anyway.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+from adaptctl.compilation.graph import Expression, Op
+
+LONGEST = 6000
+"""Expressions in a routine that is left whole."""
+
+PIECE = 1000
+"""Expressions in a piece of a longer one, about."""
+
+_TRUTHS = (Op.LESS, Op.LESS_EQUAL)
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Expressions to compute, in order; by their indices, the places in shared memory of those among them that later
+    pieces need (`kept`), and of what it needs of earlier ones (`found`)."""
+
+    expressions: Sequence[Expression]
+    kept: dict[int, int]
+    found: dict[int, int]
+
+
+def pieces(body: Sequence[Expression]) -> list[Piece]:
+    """The pieces of a routine's expressions, all in one where they are few.
+
+    Comparisons are made again where they are used, for memory holds numbers only.
+    """
+    parts = [_with_truths(part) for part in _parts(body)]
+    homes = {x.index: k for k, part in reversed(list(enumerate(parts))) for x in part}
+    needed = [{y.index for y in _operands(part) if homes[y.index] < k} for k, part in enumerate(parts)]
+    places = _places(homes, needed)
+    made = []
+    for k, part in enumerate(parts):
+        kept = {x.index: places[x.index] for x in part if x.index in places and homes[x.index] == k}
+        made.append(Piece(part, kept, {i: places[i] for i in needed[k]}))
+    return made
+
+
+def _parts(body: Sequence[Expression]) -> Iterator[Sequence[Expression]]:
+    """Runs of expressions; the results of a call stay with it."""
+    first, length = 0, LONGEST if len(body) <= LONGEST else PIECE
+    while first == 0 or first < len(body):
+        last = first + length
+        while last < len(body) and body[last].op is Op.RESULT:
+            last += 1
+        yield body[first:last]
+        first = last
+
+
+def _with_truths(part: Sequence[Expression]) -> Sequence[Expression]:
+    own = set(part)
+    elsewhere = {y for x in part for y in x.operands if isinstance(y, Expression) and y.op in _TRUTHS} - own
+    return sorted((*part, *elsewhere), key=lambda x: x.index) if elsewhere else part
+
+
+def _operands(part: Iterable[Expression]) -> set[Expression]:
+    """The numbers that are computed somewhere and used here."""
+    used = (y for x in part for y in x.operands if isinstance(y, Expression))
+    return {y for y in used if y.op not in (Op.INPUT, Op.CALL, *_TRUTHS)}
+
+
+def _places(homes: dict[int, int], needed: Sequence[set[int]]) -> dict[int, int]:
+    """Places in memory of all that passes from piece to piece; one is used again when nobody needs it any more."""
+    last = {i: k for k, wanted in enumerate(needed) for i in wanted}
+    places: dict[int, int] = {}
+    free: list[int] = []
+    count = 0
+    for k in range(len(needed)):
+        free += [places[i] for i, end in last.items() if end == k - 1]
+        for i in (i for i in last if homes[i] == k):
+            if not free:
+                free, count = [count], count + 1
+            places[i] = free.pop()
+    return places
