@@ -172,16 +172,20 @@ class TreeEquations(Equations):
         motion, own, rotors = self.motion(p, v, v, Column.zeros(self.dof)), list(torque), [0.0] * self.dof
         values = self.layout.of_drives(parameters)
         for term, share, value in zip(self.layout.drives, motion.drives, values, strict=True):
-            own[term.joint] = own[term.joint] - value * share
-            rotors[term.joint] = rotors[term.joint] if term.kind.is_friction else rotors[term.joint] + value
+            for joint, part in term.on_joints(value * share):
+                own[joint] = own[joint] - part
+            if not term.kind.is_friction:
+                rotors[term.joint] = rotors[term.joint] + value
         return accelerations(motion.places, motion.links, self.layout.tens(parameters), rotors, Column(own))
 
     @cached_property
     def _is_long(self) -> bool:
+        """True where articulated bodies cost less; a rotor that turns with several joints is no such body's."""
         depths: list[int] = []
         for link in self.segments:
             depths.append(1 + (depths[link.parent] if link.parent != GROUND else 0))
-        return sum(depths) >= ARTICULATED * len(depths)
+        coupled = any(len(term.arms) > 1 for term in self.layout.drives if not term.kind.is_friction)
+        return sum(depths) >= ARTICULATED * len(depths) and not coupled
 
     def weightless(self) -> TreeEquations:
         """The same equations without gravity."""

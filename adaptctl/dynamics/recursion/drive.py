@@ -23,6 +23,11 @@ class DriveTerm:
     arms: tuple[tuple[int, float], ...]
     kind: DriveParameter
 
+    @property
+    def joint(self) -> int:
+        """The joint that the shaft drives."""
+        return self.arms[0][0]
+
     def speed(self, v: Column) -> Scalar:
         """The shaft's, of joint velocities v (r,); likewise of accelerations."""
         (own, _), *others = self.arms

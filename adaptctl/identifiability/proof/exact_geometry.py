@@ -10,11 +10,10 @@ from fractions import Fraction
 from typing import Any
 
 from adaptctl.description import GROUND, Description, Link, Pose
-from adaptctl.dynamics.loops.constraint import product
 from adaptctl.dynamics.recursion.segment import Segment
 from adaptctl.identifiability.proof.joint_frames import CanonicalFrames, FloatFrame, FramePlacement, about_z
 from adaptctl.identifiability.proof.simplest import AS_GIVEN, Precision, simplest_rational, turn
-from adaptctl.scalars import Mat, Vec
+from adaptctl.scalars import Mat, Vec, product
 
 Number = Callable[[Fraction], Any]
 """Makes scalars of rational numbers: residues, or numbers of many digits."""

@@ -13,9 +13,8 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from adaptctl.description import GROUND, Description, Pose
-from adaptctl.dynamics.loops.constraint import product
 from adaptctl.identifiability.proof.simplest import Precision
-from adaptctl.scalars import Mat, Vec, cross, dot
+from adaptctl.scalars import Mat, Vec, cross, dot, product
 
 
 class FloatFrame(NamedTuple):
