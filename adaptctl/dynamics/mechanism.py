@@ -188,10 +188,17 @@ class Mechanism:
         return np.zeros((*samples, self.dof))
 
     def forward_dynamics(self, p: ArrayLike, v: ArrayLike, torque: ArrayLike) -> Array:
-        """Accelerations (..., r) under a torque."""
+        """Accelerations (..., r) under a torque. Raises `InputError` where links have no mass to be accelerated."""
+        self.require_mass()
         (p, v, torque), samples = self._joints(p=p, v=v, torque=torque)
         a = self.equations.forward_dynamics(self._tree(p), column(v), column(torque), self._parameters)
         return stacked(a.of, samples)
+
+    def require_mass(self) -> None:
+        """Refuse a tree whose torques do not say how it accelerates. Raises `InputError` with its weightless links."""
+        if self.description.weightless:
+            names = ", ".join(self.description.weightless)
+            raise InputError(f"{self.name}: links move without mass and carry none, give them some: {names}")
 
     def mass_matrix(self, p: ArrayLike) -> Array:
         """M(p) (..., r, r)."""
@@ -242,17 +249,19 @@ class Mechanism:
         return columns
 
 
-def load(source: str | Path, *, floating_base: bool = False, snap: bool = False) -> Mechanism:
+def load(
+    source: str | Path, *, floating_base: bool = False, snap: bool = False, mesh_folders: Sequence[str | Path] = ()
+) -> Mechanism:
     """A mechanism by a built-in's name (`puma560`, ...) or from a file (.toml, .urdf, .xml).
 
-    With `floating_base`, a URDF file's root link floats instead of being fixed to the ground. With `snap`, angles
-    between joint axes that are within 1e-3 rad of right ones are made exact.
+    With `floating_base`, a URDF file's root link floats instead of being fixed to the ground; its meshes are shown from
+    its package and from `mesh_folders`. With `snap`, angles between joint axes that are within 1e-3 rad of right ones are made exact.
     Raises `FileError` or `NotFoundError` with what was wrong and what would be right, `LoopError` where loops do
     not fit together.
     """
     from adaptctl.description.readers.registry import read
 
-    mechanism = Mechanism(read(source, floating_base=floating_base, snap=snap))
+    mechanism = Mechanism(read(source, floating_base=floating_base, snap=snap, mesh_folders=mesh_folders))
     try:
         _ = mechanism.continuation  # Closes the loops, so that a wrong file is named here and not later.
     except LoopError as error:

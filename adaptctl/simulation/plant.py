@@ -55,6 +55,7 @@ class Plant:
             raise InputError(f"control_period: expected a positive time in s, got {self.control_period}")
         if self.substeps < 1 or self.substeps != int(self.substeps):
             raise InputError(f"substeps: expected a whole number of at least 1, got {self.substeps}")
+        self.mechanism.require_mass()
         own = self.mechanism.effort_limits if self.torque_limits is None else self.torque_limits
         object.__setattr__(self, "torque_limits", _limits(own, self.mechanism.dof))
         object.__setattr__(self, "effects", tuple(self.effects))
