@@ -7,6 +7,8 @@ import math
 import os
 import re
 import secrets
+import shutil
+import socket
 import stat
 import tomllib
 from collections.abc import Iterator
@@ -28,6 +30,7 @@ LONGEST_KEY = 16
 LARGEST = 1e30
 """Magnitude of the numbers that TOML files may hold: products of five of them are doubles still."""
 
+_HERE = re.sub(r"\W", "_", socket.gethostname())[:40]
 _PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
 _LONG_KEY = re.compile(rf"(?<![\w.-]){_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{LONGEST_KEY}}}")
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
@@ -45,19 +48,56 @@ def replacing(path: str | Path) -> Iterator[Path]:
     target = Path(os.path.realpath(path))
     if not target.parent.is_dir():
         raise FileError(f"{path}: the folder {target.parent} does not exist; create it or choose another place")
-    beside = target.with_name(f".{target.stem}.{secrets.token_hex(4)}{target.suffix}")
+    cleaned_of_the_dead(target.parent, target.name)
+    beside = name_beside(target)
     try:
         yield beside
-        _flush(beside)
+        flush(beside)
         beside.replace(target)
     except OSError as error:
         if error.filename not in (None, str(beside)):
             raise
-        raise FileError(f"{path}: cannot be written ({_reason(error)})") from error
+        raise FileError(f"{path}: cannot be written ({reason(error)})") from error
     finally:
         beside.unlink(missing_ok=True)
     with suppress(OSError):  # Some file systems do not flush folders; the file is in place by now.
-        _flush(target.parent)
+        flush(target.parent)
+
+
+def name_beside(target: Path) -> Path:
+    """A hidden name beside a target, of the same suffix, that says which process on which computer writes there."""
+    return target.with_name(f".{target.stem}.{_HERE}-{os.getpid()}-{secrets.token_hex(4)}{target.suffix}")
+
+
+def cleaned_of_the_dead(folder: Path, name: str) -> list[Path]:
+    """Remove from a folder what killed processes of this computer were writing beside a name; returns what others
+    still write."""
+    stem, suffix = Path(name).stem, Path(name).suffix
+    pattern = re.compile(rf"\.{re.escape(stem)}\.[\w-]+-\d+-[0-9a-f]{{8}}{re.escape(suffix)}")
+    alive: list[Path] = []
+    with suppress(OSError):
+        for entry in [entry for entry in folder.iterdir() if pattern.fullmatch(entry.name)]:
+            if not is_of_the_dead(entry.name):
+                alive.append(entry)
+            elif entry.is_dir():
+                shutil.rmtree(entry, ignore_errors=True)
+            else:
+                entry.unlink(missing_ok=True)
+    return alive
+
+
+def is_of_the_dead(name: str) -> bool:
+    """True for a hidden name that a process of this computer wrote under which runs no more."""
+    owner = re.search(rf"\.{re.escape(_HERE)}-(\d+)-[0-9a-f]{{8}}(?:\.\w+)?$", name)
+    if owner is None:
+        return False
+    try:
+        os.kill(int(owner.group(1)), 0)
+    except ProcessLookupError:
+        return True
+    except (OSError, OverflowError):
+        pass
+    return False
 
 
 def write_bytes(path: str | Path, data: bytes) -> None:
@@ -93,7 +133,7 @@ def read_bytes(path: str | Path, limit: int = MAX_BYTES) -> bytes:
                 raise ValueError("not a regular file, but a pipe, a device or the like: give a file")
             data = file.read(limit + 1)
     except (OSError, ValueError) as error:
-        raise FileError(f"{path}: cannot be read ({_reason(error)})") from error
+        raise FileError(f"{path}: cannot be read ({reason(error)})") from error
     if len(data) > limit:
         raise FileError(f"{path}: larger than {limit} bytes, the most that is read")
     return data
@@ -225,7 +265,8 @@ def _plain(value: Any) -> Any:
     raise TypeError(f"a {type(value).__name__} cannot be written as JSON")
 
 
-def _flush(path: Path) -> None:
+def flush(path: Path) -> None:
+    """See a file or a folder to the disk. Raises OSError."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -233,6 +274,7 @@ def _flush(path: Path) -> None:
         os.close(descriptor)
 
 
-def _reason(error: Exception) -> str:
+def reason(error: Exception) -> str:
+    """What an error says, to stand within a sentence."""
     text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     return text[:1].lower() + text[1:]

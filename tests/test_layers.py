@@ -17,6 +17,7 @@ ORDER = (
     "version",
     "errors",
     "files",
+    "folders",
     "arrays",
     "scalars",
     "compilation",
@@ -29,6 +30,7 @@ ORDER = (
     "envs",
     "experiments",
     "cli",
+    "__main__",
 )
 """A folder uses only those before it."""
 LONGEST = 400

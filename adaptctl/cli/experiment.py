@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from adaptctl.experiments.experiment import Experiment
     from adaptctl.recording import Result
 
-DONE, INTERRUPTED = 0, 130
+DONE, FAILED, INTERRUPTED = 0, 3, 130
 
 app = App(name="experiment")
 run = App(name="run", help="Run an experiment, and keep what it made.")
@@ -57,19 +57,22 @@ def __getattr__(name: str) -> Callable[..., int]:
 
 def run_experiment(experiment: Experiment, out: Path, overwrite: bool) -> int:
     """Run an experiment and write its folder; returns the exit code."""
-    from adaptctl.recording import prepare_folder
+    from adaptctl.folders import replacing_folder
 
-    folder = prepare_folder(out, overwrite)
-    with interruptible() as interruption:
+    with interruptible() as interruption, replacing_folder(out, overwrite) as folder:
         result = _computed(experiment, folder, interruption)
-    _tell(result, folder)
-    return DONE if result.complete else INTERRUPTED
+        interruption.hold()
+    _tell(result, out)
+    if interruption.asked or not result.complete:
+        return INTERRUPTED
+    return FAILED if result.failed else DONE
 
 
 def _computed(experiment: Experiment, folder: Path, interruption: Interruption) -> Result:
     """Result of an experiment, computed and written, with progress on stderr."""
     with _progress() as told:
         result = experiment.run(interruption.heeded(told))
+        interruption.hold()
         if not result.complete:
             print("adaptctl: interrupted; writing what was computed", file=sys.stderr)
         result.write(folder, lambda what, share: told("Recording, figures and report", share))

@@ -255,7 +255,8 @@ def load(
     """A mechanism by a built-in's name (`puma560`, ...) or from a file (.toml, .urdf, .xml).
 
     With `floating_base`, a URDF file's root link floats instead of being fixed to the ground; its meshes are shown from
-    its package and from `mesh_folders`. With `snap`, angles between joint axes that are within 1e-3 rad of right ones are made exact.
+    its package and from `mesh_folders`. With `snap`, angles between joint axes that are within 1e-3 rad of right ones
+    are made exact.
     Raises `FileError` or `NotFoundError` with what was wrong and what would be right, `LoopError` where loops do
     not fit together.
     """

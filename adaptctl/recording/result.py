@@ -27,3 +27,5 @@ class Result:
     """questions that a person asks first, and the answers"""
     write: Callable[[Path, Progress], object]
     """writes recording, report, figures and all into a folder that is ready, every file whole or not at all"""
+    failed: bool = False
+    """True where its subject should have succeeded and did not: it was stopped, or learned nothing"""

@@ -47,6 +47,17 @@ def verdict(comparison: Comparison) -> str:
     )
 
 
+def has_failed(comparison: Comparison) -> bool:
+    """True where the subject was stopped before its end, or, where that was the question, is no better for adapting."""
+    subject, baseline = comparison.subject, comparison.baseline
+    if subject.rollout.terminated:
+        return True
+    final, other = subject.final_rms_error, baseline.final_rms_error if baseline is not None else None
+    return (
+        comparison.complete and comparison.answer is None and final is not None and other is not None and final >= other
+    )
+
+
 def headline(verdict: str, complete: bool) -> str:
     """A verdict, after a line of warning where the experiment is incomplete."""
     return verdict if complete else f"{INCOMPLETE}\n{verdict}"

@@ -70,7 +70,8 @@ def read(
     """The mechanism of a built-in's name or of a file, which is read by its suffix.
 
     With `floating_base`, a URDF file's root link floats instead of being fixed to the ground (`floating`); its meshes
-    are shown from its package and from `mesh_folders`. With `snap`, angles within 1e-3 rad of right ones are made exact (`snapped`).
+    are shown from its package and from `mesh_folders`. With `snap`, angles within 1e-3 rad of right ones are made exact
+    (`snapped`).
     Raises NotFoundError for a name that is neither, FileError for a file that cannot be used.
     Warns (PhysicalConsistencyWarning) of links that no rigid body can be.
     """
