@@ -215,6 +215,9 @@ def _mjcf() -> Iterator[tuple[str, str]]:
         {
             "capsule-negative": ('size="0.05 0.3"', 'size="-0.05 0.3"'),
             "capsule-zero": ('size="0.05 0.3"', 'size="0 0.3"'),
+            "capsule-tiny": ('size="0.05 0.3"', 'size="1e-300 0.3"'),
+            "model-reversed": ('model="two"', 'model="\u202etwo"'),
+            "model-long": ('model="two"', f'model="{"x" * 1000}"'),
             "capsule-flat": ('size="0.05 0.3"', 'size="0.05 0"'),
             "capsule-one-size": ('size="0.05 0.3"', 'size="0.05"'),
             "size-vast": ('size="0.05 0.3"', 'size="1e29 1e29"'),

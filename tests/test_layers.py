@@ -16,6 +16,7 @@ ORDER = (
     "lazily",
     "version",
     "errors",
+    "caching",
     "files",
     "folders",
     "arrays",

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, per_joint
+from adaptctl.caching import cached_property
 from adaptctl.control.controller import Controller, ReferencePoint, leaves
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column, Scalar, absolute, clip, maximum, where

@@ -8,12 +8,12 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.arrays import Array, frozen_array
+from adaptctl.caching import cached_property
 from adaptctl.description.drive import Drive, DriveParameter
 from adaptctl.description.inertia import is_physically_consistent, parameter_names
 from adaptctl.description.loops import Loops

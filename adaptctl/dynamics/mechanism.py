@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, checked, same_samples, stacked, stacked_rows
+from adaptctl.caching import cached_property
 from adaptctl.description import Description, Joint, Link
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics.equations import Equations

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -155,7 +156,8 @@ def certified_by_decomposition(mechanism: Mechanism, samples: int, seed: int) ->
         near_right_angles=near_right_angles(mechanism.description),
     )
     _require_accepted(mechanism, certificate, scaled.singular_values)
-    return CertifiedNullSpace(scaled, certificate, lambda: factor.triangle, _origin(mechanism, samples, seed))
+    energies = partial(getattr, factor, "triangle")
+    return CertifiedNullSpace(scaled, certificate, energies, _origin(mechanism, samples, seed))
 
 
 def certified_by_transfers(mechanism: Mechanism, samples: int, seed: int) -> CertifiedNullSpace:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, checked, frozen_array
+from adaptctl.caching import cached_property
 from adaptctl.errors import FileError, InputError, RankError
 from adaptctl.identifiability.basis_file import BasisFile, Robot
 from adaptctl.identifiability.essential_space import EssentialSpace

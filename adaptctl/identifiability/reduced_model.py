@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, checked, frozen_array
+from adaptctl.caching import cached_property
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identifiability.basis_check import require_energies

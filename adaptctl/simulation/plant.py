@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import KW_ONLY, dataclass
-from functools import cached_property
 from types import MappingProxyType
 from typing import Any, NoReturn
 
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.arrays import Array, checked, numbers, per_joint, stacked
+from adaptctl.caching import cached_property
 from adaptctl.compilation import Kernel, compile_function
 from adaptctl.compilation.floats import native_or_floats
 from adaptctl.dynamics import Mechanism

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path, PurePosixPath
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from adaptctl.caching import cached_property
 from adaptctl.description.description import GROUND
 from adaptctl.description.pose import Pose, roll_pitch_yaw
 from adaptctl.description.readers.xml_elements import attribute, number, numbers, required

@@ -10,7 +10,7 @@ from typing import NoReturn
 from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, printable
 
 MOST_ELEMENTS, DEEPEST = 50_000, 600
 """Elements in one file, and how deep they may stand within one another."""
@@ -55,9 +55,11 @@ class _Parser:
             raise ElementError(f"<{tag}>: more than {what}, the most that are read (line {line})")
         element = self._builder.start(_qualified(tag), {_qualified(k): v for k, v in attributes.items()})
         element.line = line  # type: ignore[attr-defined]
-        name = attributes.get("name", "")
-        if _CONTROL.search(name) or len(name) > LONGEST_NAME:
-            refuse(element, f"<{tag}>: name: expected at most {LONGEST_NAME} characters that print, got {name!r}")
+        for key in ("name", "model"):
+            name = attributes.get(key, "")
+            if _CONTROL.search(name) or len(name) > LONGEST_NAME:
+                what = f"at most {LONGEST_NAME} characters that print"
+                refuse(element, f"<{tag}>: {key}: expected {what}, got {printable(name)!r}")
 
     def _end(self, tag: str) -> None:
         self._depth -= 1

@@ -18,6 +18,8 @@ from adaptctl.errors import InputError
 
 WATER = 1000.0
 """kg/m^3, a geom's density unless it says otherwise"""
+SHORTEST = 1e-9
+"""m, of a geom's sizes: volumes of shorter ones become zero"""
 _SHAPES = ("sphere", "capsule", "ellipsoid", "cylinder", "box")
 _WITHOUT_MASS = ("plane", "hfield")
 
@@ -73,8 +75,8 @@ def _geom(geom: Element, at: Pose, settings: Settings, where: str) -> Array:
 def _solid(geom: Element, kind: str, settings: Settings, where: str) -> tuple[Pose, list[float]]:
     """The geometry's pose, and its three sizes as MuJoCo has them: radius and half length, or half axes."""
     least = {"sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "box": 3}[kind]
-    if "size" in geom.attrib and not all(length > 0.0 for length in _sizes(geom, least, where)):
-        refuse(geom, f"{where}: size: expected positive lengths, got {geom.attrib['size']!r}")
+    if "size" in geom.attrib and not all(length >= SHORTEST for length in _sizes(geom, least, where)):
+        refuse(geom, f"{where}: size: expected lengths of at least {SHORTEST:g} m, got {geom.attrib['size']!r}")
     if "fromto" not in geom.attrib:
         return placed(geom, settings, where), numbers(geom, "size", range(least, 4), where)
     if kind == "sphere":
