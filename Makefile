@@ -8,7 +8,7 @@ DOCS := docs/_build/html
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test bench lint types docs format lock clean
+.PHONY: help demo test bench lint types docs format licences audit lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-7s %s\n", $$1, $$2}' Makefile
@@ -36,6 +36,13 @@ docs: $(STAMP) ## the documentation, in docs/_build/html/index.html
 format: $(STAMP) ## bring the code into style
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
+
+licences: $(STAMP) ## licences of all that is locked, those first that ask for something or are not known
+	$(BIN)/python tests/licences.py
+
+audit: ## known vulnerabilities of all that is locked
+	test -x .venv-lock/bin/pip-audit || ($(PYTHON) -m venv .venv-lock && .venv-lock/bin/pip install --quiet pip-audit)
+	.venv-lock/bin/pip-audit --require-hashes --disable-pip -r requirements.lock
 
 lock: ## resolve the dependencies anew into requirements.lock
 	test -x .venv-lock/bin/uv || ($(PYTHON) -m venv --clear .venv-lock && .venv-lock/bin/pip install --quiet uv)

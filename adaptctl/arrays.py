@@ -2,15 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import Any
+import math
+from collections.abc import Callable, Iterable, Sequence
+from functools import wraps
+from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from adaptctl.errors import InputError, NonFiniteError
+from adaptctl.errors import InputError, NonFiniteError, printable
 
 Array = NDArray[np.float64]
+Given = ParamSpec("Given")
+
+
+class HasName(Protocol):
+    """What has a name, to say whose numbers are wrong."""
+
+    @property
+    def name(self) -> str:
+        """The name."""
+
+
+Named = TypeVar("Named", bound=HasName)
 
 
 def frozen(array: Array) -> Array:
@@ -32,6 +46,8 @@ def frozen_array(values: ArrayLike, shape: tuple[int, ...], what: str) -> Array:
 def numbers(values: ArrayLike, what: str, kind: str = "") -> Array:
     """A float64 array. Raises `InputError` for what holds no numbers, such as strings or numbers beyond a double."""
     try:
+        if getattr(getattr(values, "dtype", None), "kind", "") == "c":
+            raise TypeError("complex numbers have no place here")
         return np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{what}: expected numbers {kind}".rstrip() + f", got {values!r}") from error
@@ -60,6 +76,36 @@ def per_joint(values: ArrayLike, dof: int, what: str) -> Array:
     if np.isnan(array).any():
         raise NonFiniteError(f"{what}: expected numbers, got {array.tolist()}")
     return frozen(np.broadcast_to(array, (dof,)).copy())
+
+
+def positive_number(value: object, what: str) -> float:
+    """A positive finite number. Raises `InputError` for all else, texts and numbers beyond a double too."""
+    try:
+        number = float(value) if isinstance(value, int | float | np.number) else math.nan
+    except OverflowError:
+        number = math.inf
+    if not (math.isfinite(number) and number > 0.0):
+        raise InputError(f"{what}, got {printable(repr(value))}")
+    return number
+
+
+def finite_results(method: Callable[Concatenate[Named, Given], Array]) -> Callable[Concatenate[Named, Given], Array]:
+    """A method on arrays that raises `NonFiniteError` rather than return what is not finite, its numbers being too
+    large to go on with."""
+
+    @wraps(method)
+    def required(self: Named, /, *args: Given.args, **kwargs: Given.kwargs) -> Array:
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            result = method(self, *args, **kwargs)
+        if not np.isfinite(result).all():
+            place = tuple(int(i) for i in np.argwhere(~np.isfinite(result))[0])
+            raise NonFiniteError(
+                f"{self.name}: {method.__name__} is not finite at index {place}: "
+                "the mass matrix is singular, or numbers are too large"
+            )
+        return result
+
+    return required
 
 
 def same_samples(**arrays: Array) -> tuple[int, ...]:

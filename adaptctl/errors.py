@@ -2,9 +2,25 @@
 
 from __future__ import annotations
 
+LONGEST_MESSAGE = 2_000
+"""Characters of an error's message; what is cut is a name that somebody made long."""
+
 
 class AdaptctlError(Exception):
-    """Base of every error this package raises on purpose."""
+    """Base of every error this package raises on purpose. Its message shows control characters, and sends none."""
+
+    def __init__(self, message: object = "") -> None:
+        super().__init__(printable(str(message), LONGEST_MESSAGE))
+
+
+def printable(text: str, most: int = 80) -> str:
+    """The text with control characters written out, such as \\x1b, and cut in its middle above `most` characters.
+
+    Names come from files of strangers, and a terminal would obey what is in them.
+    """
+    if len(text) > most:
+        text = f"{text[: most // 2]}...{text[-(most // 2) :]}"
+    return "".join(c if c.isprintable() or c in " \n" else c.encode("unicode_escape").decode() for c in text)
 
 
 class InputError(AdaptctlError, ValueError):

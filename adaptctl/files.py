@@ -7,6 +7,9 @@ import math
 import os
 import re
 import secrets
+import shutil
+import socket
+import stat
 import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -16,10 +19,21 @@ from typing import Any, TypeVar
 import msgspec
 import numpy as np
 
-from adaptctl.errors import FileError
+from adaptctl.errors import FileError, printable
 
 MAX_BYTES = 16 * 2**20
 """Files above this size are not read: nothing of ours comes near it."""
+MAX_TOML_BYTES = 2**20
+"""Likewise of TOML files, which people write and which take longest to read."""
+LONGEST_KEY = 16
+"""Parts that a key of a TOML file may have: time and memory go with their square."""
+LARGEST = 1e30
+"""Magnitude of the numbers that TOML files may hold: products of five of them are doubles still."""
+
+_HERE = re.sub(r"\W", "_", socket.gethostname())[:40]
+_PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
+_LONG_KEY = re.compile(rf"(?<![\w.-]){_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{LONGEST_KEY}}}")
+_CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 
 Content = TypeVar("Content")
 
@@ -34,19 +48,56 @@ def replacing(path: str | Path) -> Iterator[Path]:
     target = Path(os.path.realpath(path))
     if not target.parent.is_dir():
         raise FileError(f"{path}: the folder {target.parent} does not exist; create it or choose another place")
-    beside = target.with_name(f".{target.stem}.{secrets.token_hex(4)}{target.suffix}")
+    cleaned_of_the_dead(target.parent, target.name)
+    beside = name_beside(target)
     try:
         yield beside
-        _flush(beside)
+        flush(beside)
         beside.replace(target)
     except OSError as error:
         if error.filename not in (None, str(beside)):
             raise
-        raise FileError(f"{path}: cannot be written ({_reason(error)})") from error
+        raise FileError(f"{path}: cannot be written ({reason(error)})") from error
     finally:
         beside.unlink(missing_ok=True)
     with suppress(OSError):  # Some file systems do not flush folders; the file is in place by now.
-        _flush(target.parent)
+        flush(target.parent)
+
+
+def name_beside(target: Path) -> Path:
+    """A hidden name beside a target, of the same suffix, that says which process on which computer writes there."""
+    return target.with_name(f".{target.stem}.{_HERE}-{os.getpid()}-{secrets.token_hex(4)}{target.suffix}")
+
+
+def cleaned_of_the_dead(folder: Path, name: str) -> list[Path]:
+    """Remove from a folder what killed processes of this computer were writing beside a name; returns what others
+    still write."""
+    stem, suffix = Path(name).stem, Path(name).suffix
+    pattern = re.compile(rf"\.{re.escape(stem)}\.[\w-]+-\d+-[0-9a-f]{{8}}{re.escape(suffix)}")
+    alive: list[Path] = []
+    with suppress(OSError):
+        for entry in [entry for entry in folder.iterdir() if pattern.fullmatch(entry.name)]:
+            if not is_of_the_dead(entry.name):
+                alive.append(entry)
+            elif entry.is_dir():
+                shutil.rmtree(entry, ignore_errors=True)
+            else:
+                entry.unlink(missing_ok=True)
+    return alive
+
+
+def is_of_the_dead(name: str) -> bool:
+    """True for a hidden name that a process of this computer wrote under which runs no more."""
+    owner = re.search(rf"\.{re.escape(_HERE)}-(\d+)-[0-9a-f]{{8}}(?:\.\w+)?$", name)
+    if owner is None:
+        return False
+    try:
+        os.kill(int(owner.group(1)), 0)
+    except ProcessLookupError:
+        return True
+    except (OSError, OverflowError):
+        pass
+    return False
 
 
 def write_bytes(path: str | Path, data: bytes) -> None:
@@ -74,12 +125,15 @@ def write_json(path: str | Path, value: object) -> None:
 
 
 def read_bytes(path: str | Path, limit: int = MAX_BYTES) -> bytes:
-    """The file's bytes, refused when it is missing, not a file, not ours to read, or above `limit` bytes."""
+    """The file's bytes, refused when it is missing, no regular file, not ours to read, or above `limit` bytes."""
     try:
-        with Path(path).open("rb") as file:
+        with os.fdopen(os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), "rb") as file:
+            # Opened without waiting: a pipe would hold us until somebody writes into it.
+            if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+                raise ValueError("not a regular file, but a pipe, a device or the like: give a file")
             data = file.read(limit + 1)
     except (OSError, ValueError) as error:
-        raise FileError(f"{path}: cannot be read ({_reason(error)})") from error
+        raise FileError(f"{path}: cannot be read ({reason(error)})") from error
     if len(data) > limit:
         raise FileError(f"{path}: larger than {limit} bytes, the most that is read")
     return data
@@ -93,9 +147,9 @@ def read_text(path: str | Path, limit: int = MAX_BYTES) -> str:
         raise FileError(f"{path}: byte {error.start} is not UTF-8; save the file as UTF-8 text") from error
 
 
-def read_json(path: str | Path, kind: type[Content]) -> Content:
+def read_json(path: str | Path, kind: type[Content], limit: int = MAX_BYTES) -> Content:
     """The file's JSON as `kind` (a msgspec Struct, a dataclass, a list of them ...)."""
-    text = read_text(path)
+    text = read_text(path, limit)
     try:
         plain = json.loads(text, object_pairs_hook=_unrepeated)
     except (ValueError, RecursionError) as error:
@@ -105,28 +159,66 @@ def read_json(path: str | Path, kind: type[Content]) -> Content:
 
 def read_toml(path: str | Path, kind: type[Content]) -> Content:
     """The file's TOML as `kind` (a msgspec Struct, a dataclass ...)."""
-    text = read_text(path)
+    text = read_text(path, MAX_TOML_BYTES)
+    if found := _LONG_KEY.search(text):
+        line = text.count("\n", 0, found.start()) + 1
+        raise FileError(f"{path}: not valid TOML (a key of more than {LONGEST_KEY} parts at line {line})")
     try:
         plain = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         raise FileError(f"{path}: not valid TOML ({error})") from error
-    return _typed(path, plain, kind)
+    try:
+        return _typed(path, plain, kind, LARGEST)
+    except FileError as error:
+        raise FileError(with_line(str(error), text)) from error
 
 
-def _typed(path: str | Path, plain: object, kind: type[Content]) -> Content:
-    _require_finite(path, plain)
+def with_line(message: str, text: str) -> str:
+    """The message with the line of a TOML text that holds the element it names, as far as it is found:
+    ``$.links[2].mass``."""
+    element = re.search(r"\$((?:\.[\w-]+|\[\d+\])+)", message)
+    line = toml_line(text, element.group(1)) if element else 0
+    return f"{message} (line {line})" if line else message
+
+
+def toml_line(text: str, element: str) -> int:
+    """The line of a TOML text where an element such as ``.links[2].mass`` begins, or the table that it is in; 0 where
+    neither is found."""
+    table = re.match(r"\.([\w-]+)(?:\[(\d+)\])?(?:\.([\w-]+))?", element)
+    if table is None:
+        return 0
+    name, index, key = table.groups()
+    start = rf"^[ \t]*\[+[ \t]*{re.escape(name)}[ \t]*\]+|^[ \t]*{re.escape(name)}\b"
+    heads = list(re.finditer(start, text, re.MULTILINE))
+    if int(index or 0) >= len(heads):
+        return 0
+    head = heads[int(index or 0)]
+    end = re.compile(r"^[ \t]*\[\[", re.MULTILINE).search(text, head.end())
+    inner = re.compile(rf"^[ \t]*{re.escape(key)}\b", re.MULTILINE).search(text, head.end()) if key else None
+    found = inner if inner and (end is None or inner.start() < end.start()) else head
+    return text.count("\n", 0, found.start()) + 1
+
+
+def _typed(path: str | Path, plain: object, kind: type[Content], largest: float = math.inf) -> Content:
+    _require_finite(path, plain, largest)
     try:
         return msgspec.convert(plain, kind)
     except (msgspec.ValidationError, OverflowError, RecursionError) as error:
         raise FileError(f"{path}: {error}{_remedy(kind, str(error))}") from error
 
 
-def _require_finite(path: str | Path, content: object) -> None:
+def _require_finite(path: str | Path, content: object, largest: float = math.inf) -> None:
+    """Refuse numbers that are not finite; from outside, with a `largest`, also those beyond it, and control characters,
+    which a terminal would obey."""
     pending = [("$", content)]
     while pending:
         element, value = pending.pop()
         if isinstance(value, float) and not math.isfinite(value):
             raise FileError(f"{path}: expected a finite number, got {value} - at `{element}`")
+        if isinstance(value, int | float) and not -largest <= value <= largest:
+            raise FileError(f"{path}: expected a number of at most {largest:g} - at `{element}`")
+        if largest < math.inf and isinstance(value, str) and _CONTROL.search(value):
+            raise FileError(f"{path}: control characters in {printable(value)!r} - at `{element}`")
         if isinstance(value, dict):
             pending += [(f"{element}.{key}", entry) for key, entry in value.items()]
         elif isinstance(value, list | tuple):
@@ -173,7 +265,8 @@ def _plain(value: Any) -> Any:
     raise TypeError(f"a {type(value).__name__} cannot be written as JSON")
 
 
-def _flush(path: Path) -> None:
+def flush(path: Path) -> None:
+    """See a file or a folder to the disk. Raises OSError."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -181,6 +274,7 @@ def _flush(path: Path) -> None:
         os.close(descriptor)
 
 
-def _reason(error: Exception) -> str:
+def reason(error: Exception) -> str:
+    """What an error says, to stand within a sentence."""
     text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     return text[:1].lower() + text[1:]

@@ -13,7 +13,7 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
-from adaptctl.arrays import Array, frozen_array, per_joint
+from adaptctl.arrays import Array, frozen_array, per_joint, positive_number
 from adaptctl.control.controller import Reference, ReferencePoint
 from adaptctl.control.gains.torque_limits import finite_torque_limits
 from adaptctl.dynamics import Mechanism, load
@@ -177,7 +177,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     ) -> None:
         self.mechanism = robot if isinstance(robot, Mechanism) else load(robot)
         own = finite_torque_limits(self.mechanism) if torque_limits is None else torque_limits
-        limits, period = per_joint(own, self.mechanism.dof, "torque_limits"), float(control_period)
+        limits, period = per_joint(own, self.mechanism.dof, "torque_limits"), _period(control_period)
         placed = PlantEffects.of(effects := tuple(effects))
         placed.require(self.mechanism.dof, self.mechanism.description.body_names, period)
         if substeps is None:
@@ -205,7 +205,9 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """Begin an episode. Raises `NotFoundError` on an option that does not exist, `InputError` on a bad one."""
         super().reset(seed=seed)
-        given = options or {}
+        given = options if options is not None else {}
+        if not isinstance(given, Mapping):
+            raise InputError(f"reset: options: expected a mapping, got {given!r}")
         if unknown := [name for name in given if name not in OPTIONS]:
             raise NotFoundError(f"reset: unknown option {unknown[0]!r}; options: {', '.join(OPTIONS)}")
         r = self.plant.dof
@@ -316,7 +318,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     def _torque(self, action: ArrayLike) -> Array:
         try:
             torque = np.asarray(action, dtype=np.float64)
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             raise InputError(f"action: expected {self.plant.dof} torques, got {action!r}") from error
         if torque.shape != (self.plant.dof,):
             raise InputError(f"action: expected shape ({self.plant.dof},), got {torque.shape}")
@@ -355,10 +357,15 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         self.metadata = self.metadata | {"render_fps": 1.0 / self.control_period}
 
 
-def _steps(duration: float, control_period: float) -> int:
-    if not (np.isfinite(duration) and duration >= control_period):
-        raise InputError(f"duration: expected at least one control period of {control_period:g} s, got {duration}")
-    return round(duration / control_period)
+def _period(given: object) -> float:
+    return positive_number(given, "control_period: expected a positive time in s")
+
+
+def _steps(duration: object, control_period: float) -> int:
+    what = f"duration: expected at least one control period of {control_period:g} s"
+    if (length := positive_number(duration, what)) < control_period:
+        raise InputError(f"{what}, got {length}")
+    return round(length / control_period)
 
 
 def _times_ahead(times: Sequence[float]) -> Array:

@@ -159,7 +159,7 @@ def test_run_interrupted_before_anything_was_computed_writes_nothing(
 ) -> None:
     with signalled("essential_space", signal.SIGINT, after=0.0):
         assert main([*PUMA, "--out", str(tmp_path / "out"), "--duration", "300"]) == 130
-    assert list((tmp_path / "out").iterdir()) == []
+    assert not (tmp_path / "out").exists()
     assert capsys.readouterr().err.splitlines()[-1] == "adaptctl: interrupted"
 
 

@@ -16,7 +16,9 @@ ORDER = (
     "lazily",
     "version",
     "errors",
+    "caching",
     "files",
+    "folders",
     "arrays",
     "scalars",
     "compilation",
@@ -32,6 +34,7 @@ ORDER = (
     "experiments",
     "sweeps",
     "cli",
+    "__main__",
 )
 """A folder uses only those before it."""
 LONGEST = 400

@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 import yaml
 from comparisons import comparison
+from licences import locked, noted
 
 import adaptctl
 import adaptctl.envs  # registers the environments
@@ -203,3 +204,10 @@ def test_a_wheel_holds_the_package_as_real_files_and_nothing_else(tmp_path: Path
     files = [path for folder in folders for path in folder.rglob("*.*") if path.suffix in PACKED]
     names = {path.relative_to(ROOT).as_posix().removeprefix("adaptctl/") for path in files}
     assert held == {f"adaptctl/{name}" for name in names}
+
+
+def test_licences_that_ask_for_something_are_named_in_the_documentation() -> None:
+    page = (ROOT / "docs" / "licences.md").read_text(encoding="utf-8")
+    assert len(locked()) > 50
+    for name, licence in noted().items():
+        assert f"| `{name}` |" in page, f"{name}: {licence}"

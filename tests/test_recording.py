@@ -22,8 +22,8 @@ from adaptctl.arrays import Array
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.recursion.kinematics import joint_axes, link_poses
-from adaptctl.errors import FileError, InputError
-from adaptctl.recording import Comparison, prepare_folder, write_artifacts
+from adaptctl.errors import InputError
+from adaptctl.recording import Comparison, write_artifacts
 from adaptctl.recording import shown as result_of
 from adaptctl.recording.skeleton import Solid, skeleton
 from adaptctl.recording.wording import INCOMPLETE, facts, number, outcome, told
@@ -40,7 +40,7 @@ def shown() -> Comparison:
 
 @pytest.fixture(scope="module")
 def folder(shown: Comparison, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_artifacts(prepare_folder(tmp_path_factory.mktemp("run") / "deep" / "er"), shown)
+    return write_artifacts(tmp_path_factory.mktemp("run") / "deep" / "er", shown)
 
 
 def series(path: Path, entity: str) -> tuple[Array, Array]:
@@ -262,7 +262,7 @@ def test_estimates_of_friction_are_shown_with_the_others(tmp_path: Path) -> None
     """Energies say nothing of friction, so that the basis does not hold it; controllers estimate it all the same."""
     arm = load("puma560_measured").description
     comparison_with_friction = comparison(Mechanism(arm.with_drives(Drive(viscous=2.0, coulomb=0.5))), samples=20)
-    out = write_artifacts(prepare_folder(tmp_path / "out"), comparison_with_friction)
+    out = write_artifacts(tmp_path / "out", comparison_with_friction)
     said = json.loads((out / "summary.json").read_text())["parameters"]
     assert len(said) == 36 + 12
     assert said["joint2.viscous"]["true"] == 2.0
@@ -274,7 +274,7 @@ def test_estimates_of_friction_are_shown_with_the_others(tmp_path: Path) -> None
 
 def test_interrupted_comparison_says_so_everywhere(tmp_path: Path) -> None:
     what = comparison(load(TWO_LINK), samples=40, complete=False)
-    write_artifacts(prepare_folder(tmp_path), what)
+    write_artifacts(tmp_path, what)
     said = json.loads((tmp_path / "summary.json").read_text())
     assert said["complete"] is False
     assert said["final_rms_error_adaptation_off"] is None
@@ -286,7 +286,7 @@ def test_interrupted_comparison_says_so_everywhere(tmp_path: Path) -> None:
 
 
 def test_one_sample_is_enough_to_be_shown(tmp_path: Path) -> None:
-    write_artifacts(prepare_folder(tmp_path), comparison(load(TWO_LINK), samples=1))
+    write_artifacts(tmp_path, comparison(load(TWO_LINK), samples=1))
     assert {path.name for path in tmp_path.iterdir()} == FILES | {"figures"}
 
 
@@ -310,24 +310,6 @@ def test_moving_error_is_the_error_over_what_has_passed(shown: Comparison, windo
     for k in (0, 1, 49, 700):
         expected = np.sqrt(np.mean(error[max(0, k + 1 - width) : k + 1] ** 2))
         assert moving[k] == pytest.approx(expected, rel=1e-9)
-
-
-def test_folder_that_holds_something_is_refused_unless_allowed(tmp_path: Path) -> None:
-    (tmp_path / "thesis.tex").write_text("years of work")
-    with pytest.raises(FileError, match=r"not empty; .*--overwrite"):
-        prepare_folder(tmp_path)
-    assert prepare_folder(tmp_path, overwrite=True) == tmp_path
-    assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
-
-
-def test_folder_that_cannot_be_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    with pytest.raises(FileError, match=r"file: is a file"):
-        prepare_folder(tmp_path / "file")
-    with pytest.raises(FileError, match=r"cannot be made"):
-        prepare_folder(tmp_path / "file" / "below")
-    with pytest.raises(FileError, match=r"/proc/.*choose another folder"):
-        prepare_folder("/proc/adaptctl-results")
 
 
 def test_no_file_is_left_half_written(tmp_path: Path, shown: Comparison) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -111,6 +112,7 @@ def test_no_hash_counts_what_it_looks_like(tmp_path: Path) -> None:
 )
 def test_meshes_are_found_from_the_file_upwards(name: str, place: str, tmp_path: Path) -> None:
     path = stl(tmp_path / place)
+    (path.parents[1] / "package.xml").touch()
     folder = tmp_path / "cell" / "arm" / "urdf" if place.startswith("cell") else tmp_path / "arm" / "urdf"
     (visual,) = reading(folder, arm=seen(f'<mesh filename="{name}" scale="1 -2 0.001"/>')).visuals
     assert isinstance(visual.solid, Mesh)
@@ -119,9 +121,25 @@ def test_meshes_are_found_from_the_file_upwards(name: str, place: str, tmp_path:
 
 
 def test_a_mesh_may_be_named_by_its_whole_path(tmp_path: Path) -> None:
-    path = stl(tmp_path / "elsewhere" / "part.stl")
+    path = stl(tmp_path / "arm" / "part.stl")
     (visual,) = reading(tmp_path / "arm", arm=seen(f'<mesh filename="file://{path}"/>')).visuals
     assert visual.solid == Mesh(path)
+
+
+@pytest.mark.parametrize("form", ["file://{path}", "{path}", "../elsewhere/part.stl", "inside.stl"])
+def test_meshes_outside_the_package_are_not_read_unless_their_folder_is_named(form: str, tmp_path: Path) -> None:
+    """A link within the package that leads out of it is no way around."""
+    path = stl(tmp_path / "elsewhere" / "part.stl")
+    (tmp_path / "arm").mkdir()
+    (tmp_path / "arm" / "inside.stl").symlink_to(path)
+    text = seen(f'<mesh filename="{form.format(path=path)}"/>')
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        assert reading(tmp_path / "arm", arm=text).visuals == ()
+    assert [str(w.message).partition(": ")[2][:32] for w in said] == ["meshes outside the robot's packa"]
+    (visual,) = read_urdf(tmp_path / "arm" / "robot.urdf", mesh_folders=[tmp_path / "elsewhere"]).visuals
+    assert isinstance(visual.solid, Mesh)
+    assert visual.solid.path.resolve() == path
 
 
 @pytest.mark.parametrize(

@@ -57,13 +57,13 @@ def __getattr__(name: str) -> Callable[..., int]:
 
 def run_experiment(experiment: Experiment, out: Path, overwrite: bool) -> int:
     """Run an experiment and write its folder; returns the exit code, 3 where the verdict on its subject is failure."""
-    from adaptctl.recording import prepare_folder
+    from adaptctl.folders import replacing_folder
 
-    folder = prepare_folder(out, overwrite)
-    with interruptible() as interruption:
+    with interruptible() as interruption, replacing_folder(out, overwrite) as folder:
         result = _computed(experiment, folder, interruption)
-    _tell(result, folder)
-    if not result.complete:
+        interruption.hold()
+    _tell(result, out)
+    if interruption.asked or not result.complete:
         return INTERRUPTED
     return DONE if result.verdict.passed else FAILED
 
@@ -72,6 +72,7 @@ def _computed(experiment: Experiment, folder: Path, interruption: Interruption) 
     """Result of an experiment, computed and written, with progress on stderr."""
     with shown_progress() as told:
         result = experiment.run(interruption.heeded(told))
+        interruption.hold()
         if not result.complete:
             print("adaptctl: interrupted; writing what was computed", file=sys.stderr)
         result.write(folder, lambda what, share: told("Recording, figures and report", share))

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from types import FrameType
@@ -19,6 +20,20 @@ class Interruption:
 
     def __init__(self) -> None:
         self.asked = False
+        self._held = False
+
+    def hold(self) -> None:
+        """From now on results are written: the next interruption is noted and lets that be done, one more ends it."""
+        self._held = True
+
+    def interrupt(self, number: int, frame: FrameType | None) -> None:
+        """Handle a signal. Raises KeyboardInterrupt, unless results are being written."""
+        self.asked = True
+        if self._held:
+            self._held = False
+            os.write(2, b"adaptctl: results are being written; interrupt once more to leave them\n")
+            return
+        raise KeyboardInterrupt
 
     def heeded(self, progress: Callable[[str, float], object]) -> Callable[[str, float], None]:
         """Progress that raises KeyboardInterrupt in the midst of a stage when an end was asked for.
@@ -40,12 +55,8 @@ def interruptible() -> Iterator[Interruption]:
     """Context in which any of SIGNALS raises KeyboardInterrupt, and is remembered."""
     interruption = Interruption()
 
-    def interrupt(number: int, frame: FrameType | None) -> NoReturn:
-        interruption.asked = True
-        raise KeyboardInterrupt
-
     try:
-        before = {number: signal.signal(number, interrupt) for number in SIGNALS}
+        before = {number: signal.signal(number, interruption.interrupt) for number in SIGNALS}
     except ValueError:  # not in the main thread, where signals do not arrive
         yield interruption
         return

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from itertools import chain, islice
 from typing import Any, TypeVar, cast
 
+from adaptctl.caching import cached_property
 from adaptctl.compilation.graph import Expression, Graph, Op, reachable
 from adaptctl.compilation.layout import Layout, flatten, numbered
 from adaptctl.compilation.node import Node, Value, lift
@@ -39,7 +40,7 @@ class Routine:
     outputs: tuple[Value, ...]
     layout: Layout
 
-    @functools.cached_property
+    @cached_property
     def body(self) -> list[Expression]:
         """The expressions to compute, in order."""
         return reachable(self.outputs)
@@ -49,7 +50,7 @@ class Routine:
         """The routine behind each call, in order."""
         return [x.detail for x in self.body if x.op is Op.CALL]
 
-    @functools.cached_property
+    @cached_property
     def operations(self) -> Operations:
         """The operations of one evaluation."""
         total = Operations(x.op for x in self.body if x.op not in _FREE)

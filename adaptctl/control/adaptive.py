@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array, per_joint
+from adaptctl.caching import cached_property
 from adaptctl.control.adaptation.gradient import Gradient
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
 from adaptctl.control.controller import Controller

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from math import prod
 from typing import Any, Generic, NamedTuple, NoReturn, Protocol, TypeVar
 
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, checked
+from adaptctl.caching import cached_property
 from adaptctl.compilation import Kernel
 from adaptctl.compilation.floats import OnFloats, native_or_floats
 from adaptctl.compilation.limits import LARGEST_COMPILED

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 
 from adaptctl.arrays import Array, frozen, stacked
+from adaptctl.caching import cached_property
 from adaptctl.compilation import Ensemble, Stepper, compile_step
 from adaptctl.scalars import Column
 

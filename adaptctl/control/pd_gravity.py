@@ -49,6 +49,13 @@ class PDGravity(ModelBased):
         """This law with the parameters (k,) of a model, the true ones unless given."""
         return cls(model.mechanism, np.asarray(stiffness), np.asarray(damping), embedded_parameters(model, parameters))
 
+    def step(
+        self, state: BranchState, p: ArrayLike, v: ArrayLike, reference: ReferencePoint
+    ) -> tuple[Array, BranchState]:
+        """One tick on arrays, as every controller's; the reference's acceleration is not used, but checked."""
+        self._measured(reference.a, "reference.a", self.reference_size)
+        return super().step(state, p, v, reference)
+
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: BranchState) -> tuple[Column, BranchState]:
         """One tick: gravity, a spring and a damper."""
         equations, rest = self.mechanism.equations, Column.zeros(self.dof)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from adaptctl.arrays import Array, frozen_array, stacked_rows
+from adaptctl.caching import cached_property
 from adaptctl.control.adaptation.law import NoMemory
 from adaptctl.control.adaptive import AdaptiveState
 from adaptctl.control.controller import ReferencePoint

@@ -8,12 +8,12 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.arrays import Array, frozen_array
+from adaptctl.caching import cached_property
 from adaptctl.description.drive import Drive, DriveParameter
 from adaptctl.description.inertia import is_physically_consistent, parameter_names
 from adaptctl.description.loops import Loops
@@ -25,6 +25,9 @@ GROUND = -1
 """The parent index of a link that hangs on the ground."""
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
+
+LARGEST_INERTIA, LARGEST_GRAVITY = 1e20, 1e9
+"""Inertial parameters (SI units) and gravity (m/s^2) that a mechanism may have: energies of larger ones overflow."""
 
 
 class JointKind(Enum):
@@ -68,9 +71,10 @@ class Joint:
 
     def __post_init__(self) -> None:
         axis = frozen_array(self.axis, (3,), f"joint {self.name!r}: axis")
-        norm = float(np.linalg.norm(axis))
-        if norm < 1e-9:
-            raise InputError(f"joint {self.name!r}: axis must not be zero")
+        norm = math.hypot(*axis) if np.abs(axis).max() > 1e100 else float(np.linalg.norm(axis))
+        if not 1e-9 <= norm < math.inf:
+            what = "be zero" if norm < 1.0 else f"be longer than numbers go, got {axis.tolist()}"
+            raise InputError(f"joint {self.name!r}: axis must not {what}")
         # Dividing a unit vector by its own rounded norm would spoil exact entries such as 0 and 1.
         unit = axis if abs(norm - 1.0) <= 1e-15 else axis / norm
         object.__setattr__(self, "axis", frozen_array(unit, (3,), "axis"))
@@ -96,6 +100,8 @@ class Link:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "inertia", frozen_array(self.inertia, (10,), f"link {self.name!r}: inertia"))
+        if np.abs(self.inertia).max() > LARGEST_INERTIA:
+            raise InputError(f"link {self.name!r}: expected inertial parameters of at most {LARGEST_INERTIA:g}")
         if self.massless and np.any(self.inertia):
             raise InputError(f"link {self.name!r}: a massless link has no inertia, got {self.inertia.tolist()}")
 
@@ -120,6 +126,10 @@ class Description:
     def __post_init__(self) -> None:
         object.__setattr__(self, "links", tuple(self.links))
         object.__setattr__(self, "gravity", frozen_array(self.gravity, (3,), f"{self.name}: gravity"))
+        if np.abs(self.gravity).max() > LARGEST_GRAVITY:
+            raise InputError(
+                f"{self.name}: gravity: expected at most {LARGEST_GRAVITY:g} m/s^2, got {self.gravity.tolist()}"
+            )
         if not self.links:
             raise InputError(f"{self.name}: a mechanism needs at least one movable link")
         _require_unique([link.name for link in self.links], f"{self.name}: link")
@@ -217,6 +227,11 @@ class Description:
         stacked.flags.writeable = False
         return stacked
 
+    @cached_property
+    def weightless(self) -> tuple[str, ...]:
+        """Names of the links of a tree that have no mass and carry none: nothing resists their joints."""
+        return () if self.loops is not None else weightless_ends(self.links)
+
     @property
     def inconsistent_links(self) -> tuple[str, ...]:
         """Names of the links whose ten no rigid body can have."""
@@ -297,6 +312,15 @@ def depth_first(links: Iterable[Link]) -> tuple[Link, ...]:
         raise InputError(f"link {given[missing[0]].name!r} does not hang on the ground through its parents")
     place = {GROUND: GROUND} | {old: new for new, old in enumerate(order)}
     return tuple(replace(given[i], parent=place[given[i].parent]) for i in order)
+
+
+def weightless_ends(links: Sequence[Link]) -> tuple[str, ...]:
+    """Names of the links that have neither mass nor rotor, and carry none that has: nothing resists their joints."""
+    heavy: set[int] = set()
+    for i, link in reversed(list(enumerate(links))):
+        if i in heavy or np.any(link.inertia) or link.joint.drive.rotor_inertia:
+            heavy |= {i, link.parent}
+    return tuple(link.name for i, link in enumerate(links) if i not in heavy)
 
 
 def _require_unique(names: Sequence[str], what: str) -> None:

@@ -10,6 +10,9 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array, frozen_array
 from adaptctl.errors import InputError
 
+LARGEST_LENGTH = 1e9
+"""m between two frames of a mechanism: energies of longer ones would overflow"""
+
 
 def rotation_about(axis: ArrayLike, angle: float) -> Array:
     """Rotation matrix (3, 3) about a unit axis by Rodrigues' formula.
@@ -48,8 +51,13 @@ class Pose:
         rotation = frozen_array(self.rotation, (3, 3), "rotation")
         if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-9 or np.linalg.det(rotation) < 0.0:
             raise InputError(f"rotation: expected a proper orthogonal matrix, got {rotation.tolist()}")
+        translation = frozen_array(self.translation, (3,), "translation")
+        if np.abs(translation).max() > LARGEST_LENGTH:
+            raise InputError(
+                f"translation: expected lengths of at most {LARGEST_LENGTH:g} m, got {translation.tolist()}"
+            )
         object.__setattr__(self, "rotation", rotation)
-        object.__setattr__(self, "translation", frozen_array(self.translation, (3,), "translation"))
+        object.__setattr__(self, "translation", translation)
 
     @classmethod
     def identity(cls) -> Pose:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, checked, same_samples, stacked, stacked_rows
+from adaptctl.arrays import Array, checked, finite_results, same_samples, stacked, stacked_rows
+from adaptctl.caching import cached_property
 from adaptctl.description import Description, Joint, Link
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics.equations import Equations
@@ -145,15 +145,18 @@ class Mechanism:
         """
         return Mechanism(self.description.with_drives(drives))
 
+    @finite_results
     def energy_regressor(self, p: ArrayLike, v: ArrayLike) -> Array:
         """E (..., P): kinetic plus potential energy is E @ D, in J (Sheu and Walker 1991, section 2.2)."""
         (p, v), samples = self._joints(p=p, v=v)
         return stacked(self.equations.energy_regressor(self._tree(p), column(v)).of, samples)
 
+    @finite_results
     def energy(self, p: ArrayLike, v: ArrayLike) -> Array:
         """Kinetic plus potential energy (...), in J."""
         return self.energy_regressor(p, v) @ self.inertial_parameters
 
+    @finite_results
     def torque_regressor(self, p: ArrayLike, v: ArrayLike, a: ArrayLike, columns: Sequence[int] | None = None) -> Array:
         """Y (..., r, P) of the equations of motion tau = Y D, or its asked columns only."""
         (p, v, a), samples = self._joints(p=p, v=v, a=a)
@@ -161,6 +164,7 @@ class Mechanism:
         rows = self.equations.torque_regressor(self._tree(p), speed, speed, column(a), self._columns(columns))
         return stacked_rows(rows, samples)
 
+    @finite_results
     def slotine_li_regressor(
         self,
         p: ArrayLike,
@@ -175,6 +179,7 @@ class Mechanism:
         rows = self.equations.torque_regressor(self._tree(p), column(v), column(v_r), column(a_r), kept)
         return stacked_rows(rows, samples)
 
+    @finite_results
     def inverse_dynamics(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
         """Torque (..., r) that gives the accelerations a."""
         (p, v, a), samples = self._joints(p=p, v=v, a=a)
@@ -187,12 +192,21 @@ class Mechanism:
         _, samples = self._joints(p=p, v=v, a=a)
         return np.zeros((*samples, self.dof))
 
+    @finite_results
     def forward_dynamics(self, p: ArrayLike, v: ArrayLike, torque: ArrayLike) -> Array:
-        """Accelerations (..., r) under a torque."""
+        """Accelerations (..., r) under a torque. Raises `InputError` where links have no mass to be accelerated."""
+        self.require_mass()
         (p, v, torque), samples = self._joints(p=p, v=v, torque=torque)
         a = self.equations.forward_dynamics(self._tree(p), column(v), column(torque), self._parameters)
         return stacked(a.of, samples)
 
+    def require_mass(self) -> None:
+        """Refuse a tree whose torques do not say how it accelerates. Raises `InputError` with its weightless links."""
+        if self.description.weightless:
+            names = ", ".join(self.description.weightless)
+            raise InputError(f"{self.name}: links move without mass and carry none, give them some: {names}")
+
+    @finite_results
     def mass_matrix(self, p: ArrayLike) -> Array:
         """M(p) (..., r, r)."""
         (p,), samples = self._joints(p=p)
@@ -242,17 +256,20 @@ class Mechanism:
         return columns
 
 
-def load(source: str | Path, *, floating_base: bool = False, snap: bool = False) -> Mechanism:
+def load(
+    source: str | Path, *, floating_base: bool = False, snap: bool = False, mesh_folders: Sequence[str | Path] = ()
+) -> Mechanism:
     """A mechanism by a built-in's name (`puma560`, ...) or from a file (.toml, .urdf, .xml).
 
-    With `floating_base`, a URDF file's root link floats instead of being fixed to the ground. With `snap`, angles
-    between joint axes that are within 1e-3 rad of right ones are made exact.
+    With `floating_base`, a URDF file's root link floats instead of being fixed to the ground; its meshes are shown from
+    its package and from `mesh_folders`. With `snap`, angles between joint axes that are within 1e-3 rad of right ones
+    are made exact.
     Raises `FileError` or `NotFoundError` with what was wrong and what would be right, `LoopError` where loops do
     not fit together.
     """
     from adaptctl.description.readers.registry import read
 
-    mechanism = Mechanism(read(source, floating_base=floating_base, snap=snap))
+    mechanism = Mechanism(read(source, floating_base=floating_base, snap=snap, mesh_folders=mesh_folders))
     try:
         _ = mechanism.continuation  # Closes the loops, so that a wrong file is named here and not later.
     except LoopError as error:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import islice
 
+from adaptctl.caching import cached_property
 from adaptctl.description import Description
 from adaptctl.dynamics.equations import Equations, Motion
 from adaptctl.dynamics.parameter_layout import ParameterLayout

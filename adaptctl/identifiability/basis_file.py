@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import msgspec
 import numpy as np
@@ -11,6 +11,9 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.errors import FileError
 from adaptctl.files import read_json, write_json
+
+MOST_BYTES, MOST_PARAMETERS = 8 * 2**20, 4_000
+"""Size of a file that is read, and parameters in it: 256 links, all with rotors, have 2,816."""
 
 
 class Robot(msgspec.Struct, forbid_unknown_fields=True):
@@ -31,14 +34,14 @@ class BasisFile(msgspec.Struct, forbid_unknown_fields=True):
     robot: Robot
     rank: int
     gap: float
-    parameters: list[str]
+    parameters: Annotated[list[str], msgspec.Meta(max_length=MOST_PARAMETERS)]
     scales: list[float]
     regrouping: dict[str, dict[str, float]]
 
     @classmethod
     def read(cls, path: str | Path) -> BasisFile:
         """The content of a file. Raises `FileError` naming the element that is wrong."""
-        content = read_json(path, cls)
+        content = read_json(path, cls, MOST_BYTES)
         if fault := content._fault():
             raise FileError(f"{path}: {fault}")
         return content
@@ -50,7 +53,8 @@ class BasisFile(msgspec.Struct, forbid_unknown_fields=True):
     @property
     def columns(self) -> tuple[int, ...]:
         """Indices (k,) of the kept parameters."""
-        return tuple(self.parameters.index(name) for name in self.regrouping)
+        place = {name: i for i, name in enumerate(self.parameters)}
+        return tuple(place[name] for name in self.regrouping)
 
     @property
     def matrix(self) -> Array:
@@ -73,6 +77,10 @@ class BasisFile(msgspec.Struct, forbid_unknown_fields=True):
         known = set(self.parameters)
         if len(known) < len(self.parameters):
             return "`$.parameters`: a name is given more than once"
+        if not self.gap > 0.0:
+            return f"`$.gap`: expected a positive number, got {self.gap}"
+        if len(self.scales) != len(self.parameters) or not all(scale > 0.0 for scale in self.scales):
+            return f"`$.scales`: expected {len(self.parameters)} positive numbers, one a parameter"
         if self.rank != len(self.regrouping):
             return f"`$.rank` is {self.rank}, but `$.regrouping` keeps {len(self.regrouping)} parameters"
         for kept, row in self.regrouping.items():

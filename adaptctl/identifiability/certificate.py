@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -178,7 +179,8 @@ def certified_by_decomposition(
     )
     _require_accepted(mechanism, certificate, scaled.singular_values)
     found = DecomposedNullSpace(scaled, energy_scales(mechanism, seed))
-    return CertifiedNullSpace(found, certificate, lambda: factor.triangle, _origin(mechanism, samples, seed))
+    energies = partial(getattr, factor, "triangle")
+    return CertifiedNullSpace(found, certificate, energies, _origin(mechanism, samples, seed))
 
 
 def _torque_rank(mechanism: Mechanism, rows: Array, energies: ScaledRegressor) -> int:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array
+from adaptctl.caching import cached_property
 from adaptctl.description.inertia import UNIT_PSEUDO_INERTIAS, pseudo_inertia
 from adaptctl.errors import AdaptctlError, InputError, MissingExtraError
 from adaptctl.identifiability.reduced_model import ReducedModel

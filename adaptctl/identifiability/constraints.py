@@ -197,5 +197,8 @@ def _flat(nested: _Nested) -> dict[str, float]:
     """Numbers by full name; TOML reads link4.m without quotes as a table within a table."""
     out: dict[str, float] = {}
     for name, value in nested.items():
-        out |= {f"{name}.{kind}": x for kind, x in value.items()} if isinstance(value, dict) else {name: value}
+        inner = {f"{name}.{kind}": x for kind, x in value.items()} if isinstance(value, dict) else {name: value}
+        if twice := sorted(inner.keys() & out.keys()):
+            raise InputError(f"{twice[0]!r} is given twice, with quotes and without: keep one")
+        out |= inner
     return out

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property
+from functools import partial
 from typing import Literal, get_args
 
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, checked, frozen_array
+from adaptctl.caching import cached_property
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, RankError
 from adaptctl.identifiability.certificate import (
@@ -152,7 +153,7 @@ def essential_space(
     found = _certified(mechanism, method, count, seed, proof)
     if given is None or states is None:
         return EssentialSpace(mechanism, found.null_space, found.certificate, found.states, found.energies, proof)
-    return EssentialSpace(mechanism, found.null_space, found.certificate, states.origin, lambda: given, proof)
+    return EssentialSpace(mechanism, found.null_space, found.certificate, states.origin, partial(_same, given), proof)
 
 
 def _certified(
@@ -185,3 +186,7 @@ def _sample_count(asked: int | None, parameters: int) -> int:
     if asked < 2 * parameters:
         raise InputError(f"samples: expected at least twice the {parameters} parameters, got {asked}")
     return asked
+
+
+def _same(energies: Array) -> Array:
+    return energies

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, checked, frozen_array
+from adaptctl.caching import cached_property
 from adaptctl.errors import FileError, InputError, RankError
 from adaptctl.identifiability.basis_file import BasisFile, Robot
 from adaptctl.identifiability.essential_space import EssentialSpace
@@ -49,8 +49,11 @@ class FundamentalBasis:
         K = frozen_array(self.regrouping, (len(columns), P), "regrouping")
         if not np.array_equal(K[:, columns], np.eye(len(columns))):
             raise InputError("regrouping: every kept parameter must count once for itself and for no other")
+        scales = frozen_array(self.scales, (P,), "scales")
+        if not (scales > 0.0).all() or not self.gap > 0.0:
+            raise InputError("scales and gap: expected positive numbers")
         object.__setattr__(self, "regrouping", K)
-        object.__setattr__(self, "scales", frozen_array(self.scales, (P,), "scales"))
+        object.__setattr__(self, "scales", scales)
 
     @property
     def rank(self) -> int:

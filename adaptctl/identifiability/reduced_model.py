@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, checked, frozen_array
+from adaptctl.caching import cached_property
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
+from adaptctl.identifiability.basis_check import require_energies
 from adaptctl.identifiability.fundamental_basis import FundamentalBasis
 
 
@@ -19,7 +20,7 @@ class ReducedModel:
     """A mechanism's equations of motion on the k parameters that a basis keeps; on all P where there is no basis.
 
     tau = Y[:, columns] beta: the columns of the parameters that were removed are never computed. The basis may
-    come from any mechanism of the same geometry. Raises `InputError` for a basis of another one.
+    come from any mechanism of the same geometry. Raises `InputError` for a basis of another one, or a wrong one.
     """
 
     mechanism: Mechanism
@@ -34,6 +35,7 @@ class ReducedModel:
                 f"the basis was found for {self.basis.mechanism_name!r}, whose geometry, gravity or link names are "
                 f"not those of {self.mechanism.name!r}: find the basis of {self.mechanism.name!r}"
             )
+        require_energies(self.mechanism, self.basis)
 
     @classmethod
     def full(cls, mechanism: Mechanism) -> ReducedModel:

@@ -63,7 +63,7 @@ def reduce(
     if (energy_error is None) == (components is None):
         raise InputError("give one of energy_error, in percent, and components, a number")
     if isinstance(parameters, Mechanism):
-        parameters = parameters.inertial_parameters[: parameters.energetic]
+        parameters = np.asarray(parameters.inertial_parameters)[: parameters.energetic]
     D = frozen_array(parameters, (len(space.parameter_names),), "parameters")
     alpha = space.basis.T @ D
     beta = space.singular_values[: space.rank] * alpha

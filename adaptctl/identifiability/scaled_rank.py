@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array
+from adaptctl.caching import cached_property
 from adaptctl.description.inertia import PARAMETERS
 from adaptctl.dynamics import Mechanism
 from adaptctl.identifiability.energy_matrix import EnergyFactor, energetic_names, energies

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -12,6 +11,7 @@ import msgspec
 import numpy as np
 
 from adaptctl.arrays import Array, frozen_array
+from adaptctl.caching import cached_property
 from adaptctl.description.drive import Drive
 from adaptctl.description.readers.entries import MAX_ENTRIES, Name, Tensor, Triple
 from adaptctl.dynamics import Mechanism

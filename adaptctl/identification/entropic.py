@@ -14,13 +14,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
 from adaptctl.arrays import Array
+from adaptctl.caching import cached_property
 from adaptctl.description.inertia import pseudo_inertia
 from adaptctl.errors import AdaptctlError, InputError
 

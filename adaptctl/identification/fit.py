@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
+from adaptctl.caching import cached_property
 from adaptctl.description.drive import MAY_BE_NEGATIVE, DriveParameter
 from adaptctl.dynamics import Mechanism
 from adaptctl.identifiability import FundamentalBasis

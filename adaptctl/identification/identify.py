@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from adaptctl.arrays import Array
+from adaptctl.caching import cached_property
 from adaptctl.description.drive import Drive, DriveParameter
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError

@@ -1,6 +1,6 @@
 """A finished comparison made visible: recording, figures, report, table and summary."""
 
-from adaptctl.recording.artifacts import prepare_folder, shown, write_artifacts
+from adaptctl.recording.artifacts import shown, write_artifacts
 from adaptctl.recording.comparison import Comparison, ControllerRun, Finding, Setting, TickCost
 from adaptctl.recording.judgement import judged
 from adaptctl.recording.result import Progress, Result
@@ -18,7 +18,6 @@ __all__ = [
     "TickCost",
     "Verdict",
     "judged",
-    "prepare_folder",
     "shown",
     "write_artifacts",
 ]

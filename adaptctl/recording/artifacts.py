@@ -1,11 +1,9 @@
-"""Files of an experiment's folder: the folder made ready before anything is computed, a comparison written into it."""
+"""Files of an experiment's folder: a comparison written into it."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from adaptctl.errors import FileError
-from adaptctl.files import replacing
 from adaptctl.recording.comparison import Comparison
 from adaptctl.recording.judgement import judged
 from adaptctl.recording.result import Progress, Result, silent
@@ -20,29 +18,6 @@ RECORDING, SUMMARY, TRACE, REPORT, FIGURES = (
 )
 
 
-def prepare_folder(folder: str | Path, overwrite: bool = False) -> Path:
-    """Path of an empty folder that can be written, made where it is missing.
-
-    Raises FileError where it holds something, unless `overwrite`, and where it cannot be written. This is asked
-    before the work is done, so that nobody waits for a run that cannot be kept.
-    """
-    path = Path(folder)
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-        occupied = any(path.iterdir())
-    except FileExistsError as error:
-        raise FileError(f"{path}: is a file; give a folder") from error
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise FileError(f"{path}: cannot be made or read ({reason}); choose another folder") from error
-    if occupied and not overwrite:
-        raise FileError(f"{path}: the folder is not empty; choose another or allow it with --overwrite")
-    with replacing(path / ".writable") as probe:
-        probe.touch()
-    (path / ".writable").unlink()
-    return path
-
-
 def shown(comparison: Comparison) -> Result:
     """A comparison as an experiment's result."""
     return Result(
@@ -55,7 +30,7 @@ def shown(comparison: Comparison) -> Result:
 
 
 def write_artifacts(folder: str | Path, comparison: Comparison, progress: Progress = silent) -> Path:
-    """Write recording, summary, trace, figures and report into a folder that is ready; returns it.
+    """Write recording, summary, trace, figures and report into a folder, made where it is missing; returns it.
 
     Every file is written whole or not at all. `progress` is called with what is being written, and the share
     of this that is done. Raises FileError.
@@ -67,6 +42,7 @@ def write_artifacts(folder: str | Path, comparison: Comparison, progress: Progre
     from adaptctl.recording.trace import write_trace
 
     path = Path(folder)
+    path.mkdir(parents=True, exist_ok=True)
     progress("summary", 0.0)
     write_summary(path / SUMMARY, comparison)
     write_trace(path / TRACE, comparison)

@@ -31,3 +31,5 @@ class Result:
     """whether the controllers that it is about did what was asked"""
     write: Callable[[Path, Progress], object]
     """writes recording, report, figures and all into a folder that is ready, every file whole or not at all"""
+    failed: bool = False
+    """True where its subject should have succeeded and did not: it was stopped, or learned nothing"""

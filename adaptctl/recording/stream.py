@@ -57,7 +57,7 @@ def saved_stream(
             about = rr.AnyValues(experiment=shown.experiment, seed=shown.seed, complete=shown.complete)
             recording.send_property("adaptctl", about)
             yield recording
-            recording.flush()  # only this tells of a full disk
+            _flush(recording, path)
         finally:
             recording.disconnect()
         _verify(beside)
@@ -71,6 +71,14 @@ def log_markdown(recording: rr.RecordingStream, path: str, text: str) -> None:
 def log_picture(recording: rr.RecordingStream, path: str, file: Path) -> None:
     """Log a PNG file's picture, the same at all times."""
     recording.log(path, rr.EncodedImage(contents=file.read_bytes(), media_type="image/png"), static=True)
+
+
+def _flush(recording: rr.RecordingStream, path: str | Path) -> None:
+    """See everything written; only this tells of a full disk."""
+    try:
+        recording.flush()
+    except RuntimeError as error:
+        raise FileError(f"{path}: cannot be written ({error}); is the disk full?") from error
 
 
 def _verify(path: Path) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import fields, is_dataclass, replace
 from difflib import get_close_matches
-from functools import cached_property
 from itertools import accumulate
 from math import prod
 from typing import Any, Self
@@ -14,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array
+from adaptctl.caching import cached_property
 from adaptctl.errors import NotFoundError
 from adaptctl.scalars.column import Column
 

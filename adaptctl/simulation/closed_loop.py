@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from adaptctl.caching import cached_property
 from adaptctl.compilation import Ensemble, Stepper, compile_step
 from adaptctl.control.controller import GAINS, Controller, ReferencePoint, leaves, like
 from adaptctl.errors import InputError

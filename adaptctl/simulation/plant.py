@@ -5,19 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import KW_ONLY, dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from types import MappingProxyType
 from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from adaptctl.arrays import Array, checked, numbers, per_joint, stacked
+from adaptctl.arrays import Array, checked, numbers, per_joint, positive_number, stacked
+from adaptctl.caching import cached_property
 from adaptctl.compilation import Kernel, compile_function
 from adaptctl.compilation.floats import native_or_floats
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.loops.continuation import NEAREST
-from adaptctl.errors import InputError, NonFiniteError
+from adaptctl.errors import InputError, NonFiniteError, printable
 from adaptctl.scalars import Column, Scalar, Structure, Tunable, column
 from adaptctl.simulation.effects import Effect, LoadEffect, PlantEffects
 from adaptctl.simulation.held_motion import held_motion
@@ -26,6 +27,10 @@ from adaptctl.simulation.period import ControlPeriod
 from adaptctl.simulation.plant_state import PlantState
 
 _DOUBLE = np.dtype(np.float64)
+
+
+MOST_SUBSTEPS = 1_000_000
+"""steps of the integrator in one control period"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,10 +56,12 @@ class Plant(Tunable):
     effects: Iterable[Effect] = ()
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.control_period) and self.control_period > 0.0):
-            raise InputError(f"control_period: expected a positive time in s, got {self.control_period}")
-        if self.substeps < 1 or self.substeps != int(self.substeps):
-            raise InputError(f"substeps: expected a whole number of at least 1, got {self.substeps}")
+        period = positive_number(self.control_period, "control_period: expected a positive time in s")
+        object.__setattr__(self, "control_period", period)
+        if not isinstance(self.substeps, int | np.integer) or not 1 <= self.substeps <= MOST_SUBSTEPS:
+            what = f"a whole number from 1 to {MOST_SUBSTEPS}"
+            raise InputError(f"substeps: expected {what}, got {printable(repr(self.substeps))}")
+        self.mechanism.require_mass()
         own = self.mechanism.effort_limits if self.torque_limits is None else self.torque_limits
         object.__setattr__(self, "torque_limits", _limits(own, self.mechanism.dof))
         object.__setattr__(self, "effects", tuple(self.effects))

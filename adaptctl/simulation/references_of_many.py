@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
 
 from adaptctl.arrays import Array, stacked
+from adaptctl.caching import cached_property
 from adaptctl.control.controller import Reference, ReferencePoint
 from adaptctl.control.references import SinusoidNumbers, Sinusoids, sinusoids_at
 from adaptctl.errors import InputError

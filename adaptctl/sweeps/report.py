@@ -5,7 +5,6 @@ from __future__ import annotations
 import shlex
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
-from functools import cached_property
 from itertools import combinations
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,6 +13,7 @@ import numpy as np
 import pyarrow as pa
 
 from adaptctl.arrays import Array
+from adaptctl.caching import cached_property
 from adaptctl.experiments import find
 from adaptctl.files import write_text
 from adaptctl.recording.page import rendered

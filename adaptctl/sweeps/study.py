@@ -7,7 +7,6 @@ import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from difflib import get_close_matches
-from functools import cached_property
 from itertools import product
 from math import prod
 from pathlib import Path
@@ -15,6 +14,7 @@ from typing import Any, Literal
 
 import msgspec
 
+from adaptctl.caching import cached_property
 from adaptctl.errors import FileError, InputError, NotFoundError
 from adaptctl.experiments import EXPERIMENTS, find
 from adaptctl.experiments.experiment import Experiment

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from adaptctl.arrays import Array
+from adaptctl.caching import cached_property
 from adaptctl.control.controller import Reference, ReferencePoint
 from adaptctl.dynamics import Mechanism
 from adaptctl.tuning.carried_gains import WIDTH, CarriedGains, carried_gains

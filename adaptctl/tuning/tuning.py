@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from adaptctl.arrays import Array
+from adaptctl.caching import cached_property
 from adaptctl.control import Gains, SlotineLi, mapped_gain
 from adaptctl.control.controller import Reference
 from adaptctl.control.gains.workspace import Workspace

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from adaptctl.arrays import Array, frozen
+from adaptctl.caching import cached_property, without_caches
 from adaptctl.compilation import Ensemble, Kernel, compile_function
 from adaptctl.envs.many.arm_references import ArmReferences
 from adaptctl.envs.many.options import ArmOptions
@@ -165,6 +165,26 @@ class Arms:
     @property
     def _lanes(self) -> Ensemble:
         return self._ensembles[self._terms or 0]
+
+    def __getstate__(self) -> tuple[dict[str, Any], dict[int, list[dict[str, Array]]]]:
+        """What the arms are made of, native code left out, and their columns."""
+        kept, _ = without_caches(self)
+        columns = {
+            terms: [{name: part[name].copy() for name in part.columns} for part in (arms.state, arms.held)]
+            for terms, arms in self._ensembles.items()
+        }
+        return kept | {"_ensembles": {}, "_kernels": {}}, columns
+
+    def __setstate__(self, given: tuple[dict[str, Any], dict[int, list[dict[str, Array]]]]) -> None:
+        kept, columns = given
+        vars(self).update(kept)
+        for terms, parts in columns.items():
+            self._terms = terms
+            arms = self._ensembles[terms] = self._step.compile().ensemble(self.count)
+            for part, values in zip((arms.state, arms.held), parts, strict=True):
+                for name, column in values.items():
+                    part[name] = column
+        self._terms = kept["_terms"]
 
     @property
     def _step(self) -> VectorStep:

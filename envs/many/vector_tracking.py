@@ -314,7 +314,9 @@ def _masked(values: Mapping[str, Any], mask: Flags) -> dict[str, Any]:
 
 
 def _known(options: Mapping[str, Any] | None, names: Sequence[str]) -> Mapping[str, Any]:
-    given = options or {}
+    given = options if options is not None else {}
+    if not isinstance(given, Mapping):
+        raise InputError(f"reset: options: expected a mapping, got {given!r}")
     if unknown := [name for name in given if name not in names]:
         raise NotFoundError(f"reset: unknown option {unknown[0]!r}; options: {', '.join(names)}")
     return given

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
 from adaptctl.arrays import Array, stacked, stacked_rows
+from adaptctl.caching import cached_property
 from adaptctl.description import Pose
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.experiments.replication.printed import printed

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 from adaptctl.arrays import Array
+from adaptctl.caching import cached_property
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.experiments.replication.arms import (
     SampledArm,

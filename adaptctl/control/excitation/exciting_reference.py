@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import minimize
 
 from adaptctl.arrays import Array, frozen_array
+from adaptctl.caching import cached_property
 from adaptctl.control.adaptation import PriorRanges
 from adaptctl.control.excitation.measure import regressor_of
 from adaptctl.control.references import Sinusoids

@@ -11,9 +11,10 @@ import numpy as np
 
 from adaptctl.description.description import GROUND, STANDARD_GRAVITY, Description, Link
 from adaptctl.description.pose import Pose, roll_pitch_yaw, rotation_about
-from adaptctl.description.readers.entries import MAX_ENTRIES, LinkEntry, Triple
+from adaptctl.description.readers.entries import MAX_ENTRIES, LinkEntry, Name, Triple
+from adaptctl.description.readers.robot_checks import is_more_than_a_turn, warn_of_degrees, warn_of_weightless
 from adaptctl.errors import FileError, InputError
-from adaptctl.files import read_toml
+from adaptctl.files import read_text, read_toml, with_line
 
 X, Z = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 
@@ -43,7 +44,7 @@ class Chain(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     schema: Literal["adaptctl/denavit-hartenberg/1"]
     convention: Literal["standard", "modified"]
     links: Annotated[list[Step], msgspec.Meta(min_length=1, max_length=MAX_ENTRIES)]
-    name: str | None = None
+    name: Name | None = None
     source: str = ""
     gravity: Triple = STANDARD_GRAVITY
     base: Base = msgspec.field(default_factory=Base)
@@ -60,9 +61,19 @@ def read_denavit_hartenberg(path: str | Path) -> Description:
     chain = read_toml(path, Chain)
     try:
         links = tuple(_link(i, step, chain) for i, step in enumerate(chain.links))
-        return Description(chain.name or Path(path).stem, links, np.array(chain.gravity), chain.source.strip())
+        name, gravity = chain.name or Path(path).stem, np.array(chain.gravity)
+        description = Description(name, links, gravity, chain.source.strip())
     except InputError as error:
-        raise FileError(f"{path}: {error}") from error
+        raise FileError(with_line(f"{path}: {error}", read_text(path))) from error
+    turned = (f"alpha or theta of {link.name}" for link, s in zip(links, chain.links, strict=True) if _turns(s))
+    base = ["rpy of $.base"] if is_more_than_a_turn(chain.base.rpy) else []
+    warn_of_degrees(path, links, [*base, *turned])
+    warn_of_weightless(path, links, None)
+    return description
+
+
+def _turns(step: Step) -> bool:
+    return is_more_than_a_turn(step.alpha) or is_more_than_a_turn(step.theta)
 
 
 def _link(index: int, step: Step, chain: Chain) -> Link:

@@ -18,7 +18,7 @@ from adaptctl.errors import InputError
 MAX_ENTRIES = 256
 """Links, closures, couplings or conditions in one file."""
 
-Name = Annotated[str, msgspec.Meta(min_length=1, max_length=128)]
+Name = Annotated[str, msgspec.Meta(min_length=1, max_length=128, pattern=r"^[^\n\t]*\Z")]
 Triple = tuple[float, float, float]
 
 
@@ -106,6 +106,7 @@ class LinkEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
         """The link's ten inertial parameters, zero where nothing is given."""
         about_origin = (self.first_moment, self.inertia)
         about_center = (self.center_of_mass, self.inertia_at_center)
+        self._require_mass()
         if self.mass is None and about_origin == about_center == (None, None):
             return np.zeros(10)
         if self.mass is not None and about_center == (None, None):
@@ -120,6 +121,13 @@ class LinkEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
             "the inertia is incomplete or given twice: give mass, first_moment and inertia (about the frame's "
             "origin), or mass, center_of_mass and inertia_at_center, or none of them for a massless link"
         )
+
+    def _require_mass(self) -> None:
+        if self.mass is not None and self.mass < 0.0:
+            raise InputError(f"mass must not be negative, got {self.mass}")
+        given = [self.first_moment or (), *(t.matrix() for t in (self.inertia, self.inertia_at_center) if t)]
+        if self.mass == 0.0 and any(np.any(numbers) for numbers in given):
+            raise InputError("inertia without mass: give the mass that has it, or leave all of it out")
 
     def _range(self) -> tuple[float, float] | None:
         bounds = self.range or self.range_deg

@@ -13,8 +13,9 @@ import numpy as np
 from adaptctl.description.description import GROUND, STANDARD_GRAVITY, Description, Link, depth_first
 from adaptctl.description.loops import Closure, ClosureKind, Condition, Coupling, Loops
 from adaptctl.description.readers.entries import MAX_ENTRIES, FrameEntry, LinkEntry, Name, Triple
+from adaptctl.description.readers.robot_checks import is_more_than_a_turn, warn_of_degrees, warn_of_weightless
 from adaptctl.errors import FileError, InputError, NotFoundError
-from adaptctl.files import read_toml
+from adaptctl.files import read_text, read_toml, with_line
 
 Entry = TypeVar("Entry")
 Part = TypeVar("Part")
@@ -98,9 +99,18 @@ def read_mechanism_file(path: str | Path) -> Description:
     try:
         links = _links(content.links)
         name, gravity = content.name or Path(path).stem, np.array(content.gravity)
-        return Description(name, links, gravity, content.source.strip(), _loops(content, links))
+        loops = _loops(content, links)
+        description = Description(name, links, gravity, content.source.strip(), loops)
     except InputError as error:
-        raise FileError(f"{path}: {error}") from error
+        raise FileError(with_line(f"{path}: {error}", read_text(path))) from error
+    turned = (i for i, entry in enumerate(content.links) if is_more_than_a_turn((*_rpy(entry), *_rpy(entry.far))))
+    warn_of_degrees(path, links, [f"rpy of $.links[{i}]" for i in turned])
+    warn_of_weightless(path, links, loops)
+    return description
+
+
+def _rpy(frame: TreeLink | FrameEntry) -> Triple:
+    return frame.rpy or (0.0, 0.0, 0.0)
 
 
 def _links(entries: Sequence[TreeLink]) -> tuple[Link, ...]:

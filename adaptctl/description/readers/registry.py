@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from difflib import get_close_matches
 from importlib.resources import as_file, files
 from pathlib import Path
@@ -64,11 +64,14 @@ def read_toml_mechanism(path: str | Path) -> Description:
     return _imported(SCHEMAS[schema])(path)
 
 
-def read(source: str | Path, *, floating_base: bool = False, snap: bool = False) -> Description:
+def read(
+    source: str | Path, *, floating_base: bool = False, snap: bool = False, mesh_folders: Sequence[str | Path] = ()
+) -> Description:
     """The mechanism of a built-in's name or of a file, which is read by its suffix.
 
-    With `floating_base`, a URDF file's root link floats instead of being fixed to the ground (`floating`). With
-    `snap`, angles within 1e-3 rad of right ones are made exact (`snapped`).
+    With `floating_base`, a URDF file's root link floats instead of being fixed to the ground (`floating`); its meshes
+    are shown from its package and from `mesh_folders`. With `snap`, angles within 1e-3 rad of right ones are made exact
+    (`snapped`).
     Raises NotFoundError for a name that is neither, FileError for a file that cannot be used.
     Warns (PhysicalConsistencyWarning) of links that no rigid body can be.
     """
@@ -78,7 +81,8 @@ def read(source: str | Path, *, floating_base: bool = False, snap: bool = False)
         with as_file(_ROBOTS / f"{source}.toml") as path:
             description, remark = read_toml_mechanism(path), _ASSIGNED.get(source, "")
     else:
-        options = {"floating_base": True} if floating_base else {}
+        given: dict[str, object] = {"floating_base": floating_base, "mesh_folders": mesh_folders}
+        options = given if Path(source).suffix.lower() == ".urdf" else {}
         description, remark = _reader(source)(source, **options), ""
     _warn_of_inconsistency(description, remark)
     return snapped(description) if snap else description

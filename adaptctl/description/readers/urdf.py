@@ -18,8 +18,27 @@ from adaptctl.description.drive import Drive
 from adaptctl.description.inertia import from_center_of_mass, transformed
 from adaptctl.description.loops import Coupling, Loops
 from adaptctl.description.pose import Pose, roll_pitch_yaw
-from adaptctl.description.readers.urdf_visuals import materials, visuals
-from adaptctl.description.readers.xml_elements import attribute, named, number, numbers, only, parsed, required
+from adaptctl.description.readers.robot_checks import (
+    MOST_BODIES,
+    MOST_LINKS,
+    is_more_than_a_turn,
+    require_at_most,
+    require_mass_of_inertia,
+    warn_of_degrees,
+    warn_of_weightless,
+)
+from adaptctl.description.readers.urdf_visuals import Meshes, materials, visuals
+from adaptctl.description.readers.xml_elements import (
+    attribute,
+    located,
+    named,
+    number,
+    numbers,
+    only,
+    parsed,
+    refuse,
+    required,
+)
 from adaptctl.description.transforms.floating_base import above_base, floating
 from adaptctl.description.visual import Visual
 from adaptctl.errors import FileError, InputError, SimplificationWarning
@@ -29,16 +48,17 @@ KINDS = {kind.value: kind for kind in JointKind}
 UNREAD_KINDS = ("floating", "planar")
 
 
-def read_urdf(path: str | Path, *, floating_base: bool = False) -> Description:
+def read_urdf(path: str | Path, *, floating_base: bool = False, mesh_folders: Sequence[str | Path] = ()) -> Description:
     """The tree that moves in a URDF file, fixed to the ground by its root link unless it has a floating base.
 
     Link frames are the joints' frames, a link is named after the joint's child; links behind fixed joints
     become part of the link that carries them. Links without <inertial> are massless. Damping and friction of
     <dynamics> become the joint's viscous and Coulomb friction; where they are zero, as exporters write when
-    nobody knows, none is modelled. <visual> says what is drawn, as far as its meshes are found (`urdf_visuals`);
-    collision geometry and transmissions are not read. Mimic joints follow their leader, and all joints that follow
-    none are primary; one whose leader does not exist or is fixed is taken as independent. Raises FileError, naming
-    the element. Warns (SimplificationWarning) of such joints, and of limits of zero, taken as no limits.
+    nobody knows, none is modelled. <visual> says what is drawn, as far as its meshes are found (`urdf_visuals`) in
+    the file's package or in `mesh_folders`; collision geometry and transmissions are not read. Mimic joints follow
+    their leader, and all joints that follow none are primary; one whose leader does not exist or is fixed is taken as
+    independent. Raises FileError, naming the element and its line. Warns (SimplificationWarning) of such joints, of
+    limits of zero, taken as no limits, of angles that look like degrees, and of meshes that stand elsewhere.
     """
     try:
         robot = _robot(read_text(path))
@@ -48,18 +68,26 @@ def read_urdf(path: str | Path, *, floating_base: bool = False) -> Description:
         inertias = {name: link_inertia(body) for name, body in bodies.items()}
         name, source = robot.get("name") or Path(path).stem, f"URDF file {Path(path).name}"
         links, still, places = _movable(root, inertias, edges)
-        shown = _shown(robot, bodies, places, Path(path))
+        meshes = Meshes(Path(path), mesh_folders)
+        shown = _shown(robot, bodies, places, meshes)
         if floating_base:
             links, shown = floating(links, root, still), above_base(shown)
         elif not links:
             raise InputError("no joint moves: expected a revolute, continuous or prismatic joint")
-        description = Description(name, links, source=source, loops=_loops(edges, links), visuals=shown)
+        loops = _loops(edges, links)
+        for link in links:
+            with located(bodies.get(link.name, robot)):
+                require_mass_of_inertia(link)
+        description = Description(name, links, source=source, loops=loops, visuals=shown)
     except FileError:
         raise
     except InputError as error:
         raise FileError(f"{path}: {error}") from error
     _warn(path, "mimic joints whose leader does not move are taken as independent", _leaderless(edges))
     _warn(path, "limits of zero are taken as no limits", [edge.name for edge in edges if edge.zero_limits])
+    _warn(path, "meshes outside the robot's package are not read, name their folder", meshes.outside)
+    warn_of_degrees(path, links, _turned(robot))
+    warn_of_weightless(path, links, loops)
     return description
 
 
@@ -67,6 +95,7 @@ def read_urdf(path: str | Path, *, floating_base: bool = False) -> Description:
 class _Edge:
     """A joint of the file; a fixed one has no `joint`."""
 
+    element: Element
     name: str
     parent: str
     child: str
@@ -77,6 +106,12 @@ class _Edge:
 
     @classmethod
     def of(cls, element: Element) -> _Edge:
+        """The joint of an element."""
+        with located(element):
+            return cls._of(element)
+
+    @classmethod
+    def _of(cls, element: Element) -> _Edge:
         where = named(element)
         kind = attribute(element, "type", where)
         if kind != "fixed" and kind not in KINDS:
@@ -84,27 +119,31 @@ class _Edge:
         parent, child = (attribute(required(element, tag, where), "link", where) for tag in ("parent", "child"))
         name, origin = element.attrib["name"], _origin(element, where)
         if kind == "fixed":
-            return cls(name, parent, child, origin)
+            return cls(element, name, parent, child, origin)
         limits, zero = _limits(only(element, "limit", where), KINDS[kind], where)
         joint = Joint(name, KINDS[kind], _axis(element, where), limits, _drive(element, where))
-        return cls(name, parent, child, origin, joint, _mimic(element, where), zero)
+        return cls(element, name, parent, child, origin, joint, _mimic(element, where), zero)
 
 
 def _robot(text: str) -> Element:
     robot = parsed(text, "robot")
-    if any("xacro" in child.tag for child in robot):
-        raise InputError("holds xacro macros: expand them first (xacro file.urdf.xacro > file.urdf)")
+    for element in robot.iter():
+        texts = (element.tag, *element.attrib.values())
+        if "xacro" in element.tag or any("${" in value or "$(" in value for value in texts):
+            refuse(element, "holds xacro macros: expand them first (xacro file.urdf.xacro > file.urdf)")
     return robot
 
 
 def _by_name(robot: Element, tag: str) -> dict[str, Element]:
     found: dict[str, Element] = {}
-    for index, element in enumerate(robot.findall(tag)):
+    elements = robot.findall(tag)
+    require_at_most(len(elements), MOST_BODIES, f"<{tag}> elements")
+    for index, element in enumerate(elements):
         name = element.get("name")
         if not name:
-            raise InputError(f"<{tag}> number {index + 1} has no name: add name=...")
+            refuse(element, f"<{tag}> number {index + 1} has no name: add name=...")
         if name in found:
-            raise InputError(f"two <{tag}> elements are named {name!r}: names must be unique")
+            refuse(element, f"two <{tag}> elements are named {name!r}: names must be unique")
         found[name] = element
     return found
 
@@ -115,10 +154,10 @@ def _root(bodies: dict[str, Element], edges: Sequence[_Edge]) -> str:
     for edge in edges:
         for role, link in (("parent", edge.parent), ("child", edge.child)):
             if link not in bodies:
-                raise InputError(f"joint {edge.name!r}: its {role} link {link!r} does not exist")
+                refuse(edge.element, f"joint {edge.name!r}: its {role} link {link!r} does not exist")
         if edge.child in carried:
             both = f"joints {carried[edge.child]!r} and {edge.name!r}"
-            raise InputError(f"link {edge.child!r} is the child of two, {both}: loops are not URDF")
+            refuse(edge.element, f"link {edge.child!r} is the child of two, {both}: loops are not URDF")
         carried[edge.child] = edge.name
     roots = [name for name in bodies if name not in carried]
     if len(roots) > 1:
@@ -166,30 +205,39 @@ def _movable(
             sums[carrier] = sums[carrier] + transformed(inertias[edge.child], place)
         places[edge.child] = carrier, place
         pending += [(next_edge, carrier, place) for next_edge in below.get(edge.child, [])[::-1]]
+    require_at_most(len(links), MOST_LINKS, "links that move")
     pairs = zip(links, sums, strict=True)
-    moving = (Link(e.child, parent, joint, near, Pose.identity(), ten) for (e, joint, parent, near), ten in pairs)
-    return tuple(moving), still, places
+    return tuple(_link(*found, ten) for found, ten in pairs), still, places
+
+
+def _link(edge: _Edge, joint: Joint, parent: int, near: Pose, ten: Array) -> Link:
+    with located(edge.element):
+        return Link(edge.child, parent, joint, near, Pose.identity(), ten)
 
 
 def _shown(
-    robot: Element, bodies: dict[str, Element], places: dict[str, tuple[int, Pose]], file: Path
+    robot: Element, bodies: dict[str, Element], places: dict[str, tuple[int, Pose]], meshes: Meshes
 ) -> tuple[Visual, ...]:
     """The shapes of every link of the file, on the link that carries it."""
     colors = materials(robot)
-    return tuple(v.on(*places[name]) for name, body in bodies.items() for v in visuals(body, file, colors))
+    return tuple(v.on(*places[name]) for name, body in bodies.items() for v in visuals(body, meshes, colors))
 
 
 def link_inertia(link: Element) -> Array:
     """The ten about the link frame's origin, zero without <inertial>."""
-    where = named(link)
+    with located(link):
+        return _inertia_of(link, named(link))
+
+
+def _inertia_of(link: Element, where: str) -> Array:
     inertial = only(link, "inertial", where)
     if inertial is None:
         return np.zeros(10)
     mass = number(required(inertial, "mass", where), "value", where)
-    if mass < 0.0:
-        raise InputError(f"{where}: mass must not be negative, got {mass}")
     element = required(inertial, "inertia", where)
     xx, xy, xz, yy, yz, zz = (number(element, f"i{name}", where) for name in ("xx", "xy", "xz", "yy", "yz", "zz"))
+    if mass < 0.0:
+        refuse(inertial, f"{where}: mass must not be negative, got {mass}")
     center = _origin(inertial, where)
     tensor = center.rotation @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ center.rotation.T
     return from_center_of_mass(mass, center.translation, tensor)
@@ -261,7 +309,7 @@ def _limits(limit: Element | None, kind: JointKind, where: str) -> tuple[Limits,
     if limit is None:
         return Limits(), False
     lower, upper, velocity, effort = (
-        number(limit, name, where) if name in limit.attrib else None
+        number(limit, name, where, math.inf) if name in limit.attrib else None
         for name in ("lower", "upper", "velocity", "effort")
     )
     zero = velocity == 0.0 or effort == 0.0
@@ -274,6 +322,19 @@ def _limits(limit: Element | None, kind: JointKind, where: str) -> tuple[Limits,
         return Limits(*bounds, velocity or math.inf, effort or math.inf), zero
     except InputError as error:
         raise InputError(f"{where}: {error}") from error
+
+
+def _turned(robot: Element) -> list[str]:
+    """The elements whose frames are turned by more than a turn."""
+    placed = ((part, origin) for part in robot.iter() for origin in part.findall("origin") if "rpy" in origin.attrib)
+    return [f"rpy of {named(part)}" for part, origin in placed if is_more_than_a_turn(_rpy(origin))]
+
+
+def _rpy(origin: Element) -> list[float]:
+    try:
+        return numbers(origin, "rpy", 3, "<origin>")
+    except InputError:  # of what is not read
+        return []
 
 
 def _refuse_kind(where: str, kind: str) -> NoReturn:

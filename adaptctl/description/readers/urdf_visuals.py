@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from adaptctl.caching import cached_property
 from adaptctl.description.description import GROUND
 from adaptctl.description.pose import Pose, roll_pitch_yaw
 from adaptctl.description.readers.xml_elements import attribute, number, numbers, required
@@ -16,6 +18,8 @@ from adaptctl.errors import InputError
 
 SUFFIXES = (".dae", ".glb", ".obj", ".stl")
 """Kinds of meshes that stand in one file."""
+ROBOT_FOLDERS = ("urdf", "robots", "mjcf")
+"""Names of folders in packages that hold robots' files beside folders of meshes."""
 SMALLEST, LARGEST = 200, 8_000_000
 """Bytes of a mesh that is shown. What is smaller only points to where the mesh is stored."""
 
@@ -26,11 +30,11 @@ def materials(robot: Element) -> dict[str, Color]:
     return {name: color for name, color in colors if name and color is not None}
 
 
-def visuals(body: Element, file: Path, colors: Mapping[str, Color]) -> Iterator[Visual]:
+def visuals(body: Element, meshes: Meshes, colors: Mapping[str, Color]) -> Iterator[Visual]:
     """The shapes of a link of the file, in the link's frame."""
     for element in body.findall("visual"):
         try:
-            solid = _solid(element, file)
+            solid = _solid(element, meshes)
             pose = _pose(element)
         except InputError:
             continue
@@ -38,12 +42,12 @@ def visuals(body: Element, file: Path, colors: Mapping[str, Color]) -> Iterator[
             yield Visual(GROUND, pose, solid, _color(element, colors))
 
 
-def _solid(visual: Element, file: Path) -> Solid | None:
+def _solid(visual: Element, meshes: Meshes) -> Solid | None:
     """The solid of a <visual>; none where a mesh cannot be shown."""
     geometry = required(visual, "geometry", "visual")
     for element in geometry:
         if element.tag == "mesh":
-            path = found(attribute(element, "filename", "mesh"), file)
+            path = meshes.found(attribute(element, "filename", "mesh"))
             scale = numbers(element, "scale", 3, "mesh") if "scale" in element.attrib else (1.0, 1.0, 1.0)
             return None if path is None else Mesh(path, (scale[0], scale[1], scale[2]))
         if element.tag == "box":
@@ -56,21 +60,53 @@ def _solid(visual: Element, file: Path) -> Solid | None:
     return None
 
 
-def found(name: str, file: Path) -> Path | None:
-    """The mesh of that name: its path is relative to the file's folder, or to one of the folders above.
+@dataclass
+class Meshes:
+    """The meshes that a robot's file may show: those in its package, or in folders that the user names.
 
-    So is a ``package://`` path, with its package's name or, for a package that was renamed, without.
+    A file from elsewhere could name any file of this computer, and a picture would hold it.
     """
-    scheme, _, rest = name.rpartition("://")
-    path = PurePosixPath(rest)
-    if scheme not in ("", "file", "package") or path.suffix.lower() not in SUFFIXES:
-        return None
-    tails = [path, PurePosixPath(*path.parts[1:])] if scheme == "package" and len(path.parts) > 1 else [path]
-    for folder in file.absolute().parents:
-        for tail in tails:
-            if _is_shown(folder / tail):
-                return folder / tail
-    return None
+
+    file: Path
+    folders: Sequence[str | Path] = ()
+    outside: list[str] = field(default_factory=list)
+    """Names of meshes that stand elsewhere, and are not read."""
+
+    def found(self, name: str) -> Path | None:
+        """The mesh of that name, relative to the file's folder or to one above it within the package.
+
+        So is a ``package://`` path, with its package's name or, for a package that was renamed, without.
+        """
+        scheme, _, rest = name.rpartition("://")
+        path = PurePosixPath(rest)
+        if scheme not in ("", "file", "package") or path.suffix.lower() not in SUFFIXES:
+            return None
+        tails = [path, PurePosixPath(*path.parts[1:])] if scheme == "package" and len(path.parts) > 1 else [path]
+        shown = [place for folder in self._places for tail in tails if _is_shown(place := folder / tail)]
+        within = [place for place in shown if _is_within(place, self._roots)]
+        if shown and not within:
+            self.outside.append(name)
+        return within[0] if within else None
+
+    @cached_property
+    def _roots(self) -> list[Path]:
+        """Folders whose meshes may be shown: the file's, the one above where it is one of a package's folders, those
+        above that are a package, and those that the user names."""
+        folder = self.file.absolute().parent
+        above = dict.fromkeys(path for file in (self.file.absolute(), self.file.resolve()) for path in file.parents)
+        packages = [path for path in above if (path / "package.xml").is_file()]
+        return [folder, *([folder.parent] if folder.name in ROBOT_FOLDERS else []), *packages, *map(Path, self.folders)]
+
+    @cached_property
+    def _places(self) -> list[Path]:
+        """Folders from which names lead on: these and those between, and where packages stand."""
+        between = (folder for folder in self.file.absolute().parents if _is_within(folder, self._roots))
+        return list(dict.fromkeys([*between, *self._roots, *(root.parent for root in self._roots)]))
+
+
+def _is_within(path: Path, roots: Sequence[Path]) -> bool:
+    """True where a path, links followed, stands in one of the folders."""
+    return any(path.resolve().is_relative_to(root.resolve()) for root in roots)
 
 
 def _is_shown(path: Path) -> bool:

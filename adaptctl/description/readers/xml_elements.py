@@ -1,33 +1,115 @@
-"""Reading XML that strangers wrote: no document types, finite numbers, and errors that name the element."""
+"""Reading XML that strangers wrote: no document types, bounded, finite numbers, errors with element and line."""
 
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import NoReturn
-from xml.etree import ElementTree
-from xml.etree.ElementTree import Element
+from xml.etree.ElementTree import Element, TreeBuilder
+from xml.parsers import expat
 
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, printable
+
+MOST_ELEMENTS, DEEPEST = 50_000, 600
+"""Elements in one file, and how deep they may stand within one another."""
+LONGEST_NAME, LONGEST_NUMBERS = 256, 4096
+"""Characters of a name, and of the text of an attribute that holds numbers."""
+LARGEST = 1e30
+"""Magnitude of the numbers that are read, limits apart: products of five of them are doubles still."""
+
+_CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 
 
-class _NoDoctype(ElementTree.TreeBuilder):
-    """Refuses document types before any entity in them can expand or reach for another file."""
+class ElementError(InputError):
+    """An element of a file is wrong: the message ends with its line."""
 
-    def doctype(self, name: str, pubid: str | None, system: str | None) -> NoReturn:
+
+class LineElement(Element):
+    """An element that knows the line where it begins; 0 where it is in no file."""
+
+    line = 0
+
+
+class _Parser:
+    """Expat's events made into elements; refuses document types before any entity in them can expand."""
+
+    def __init__(self) -> None:
+        self._expat = expat.ParserCreate(namespace_separator="}")
+        self._expat.StartElementHandler = self._start
+        self._expat.EndElementHandler = self._end
+        self._expat.StartDoctypeDeclHandler = self._doctype
+        self._builder = TreeBuilder(element_factory=LineElement)
+        self._depth = self._count = 0
+
+    def parse(self, text: str) -> Element:
+        self._expat.Parse(text, True)
+        return self._builder.close()
+
+    def _start(self, tag: str, attributes: Mapping[str, str]) -> None:
+        line = self._expat.CurrentLineNumber
+        self._depth, self._count = self._depth + 1, self._count + 1
+        if self._depth > DEEPEST or self._count > MOST_ELEMENTS:
+            what = f"{MOST_ELEMENTS} elements" if self._depth <= DEEPEST else f"{DEEPEST} elements within one another"
+            raise ElementError(f"<{tag}>: more than {what}, the most that are read (line {line})")
+        element = self._builder.start(_qualified(tag), {_qualified(k): v for k, v in attributes.items()})
+        element.line = line  # type: ignore[attr-defined]
+        for key in ("name", "model"):
+            name = attributes.get(key, "")
+            if _CONTROL.search(name) or len(name) > LONGEST_NAME:
+                what = f"at most {LONGEST_NAME} characters that print"
+                refuse(element, f"<{tag}>: {key}: expected {what}, got {printable(name)!r}")
+
+    def _end(self, tag: str) -> None:
+        self._depth -= 1
+        self._builder.end(_qualified(tag))
+
+    def _doctype(self, *given: object) -> NoReturn:
         raise InputError("a <!DOCTYPE ...> has no place here, and entities are refused: remove it")
 
 
 def parsed(text: str, tag: str) -> Element:
     """The root element, which must be <tag>."""
+    if "\0" in text:
+        raise InputError("holds NUL characters, as UTF-16 text does: save the file as UTF-8 text")
     try:
-        root = ElementTree.fromstring(text, ElementTree.XMLParser(target=_NoDoctype()))
-    except (ElementTree.ParseError, ValueError) as error:
+        root = _Parser().parse(text)
+    except (expat.ExpatError, ValueError) as error:
         if isinstance(error, InputError):
             raise
         raise InputError(f"not well-formed XML ({error})") from error
     if root.tag != tag:
-        raise InputError(f"the root element must be <{tag}>, got <{root.tag}>")
+        refuse(root, f"the root element must be <{tag}>, got <{root.tag}>")
     return root
+
+
+def line_of(element: Element) -> int:
+    """The line where an element begins, 0 where that is not known."""
+    return getattr(element, "line", 0)
+
+
+def like(element: Element, attributes: Mapping[str, str], tag: str = "") -> Element:
+    """An element with other attributes that stands where one of a file stands."""
+    copy = LineElement(tag or element.tag, dict(attributes))
+    copy.line = line_of(element)
+    return copy
+
+
+def refuse(element: Element, message: str) -> NoReturn:
+    """Raise an `ElementError` with the element's line."""
+    raise ElementError(f"{message} (line {line})" if (line := line_of(element)) else message)
+
+
+@contextmanager
+def located(element: Element) -> Iterator[None]:
+    """Context in which errors are given the element's line, where they have none."""
+    try:
+        yield
+    except ElementError:
+        raise
+    except InputError as error:
+        refuse(element, str(error))
 
 
 def named(element: Element) -> str:
@@ -39,25 +121,28 @@ def attribute(element: Element, name: str, where: str) -> str:
     """A text that must be there."""
     value = element.get(name)
     if not value:
-        raise InputError(f"{where}: <{element.tag}> needs the attribute {name}")
+        refuse(element, f"{where}: <{element.tag}> needs the attribute {name}")
     return value
 
 
-def number(element: Element, name: str, where: str) -> float:
+def number(element: Element, name: str, where: str, largest: float = LARGEST) -> float:
     """A finite number that must be there."""
-    return numbers(element, name, 1, where)[0]
+    return numbers(element, name, 1, where, largest)[0]
 
 
-def numbers(element: Element, name: str, count: int | range, where: str) -> list[float]:
-    """Finite numbers that must be there, `count` of them or as many as a range allows."""
+def numbers(element: Element, name: str, count: int | range, where: str, largest: float = LARGEST) -> list[float]:
+    """Finite numbers that must be there, `count` of them or as many as a range allows, none beyond the `largest`."""
     text = attribute(element, name, where)
     counts = range(count, count + 1) if isinstance(count, int) else count
+    readable = len(text) <= LONGEST_NUMBERS and text.isascii() and "_" not in text
     try:
-        values = [float(word) for word in text.split()]
+        values = [float(word) for word in text.split()] if readable else []
     except ValueError:
         values = []
-    if len(values) not in counts or not all(map(math.isfinite, values)) or "_" in text:
-        raise InputError(f"{where}: {name} of <{element.tag}>: expected {_wanted(counts)}, got {text!r}")
+    if len(values) not in counts or not all(map(math.isfinite, values)):
+        refuse(element, f"{where}: {name} of <{element.tag}>: expected {_wanted(counts)}, got {text!r}")
+    if max(map(abs, values)) > largest:
+        refuse(element, f"{where}: {name} of <{element.tag}>: expected at most {largest:g}, got {text!r}")
     return values
 
 
@@ -65,7 +150,7 @@ def required(element: Element, tag: str, where: str) -> Element:
     """The one child that must be there."""
     found = only(element, tag, where)
     if found is None:
-        raise InputError(f"{where}: <{element.tag}> needs an element <{tag}>")
+        refuse(element, f"{where}: <{element.tag}> needs an element <{tag}>")
     return found
 
 
@@ -73,8 +158,13 @@ def only(element: Element, tag: str, where: str) -> Element | None:
     """The one child of this tag, if there is any."""
     found = element.findall(tag)
     if len(found) > 1:
-        raise InputError(f"{where}: <{element.tag}> has {len(found)} elements <{tag}>, expected one")
+        refuse(found[1], f"{where}: <{element.tag}> has {len(found)} elements <{tag}>, expected one")
     return found[0] if found else None
+
+
+def _qualified(name: str) -> str:
+    """A name as ElementTree writes it, with its namespace in braces."""
+    return "{" + name if "}" in name else name
 
 
 def _wanted(counts: range) -> str:

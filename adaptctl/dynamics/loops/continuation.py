@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
+from adaptctl.caching import cached_property
 from adaptctl.compilation import Kernel, compile_function
 from adaptctl.dynamics.loop_equations import LoopEquations
 from adaptctl.dynamics.loops.determinant import determinant

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
 from adaptctl.arrays import Array
+from adaptctl.caching import cached_property
 from adaptctl.dynamics import Mechanism
 from adaptctl.identifiability.regrouping import Regrouping, by_null_vectors
 from adaptctl.identifiability.scaled_rank import energy_scales, parameter_units

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array
+from adaptctl.description.description import LARGEST_INERTIA
 from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.errors import InputError, NotFoundError
 
@@ -25,7 +26,7 @@ class Payload:
     inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
 
     def __post_init__(self) -> None:
-        if not (isinstance(self.mass, Real) and 0.0 <= self.mass < np.inf):
+        if not (isinstance(self.mass, Real) and 0.0 <= self.mass <= LARGEST_INERTIA):
             raise InputError(f"payload: expected a mass of at least 0 kg, got {self.mass!r}")
         object.__setattr__(self, "center", frozen_array(self.center, (3,), "payload: center"))
         tensor = frozen_array(self.inertia, (3, 3), "payload: inertia")

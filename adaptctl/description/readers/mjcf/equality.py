@@ -14,7 +14,7 @@ from adaptctl.description.loops import Closure, ClosureKind, Coupling, Loops
 from adaptctl.description.pose import Pose
 from adaptctl.description.readers.mjcf.frames import from_quaternion
 from adaptctl.description.readers.mjcf.settings import MAIN, Settings
-from adaptctl.description.readers.xml_elements import attribute, numbers
+from adaptctl.description.readers.xml_elements import attribute, like, located, numbers
 from adaptctl.errors import InputError, NotFoundError
 
 Known = TypeVar("Known")
@@ -75,14 +75,15 @@ def equalities(
     for number, element in enumerate(_active(root, settings)):
         name = element.get("name") or f"{element.tag}{number + 1}"
         where = f"equality {name!r}"
-        if element.tag == "joint":
-            couplings.append(_coupling(element, name, places, driven, where))
-        elif element.tag in ("connect", "weld"):
-            closures.append(_closure(element, name, places, links, where))
-        else:
-            known = "connect, weld, joint"
-            said = "is not read" if element.tag in _UNREAD else "is unknown"
-            raise InputError(f"{where}: <{element.tag}> {said}; equalities that are read: {known}")
+        with located(element):
+            if element.tag == "joint":
+                couplings.append(_coupling(element, name, places, driven, where))
+            elif element.tag in ("connect", "weld"):
+                closures.append(_closure(element, name, places, links, where))
+            else:
+                known = "connect, weld, joint"
+                said = "is not read" if element.tag in _UNREAD else "is unknown"
+                raise InputError(f"{where}: <{element.tag}> {said}; equalities that are read: {known}")
     if not closures and not couplings:
         return None
     primary = _primary(places, closures, couplings, driven)
@@ -97,8 +98,9 @@ def _active(root: Element, settings: Settings) -> list[Element]:
         return []
     found = []
     for element in (child for section in root.findall("equality") for child in section):
-        defaults = settings.full(Element("equality", {k: v for k, v in element.attrib.items() if k == "class"}), MAIN)
-        full = Element(element.tag, {**defaults.attrib, **element.attrib})
+        own = {key: value for key, value in element.attrib.items() if key == "class"}
+        defaults = settings.full(like(element, own, "equality"), MAIN)
+        full = like(element, {**defaults.attrib, **element.attrib})
         if full.get("active", "true") == "true":
             found.append(full)
     return found

@@ -13,11 +13,13 @@ from adaptctl.description.inertia import from_center_of_mass, transformed
 from adaptctl.description.pose import Pose
 from adaptctl.description.readers.mjcf.frames import facing, placed
 from adaptctl.description.readers.mjcf.settings import Settings
-from adaptctl.description.readers.xml_elements import named, number, numbers
+from adaptctl.description.readers.xml_elements import named, number, numbers, refuse
 from adaptctl.errors import InputError
 
 WATER = 1000.0
 """kg/m^3, a geom's density unless it says otherwise"""
+SHORTEST = 1e-9
+"""m, of a geom's sizes: volumes of shorter ones become zero"""
 _SHAPES = ("sphere", "capsule", "ellipsoid", "cylinder", "box")
 _WITHOUT_MASS = ("plane", "hfield")
 
@@ -40,7 +42,7 @@ def _written(inertial: Element, settings: Settings, where: str) -> Array:
         raise InputError(f"{where}: <inertial> needs the attribute pos")
     pose, mass = placed(inertial, settings, where), number(inertial, "mass", where)
     if mass < 0.0:
-        raise InputError(f"{where}: mass must not be negative, got {mass}")
+        refuse(inertial, f"{where}: mass must not be negative, got {mass}")
     if ("fullinertia" in inertial.attrib) == ("diaginertia" in inertial.attrib):
         raise InputError(f"{where}: <inertial> needs one of diaginertia and fullinertia")
     if "diaginertia" in inertial.attrib:
@@ -56,6 +58,8 @@ def _geom(geom: Element, at: Pose, settings: Settings, where: str) -> Array:
     kind, what = geom.get("type", "sphere"), f"{where}: {named(geom)}"
     density = number(geom, "density", what) if "density" in geom.attrib else WATER
     given = number(geom, "mass", what) if "mass" in geom.attrib else None
+    if density < 0.0 or (given is not None and given < 0.0):
+        refuse(geom, f"{what}: mass and density must not be negative, got {density if given is None else given}")
     if given == 0.0 or (given is None and density == 0.0) or kind in _WITHOUT_MASS:
         return np.zeros(10)
     if kind not in _SHAPES:
@@ -71,6 +75,8 @@ def _geom(geom: Element, at: Pose, settings: Settings, where: str) -> Array:
 def _solid(geom: Element, kind: str, settings: Settings, where: str) -> tuple[Pose, list[float]]:
     """The geometry's pose, and its three sizes as MuJoCo has them: radius and half length, or half axes."""
     least = {"sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "box": 3}[kind]
+    if "size" in geom.attrib and not all(length >= SHORTEST for length in _sizes(geom, least, where)):
+        refuse(geom, f"{where}: size: expected lengths of at least {SHORTEST:g} m, got {geom.attrib['size']!r}")
     if "fromto" not in geom.attrib:
         return placed(geom, settings, where), numbers(geom, "size", range(least, 4), where)
     if kind == "sphere":
@@ -83,6 +89,11 @@ def _solid(geom: Element, kind: str, settings: Settings, where: str) -> tuple[Po
     radius = numbers(geom, "size", range(1, 4), where)[0]
     pose = Pose(facing(way / length), ends.mean(axis=0))
     return pose, [radius, length / 2.0] if least == 2 else [radius, radius, length / 2.0]
+
+
+def _sizes(geom: Element, least: int, where: str) -> list[float]:
+    """The sizes that count: of more, as defaults leave them, the rest may be zero."""
+    return numbers(geom, "size", range(1, 4), where)[: 1 if "fromto" in geom.attrib else least]
 
 
 def _unit_inertia(kind: str, size: Sequence[float]) -> tuple[float, list[float]]:

@@ -12,7 +12,7 @@ from adaptctl.description.description import Joint, JointKind, Limits
 from adaptctl.description.drive import Drive
 from adaptctl.description.pose import Pose, rotation_about
 from adaptctl.description.readers.mjcf.settings import MAIN, Settings
-from adaptctl.description.readers.xml_elements import named, number, numbers
+from adaptctl.description.readers.xml_elements import named, number, numbers, refuse
 from adaptctl.description.transforms.floating_base import JOINTS
 from adaptctl.errors import InputError
 
@@ -86,10 +86,15 @@ def is_sprung(joint: Element, name: str) -> bool:
 def motor_efforts(root: Element, settings: Settings) -> dict[str, float]:
     """The joints that actuators drive, and the greatest effort of all of a joint's actuators (N m or N)."""
     efforts: dict[str, float] = {}
+    known = {name for joint in root.iter() if joint.tag in ("joint", "freejoint") and (name := joint.get("name"))}
     for section in root.findall("actuator"):
         for actuator in section:
             full = settings.full(actuator, MAIN)
             joint = full.get("joint") or full.get("jointinparent")
+            if joint is not None and joint not in known:
+                refuse(
+                    actuator, f"{named(actuator)}: there is no joint {joint!r}; there are {', '.join(sorted(known))}"
+                )
             if joint is not None:
                 efforts[joint] = efforts.get(joint, 0.0) + _effort(full)
     return efforts
@@ -115,7 +120,7 @@ def _largest(element: Element, name: str, where: str) -> float:
     limited = element.get(name.replace("range", "limited"), "auto")
     if name not in element.attrib or limited == "false":
         return math.inf
-    return max(map(abs, numbers(element, name, 2, where)))
+    return max(map(abs, numbers(element, name, 2, where, math.inf)))
 
 
 def _limits(joint: Element, turns: bool, settings: Settings, effort: float | None, where: str) -> Limits:
@@ -124,7 +129,7 @@ def _limits(joint: Element, turns: bool, settings: Settings, effort: float | Non
     if limited == "true" and "range" not in joint.attrib:
         raise InputError(f"{where}: limited, but no range is given")
     if limited != "false" and "range" in joint.attrib:
-        lower, upper = (settings.angle(x) if turns else x for x in numbers(joint, "range", 2, where))
+        lower, upper = (settings.angle(x) if turns else x for x in numbers(joint, "range", 2, where, math.inf))
     bound = min(_largest(joint, "actuatorfrcrange", where), math.inf if effort is None else effort)
     try:
         return Limits(lower, upper, effort=bound or math.inf)

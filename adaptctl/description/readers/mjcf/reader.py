@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
@@ -23,7 +23,16 @@ from adaptctl.description.readers.mjcf.frames import placed
 from adaptctl.description.readers.mjcf.inertia import body_inertia
 from adaptctl.description.readers.mjcf.joint import is_free, is_sprung, joint_of, motor_efforts, offset_of, unfolded
 from adaptctl.description.readers.mjcf.settings import MAIN, Settings
-from adaptctl.description.readers.xml_elements import named, numbers, only, parsed
+from adaptctl.description.readers.robot_checks import (
+    MOST_BODIES,
+    MOST_GEOMS,
+    MOST_LINKS,
+    require_at_most,
+    require_mass_of_inertia,
+    warn_of_degrees,
+    warn_of_weightless,
+)
+from adaptctl.description.readers.xml_elements import located, named, numbers, only, parsed, refuse
 from adaptctl.errors import FileError, InputError, SimplificationWarning
 from adaptctl.files import read_text
 
@@ -75,6 +84,8 @@ class _Reader:
     path: str | Path
     links: list[Link] = field(default_factory=list)
     sums: list[Array] = field(default_factory=list)
+    bodies: list[Element] = field(default_factory=list)
+    """Of each link, the body that it belongs to."""
     places: Places = field(default_factory=Places)
     sprung: list[str] = field(default_factory=list)
     lifted: list[str] = field(default_factory=list)
@@ -83,10 +94,12 @@ class _Reader:
     def __post_init__(self) -> None:
         for element in self.root.iter():
             if element.tag == "include":
-                raise InputError("<include> is not read: put the other file's content in its place")
+                refuse(element, "<include> is not read: put the other file's content in its place")
+        for tag, most in (("body", MOST_BODIES), ("geom", MOST_GEOMS)):
+            require_at_most(sum(1 for _ in self.root.iter(tag)), most, f"<{tag}> elements")
         for section in self.root:
             if section.tag not in _SECTIONS:
-                raise InputError(f"<{section.tag}> is not read; sections that are: {', '.join(_SECTIONS)}")
+                refuse(section, f"<{section.tag}> is not read; sections that are: {', '.join(_SECTIONS)}")
         self.settings = Settings.of(self.root)
         self.efforts = motor_efforts(self.root, self.settings)
 
@@ -97,18 +110,28 @@ class _Reader:
             before, root = len(self.links), len(self.places.bodies)
             pending = [_Unread(element, GROUND, pose, pose, name)]
             while pending:
-                pending += self._read(pending.pop())[::-1]
+                body = pending.pop()
+                with located(body.element):
+                    pending += self._read(body)[::-1]
             if len(self.links) > before:
                 moving.append(list(self.places.bodies)[root])
         _require_one(moving)
-        pairs = zip(self.links, self.sums, strict=True)
-        links = tuple(Link(x.name, x.parent, x.joint, x.near, x.far, ten, x.massless) for x, ten in pairs)
+        require_at_most(len(self.links), MOST_LINKS, "links that move")
+        links = tuple(self._weighed())
         names = [link.name for link in links]
         driven = [*self.floating, *self.efforts] if self.efforts else []
         loops = equalities(self.root, self.settings, self.places, names, driven)
         self._warn()
+        warn_of_degrees(self.path, links, (), stacklevel=4)
+        warn_of_weightless(self.path, links, loops, stacklevel=4)
         name = self.root.get("model") or Path(self.path).stem
         return Description(name, links, _gravity(self.root), f"MJCF file {Path(self.path).name}", loops)
+
+    def _weighed(self) -> Iterator[Link]:
+        """The links with all that they carry."""
+        for body, link, ten in zip(self.bodies, self.links, self.sums, strict=True):
+            with located(body):
+                yield require_mass_of_inertia(replace(link, inertia=ten))
 
     def _roots(self) -> Iterator[tuple[Element, Pose, str]]:
         for world in self.root.findall("worldbody"):
@@ -142,7 +165,7 @@ class _Reader:
         if any(is_free(joint) for joint, _ in joints):
             joints = self._free(joints, body, name)
         for k, (joint, at) in enumerate(joints):
-            carrier, place = self._add(joint, at, carrier, place, name, last=k == len(joints) - 1)
+            carrier, place = self._add(joint, at, carrier, place, element, name, last=k == len(joints) - 1)
         if any(x.tag == "inertial" and at != Pose.identity() for x, at, _ in inside):
             raise InputError(f"{where}: <inertial> within a <frame> is not read: put it into the body")
         geoms = [self._full(x, at, cls) for x, at, cls in inside if x.tag == "geom"]
@@ -161,7 +184,9 @@ class _Reader:
         self.floating += [part.attrib["name"] for part in parts]
         return [(part, Pose.identity()) for part in parts]
 
-    def _add(self, joint: Element, at: Pose, carrier: int, place: Pose, body: str, last: bool) -> tuple[int, Pose]:
+    def _add(
+        self, joint: Element, at: Pose, carrier: int, place: Pose, element: Element, body: str, last: bool
+    ) -> tuple[int, Pose]:
         """One more link; returns its index and the body's place on it."""
         name = joint.get("name") or (body if last else f"{body}_{len(self.links)}")
         moving = joint_of(joint, name, self.settings, self.efforts.get(name))
@@ -172,6 +197,7 @@ class _Reader:
         near, called = place @ to_joint @ back, body if last else f"{body}/{name}"
         self.links.append(Link(called, carrier, moving, near, Pose.identity(), massless=not last))
         self.sums.append(np.zeros(10))
+        self.bodies.append(element)
         self.places.joints[name] = offset
         if is_sprung(joint, name):
             self.sprung.append(name)

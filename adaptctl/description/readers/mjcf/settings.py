@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from xml.etree.ElementTree import Element
 
-from adaptctl.description.readers.xml_elements import named, numbers
+from adaptctl.description.readers.xml_elements import like, named, numbers, refuse
 from adaptctl.errors import InputError
 
 MAIN = "main"
@@ -65,7 +65,7 @@ class Settings:
         name = element.get("class", childclass)
         if name not in self.classes:
             known = ", ".join(self.classes)
-            raise InputError(f"{named(element)}: there is no default class {name!r}; there are {known}")
+            refuse(element, f"{named(element)}: there is no default class {name!r}; there are {known}")
         defaults = dict(self.classes[name].get(element.tag, {}))
         if any(key in element.attrib for key in ORIENTATIONS):
             defaults = {key: value for key, value in defaults.items() if key not in ORIENTATIONS}
@@ -73,7 +73,7 @@ class Settings:
         if element.tag == "geom" and "size" in element.attrib and "size" in defaults:
             own, inherited = element.attrib["size"].split(), defaults["size"].split()
             full["size"] = " ".join([*own, *inherited[len(own) :]])  # A shorter size keeps the default's rest.
-        return Element(element.tag, full)
+        return like(element, full)
 
 
 def _require_read(compiler: Mapping[str, str]) -> None:

@@ -1,0 +1,62 @@
+"""Checks of robots that strangers describe: how many parts, masses that can be, and angles that may be degrees."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from adaptctl.description.description import Link, weightless_ends
+from adaptctl.description.loops import Loops
+from adaptctl.errors import InputError, SimplificationWarning
+
+MOST_LINKS = 256
+"""Links that move, in one file: regressors of more take minutes."""
+MOST_BODIES, MOST_GEOMS = 2_000, 5_000
+"""Bodies in one file, those that are fixed to others counted, and geoms."""
+LEAST_DEGREES, MOST_DEGREES = 6.0 * math.pi, 3600.0
+"""Limits (rad) between these may be degrees: few joints turn thrice, and limits far beyond stand for none."""
+A_TURN = 2.02 * math.pi
+"""Angle (rad) that no frame needs to be turned by."""
+
+
+def require_at_most(count: int, most: int, what: str) -> None:
+    """Refuse more parts than are read."""
+    if count > most:
+        raise InputError(f"{count} {what}: at most {most} are read")
+
+
+def require_mass_of_inertia(link: Link) -> Link:
+    """The link, refused where it has inertia, but not the mass that has it."""
+    if link.inertia[0] == 0.0 and np.any(link.inertia):
+        raise InputError(f"link {link.name!r}: inertia without mass: give the mass that has it, or leave both out")
+    return link
+
+
+def warn_of_weightless(path: Any, links: Sequence[Link], loops: Loops | None, stacklevel: int = 3) -> None:
+    """Warn (SimplificationWarning) of links that move without mass and carry none, in a file that states masses."""
+    if loops is None and any(np.any(link.inertia) for link in links) and (names := weightless_ends(links)):
+        text = "links move without mass and carry none, so that no torque says how they accelerate"
+        warnings.warn(f"{path}: {text}: {', '.join(names)}", SimplificationWarning, stacklevel=stacklevel)
+
+
+def is_more_than_a_turn(angles: Iterable[float] | float | None) -> bool:
+    """True where angles that place a frame (rad) may be meant in degrees."""
+    given = (angles,) if isinstance(angles, int | float) else angles or ()
+    return any(abs(angle) > A_TURN for angle in given)
+
+
+def warn_of_degrees(path: Any, links: Sequence[Link], frames: Sequence[str], stacklevel: int = 3) -> None:
+    """Warn (SimplificationWarning) of joints' limits, and of the frames named, whose angles look like degrees."""
+    joints = [f"limits of {link.joint.name}" for link in links if _may_be_degrees(link)]
+    if names := [*joints, *frames]:
+        text = "angles are read as radians, and these look like degrees"
+        warnings.warn(f"{path}: {text}: {', '.join(names)}", SimplificationWarning, stacklevel=stacklevel)
+
+
+def _may_be_degrees(link: Link) -> bool:
+    bounds = (link.joint.limits.lower, link.joint.limits.upper)
+    return link.joint.kind.turns and any(LEAST_DEGREES < abs(bound) <= MOST_DEGREES for bound in bounds)

@@ -1,0 +1,134 @@
+"""Folders of results: whole or not at all. They are written beside their place and swapped in when they are done."""
+
+from __future__ import annotations
+
+import ctypes
+import errno
+import os
+import shutil
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from adaptctl.errors import FileError
+from adaptctl.files import cleaned_of_the_dead, flush, is_of_the_dead, name_beside, reason
+
+RESULTS = (".rrd", ".json", ".parquet", ".html", ".png", ".toml", ".csv")
+"""Suffixes of what a run leaves in its folder, besides folders of these: the next run replaces all of it."""
+AT_FDCWD, RENAME_EXCHANGE = -100, 2
+"""Linux's renameat2: where paths begin, and to let two of them change places at one stroke."""
+
+
+@contextmanager
+def replacing_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
+    """An empty folder beside `path` to write to; when the block ends it takes `path`'s place.
+
+    When the block fails, `path` stays as it was and nothing is left behind. With `overwrite` it may hold an older run,
+    which is replaced whole; files of other kinds are kept. Raises `FileError` where `path` holds something otherwise,
+    cannot be written, or another run is writing it.
+    """
+    target = Path(os.path.realpath(path))
+    _require_place(path, target, overwrite)
+    _require_alone(path, target)
+    beside = _staged(path, target)
+    try:
+        yield beside
+        _flush_all(beside)
+        _swap(path, beside, target, overwrite)
+    except OSError as error:
+        if isinstance(error.filename, str) and not Path(error.filename).is_relative_to(target.parent):
+            raise
+        raise FileError(f"{path}: cannot be written ({reason(error)})") from error
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
+
+
+def _require_place(path: str | Path, target: Path, overwrite: bool) -> None:
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        occupied = target.exists() and any(target.iterdir())
+    except (FileExistsError, NotADirectoryError) as error:
+        what = "is a file" if target.is_file() else "is below a file"
+        raise FileError(f"{path}: {what}; give a folder") from error
+    except OSError as error:
+        raise FileError(f"{path}: cannot be made or read ({reason(error)}); choose another folder") from error
+    if occupied and not overwrite:
+        raise FileError(f"{path}: the folder is not empty; choose another or allow it with --overwrite")
+
+
+def _require_alone(path: str | Path, target: Path) -> None:
+    """Clear away what killed runs left, and refuse where another one is at work."""
+    for folder in (target.parent, target):
+        if not folder.is_dir():
+            continue
+        for left in cleaned_of_the_dead(folder, target.name):
+            raise FileError(f"{path}: another run is writing it ({left.name}); wait for it, or choose another folder")
+
+
+def _staged(path: str | Path, target: Path) -> Path:
+    """An empty folder beside the target; within it, where the target cannot be moved."""
+    fixed = target == Path.cwd() or target.is_mount() or not os.access(target.parent, os.W_OK)
+    beside = name_beside(target / target.name if fixed and target.is_dir() else target)
+    try:
+        beside.mkdir()
+    except OSError as error:
+        raise FileError(f"{path}: cannot be written ({reason(error)}); choose another folder") from error
+    return beside
+
+
+def _swap(path: str | Path, beside: Path, target: Path, overwrite: bool) -> None:
+    if beside.parent == target:
+        _move_in(beside, target)
+        return
+    try:
+        beside.rename(target)  # where nothing is, or an empty folder
+    except OSError as error:
+        if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
+            raise
+        if not overwrite:
+            raise FileError(f"{path}: is not empty any more; choose another folder") from error
+        _exchange(beside, target)
+        _keep_others(beside, target)
+    flush(target.parent)
+
+
+def _exchange(beside: Path, target: Path) -> None:
+    """Let the folders change places: at one stroke where Linux can, else with a moment in which neither is there."""
+    if sys.platform == "linux":
+        done = ctypes.CDLL(None, use_errno=True).renameat2
+        if done(AT_FDCWD, os.fsencode(beside), AT_FDCWD, os.fsencode(target), RENAME_EXCHANGE) == 0:
+            return
+    between = name_beside(target)
+    target.rename(between)
+    beside.rename(target)
+    between.rename(beside)
+
+
+def _keep_others(old: Path, target: Path) -> None:
+    """Take into the new folder what no run has written."""
+    for entry in old.iterdir():
+        if not _is_result(entry) and not (target / entry.name).exists():
+            entry.rename(target / entry.name)
+
+
+def _is_result(entry: Path) -> bool:
+    if entry.is_symlink() or entry.is_file():
+        return entry.suffix in RESULTS or is_of_the_dead(entry.name)
+    return all(_is_result(inner) for inner in entry.iterdir())
+
+
+def _move_in(beside: Path, target: Path) -> None:
+    """Entry by entry, the summary away first and there last: what is half done does not say that it is complete."""
+    entries = sorted(beside.iterdir(), key=lambda entry: entry.name == "summary.json")
+    old = [entry for entry in target.iterdir() if entry != beside and _is_result(entry)]
+    for entry in sorted(old, key=lambda entry: entry.name != "summary.json"):
+        shutil.rmtree(entry) if entry.is_dir() and not entry.is_symlink() else entry.unlink()
+    for entry in entries:
+        entry.rename(target / entry.name)
+
+
+def _flush_all(folder: Path) -> None:
+    for inner in [folder, *folder.rglob("*")]:
+        with suppress(OSError):  # Some file systems do not flush folders.
+            flush(inner)

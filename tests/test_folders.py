@@ -1,0 +1,159 @@
+"""Folders of results: one run, complete and saying so, or the old one untouched, whatever happens."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from adaptctl.errors import FileError
+from adaptctl.files import name_beside, replacing, write_text
+from adaptctl.folders import replacing_folder
+
+RUN = [sys.executable, "-m", "adaptctl", "experiment", "run", "puma560-adaptive", "--duration", "0.2", "--overwrite"]
+WHOLE = {"recording.rrd", "summary.json", "trace.parquet", "report.html", "figures"}
+
+
+def names(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()}
+
+
+def written(folder: Path, text: str, overwrite: bool = True) -> None:
+    with replacing_folder(folder, overwrite) as beside:
+        (beside / "summary.json").write_text(text)
+        (beside / "figures").mkdir()
+        (beside / "figures" / "a.png").write_text(text)
+
+
+def test_a_folder_appears_whole_and_is_replaced_whole(tmp_path: Path) -> None:
+    place = tmp_path / "deep" / "out"
+    written(place, "1", overwrite=False)
+    (place / "old.parquet").write_text("1")
+    (place / "notes.md").write_text("mine")
+    written(place, "2")
+    assert names(place) == {"summary.json", "figures", "notes.md"}
+    assert (place / "figures" / "a.png").read_text() == "2"
+    assert names(place.parent) == {"out"}
+
+
+@pytest.mark.parametrize("failure", [RuntimeError, KeyboardInterrupt, OSError])
+def test_a_failed_folder_leaves_the_old_one_and_nothing_else(tmp_path: Path, failure: type[BaseException]) -> None:
+    written(tmp_path / "out", "old")
+
+    def half() -> None:
+        with replacing_folder(tmp_path / "out", overwrite=True) as beside:
+            (beside / "summary.json").write_text("new")
+            raise failure
+
+    with pytest.raises((failure, FileError)):
+        half()
+    assert (tmp_path / "out" / "summary.json").read_text() == "old"
+    assert names(tmp_path) == {"out"}
+
+
+def test_a_folder_that_holds_something_is_refused_unless_allowed(tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").write_text("years of work")
+    with pytest.raises(FileError, match=r"not empty; .*--overwrite"):
+        written(tmp_path, "1", overwrite=False)
+    written(tmp_path, "1")
+    assert names(tmp_path) == {"thesis.tex", "summary.json", "figures"}
+
+
+def test_a_folder_that_cannot_be_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    for place in (tmp_path / "file", tmp_path / "file" / "below"):
+        with pytest.raises(FileError, match="file"):
+            written(place, "1")
+    with pytest.raises(FileError, match=r"/proc/.*choose another folder"):
+        written(Path("/proc/adaptctl-results"), "1")
+
+
+def test_the_folder_that_one_stands_in_is_written_in_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for text in ("1", "2"):
+        written(Path(), text)
+        assert names(tmp_path) == {"summary.json", "figures"}
+        assert Path("summary.json").read_text() == text
+
+
+def test_two_at_once_are_refused(tmp_path: Path) -> None:
+    with (
+        replacing_folder(tmp_path / "out") as beside,
+        pytest.raises(FileError, match="another run is writing it"),
+        replacing_folder(tmp_path / "out"),
+    ):
+        pass
+    assert not beside.exists()
+
+
+def of_the_dead(target: Path) -> Path:
+    done = subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, check=True)
+    return target.with_name(name_beside(target).name.replace(f"-{os.getpid()}-", f"-{int(done.stdout)}-"))
+
+
+def test_what_the_killed_left_is_cleared_away(tmp_path: Path) -> None:
+    folder, file, alive = (
+        of_the_dead(tmp_path / "out"),
+        of_the_dead(tmp_path / "a.txt"),
+        name_beside(tmp_path / "a.txt"),
+    )
+    folder.mkdir()
+    for path in (folder / "half", file, alive, tmp_path / ".a.mine.txt"):
+        path.write_text("half")
+    written(tmp_path / "out", "1")
+    assert not folder.exists()
+    write_text(tmp_path / "a.txt", "1")
+    assert names(tmp_path) == {"out", "a.txt", alive.name, ".a.mine.txt"}
+
+
+def require_one_run(place: Path, old: str) -> None:
+    """The folder is as it was, or holds a whole run that says whether it is complete."""
+    said = json.loads((place / "summary.json").read_text())
+    if said != old:
+        assert names(place) == WHOLE
+        assert said["complete"] in (True, False)
+        assert (said["duration_run"] == said["duration"]) == said["complete"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
+def test_a_run_that_is_ended_at_any_moment(tmp_path: Path, number: signal.Signals) -> None:
+    """Also in its first moments, and while it writes. `AT_RANDOM=200 pytest -k any_moment` tries as many."""
+    rng, place = random.Random(int(number)), tmp_path / "out"
+    for _ in range(int(os.environ.get("AT_RANDOM", "2"))):
+        place.mkdir(exist_ok=True)
+        for inner in place.glob("*"):
+            if inner.is_file():
+                inner.unlink()
+        (place / "summary.json").write_text('"old"')
+        done = subprocess.Popen(
+            [*RUN, "--out", str(place)], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True
+        )
+        time.sleep(rng.uniform(0.15, 6.0))
+        done.send_signal(number)
+        _, said = done.communicate(timeout=120)
+        assert "Traceback" not in said
+        assert done.returncode in (0, 130, -int(number))
+        require_one_run(place, "old")
+
+
+def test_a_full_disk_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(path: Path, data: bytes) -> int:
+        raise OSError(28, "No space left on device", str(path))
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(FileError, match=r"a\.txt: cannot be written \(no space left on device\)"):
+        write_text(tmp_path / "a.txt", "1")
+    assert names(tmp_path) == set()
+
+
+def test_a_file_beside_is_named_by_its_process(tmp_path: Path) -> None:
+    with replacing(tmp_path / "a.txt") as beside:
+        beside.write_text("1")
+        assert f"-{os.getpid()}-" in beside.name
