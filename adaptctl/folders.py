@@ -14,7 +14,7 @@ from pathlib import Path
 from adaptctl.errors import FileError
 from adaptctl.files import cleaned_of_the_dead, flush, is_of_the_dead, name_beside, reason
 
-RESULTS = (".rrd", ".json", ".parquet", ".html", ".png", ".toml", ".csv")
+RESULTS = (".rrd", ".json", ".parquet", ".html", ".png", ".toml", ".csv", ".urdf", ".yaml")
 """Suffixes of what a run leaves in its folder, besides folders of these: the next run replaces all of it."""
 AT_FDCWD, RENAME_EXCHANGE = -100, 2
 """Linux's renameat2: where paths begin, and to let two of them change places at one stroke."""

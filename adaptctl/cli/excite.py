@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from adaptctl.cli.output_folder import output_folder
+from adaptctl.folders import replacing_folder
 
 if TYPE_CHECKING:
     from adaptctl.identification.forecast import Forecast
@@ -45,7 +45,7 @@ def excite(
     mechanism = load(robot)
     limits = RobotLimits.of(mechanism, share, _each(acceleration), _each(jerk))
     area, first = workspace(mechanism, robot, *_box(box)), start or None
-    with output_folder(out, overwrite) as folder:
+    with replacing_folder(out, overwrite) as folder:
         motions = {
             name: exciting_motion(
                 mechanism,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from adaptctl.cli.output_folder import output_folder
+from adaptctl.folders import replacing_folder
 
 if TYPE_CHECKING:
     from adaptctl.identification import Identification
@@ -63,7 +63,7 @@ def identify(
     """Identify a robot's inertial and friction parameters from logs of its motion."""
     from adaptctl.identification import identify as identified
 
-    with output_folder(out, overwrite) as folder, _files(logs, robot, drives) as (logs, robot, drives):
+    with replacing_folder(out, overwrite) as folder, _files(logs, robot, drives) as (logs, robot, drives):
         found = identified(
             logs,
             robot,
