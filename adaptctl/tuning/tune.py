@@ -40,7 +40,7 @@ def tune(
     initial_error: ArrayLike | None = None,
     bandwidth: float = 4.0,
     hold: float = 0.5,
-    adaptation: float = 0.2,
+    adaptation: float = 0.4,
     search: int = 0,
     seed: int = 0,
 ) -> Tuning:
