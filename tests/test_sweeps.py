@@ -326,3 +326,19 @@ def test_a_user_s_own_cluster_is_used(tmp_path: Path) -> None:
 
 def test_every_experiment_can_be_swept_by_name() -> None:
     assert Study.named("payload-drop", {"payload": "1,2"}).kind is find("payload-drop")
+
+
+def test_theory_s_limit_of_stability_is_measured() -> None:
+    runs = list(
+        Study.named("gain-stability", {"robot": "puma560_geared", "gain": "1.8,1.95,2.05,2.2", "seed": "0..3"}).runs()
+    )
+    rows = rows_of("gain-stability", runs)
+    assert [row["status"] for row in rows] == ["done"] * 8 + ["diverged"] * 8
+    assert rows_of("gain-stability", [{"robot": "nobody"}])[0]["status"] == "failed"
+
+
+def test_ranks_from_energies_and_from_joints_agree() -> None:
+    runs = list(Study.named("rank-certificate", {"links": "1..5", "aligned": "0.9", "seed": "0..2"}).runs())
+    rows = rows_of("rank-certificate", runs)
+    assert {row["status"] for row in rows} == {"done"}
+    assert all(row["reason"].startswith("rank ") for row in rows)

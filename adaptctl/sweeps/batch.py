@@ -16,7 +16,7 @@ from adaptctl.experiments.contest import Contender
 from adaptctl.experiments.experiment import Experiment
 from adaptctl.experiments.learning import Learning
 from adaptctl.identifiability import FundamentalBasis, essential_space, fundamental_basis
-from adaptctl.simulation import Episode, Rollouts, simulate_many
+from adaptctl.simulation import Episode, simulate_many
 from adaptctl.sweeps.outcome import Outcome
 
 Outcomes = dict[int, list[tuple[str, Outcome]]]
@@ -148,24 +148,4 @@ def _together(trials: Mapping[int, Trial], places: Sequence[tuple[int, int]]) ->
         every=None,
         beyond=first.error_bound,
     )
-    return {place: _outcome(runs, m) for m, place in enumerate(places)}
-
-
-def _outcome(runs: Rollouts, m: int) -> Outcome:
-    """What run m came to."""
-    lost = runs.diverged_joint[m] >= 0
-    joints = f"joint {runs.diverged_joint[m] + 1} left its bound at {runs.diverged_at[m]:g} s"
-
-    def mean(values: Array) -> float | None:
-        value = float(np.sqrt(np.mean(values[m] ** 2)))
-        return value if np.isfinite(value) else None
-
-    return Outcome(
-        status="diverged" if lost else "done",
-        reason=joints if lost else "",
-        rms_error=mean(runs.rms_error),
-        rms_error_last=None if lost else mean(runs.final_rms_error),
-        largest_error=float(runs.largest_error[m].max()),
-        diverged_at=float(runs.diverged_at[m]) if lost else None,
-        diverged_joint=int(runs.diverged_joint[m]) + 1 if lost else None,
-    )
+    return {place: Outcome.of(runs, m) for m, place in enumerate(places)}

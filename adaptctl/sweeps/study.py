@@ -16,9 +16,10 @@ from typing import Any, Literal
 import msgspec
 
 from adaptctl.errors import FileError, InputError, NotFoundError
-from adaptctl.experiments import EXPERIMENTS, find
-from adaptctl.experiments.experiment import Experiment
+from adaptctl.experiments import EXPERIMENTS
+from adaptctl.experiments.experiment import Settings
 from adaptctl.files import read_toml
+from adaptctl.sweeps.measurement import kind_of
 from adaptctl.sweeps.values import Span, as_span, parsed
 
 STUDIES = Path(__file__).with_name("studies")
@@ -69,7 +70,7 @@ class Study:
         """
         if target in (entry.name for entry in EXPERIMENTS):
             return cls._made(StudyFile("adaptctl/study/1", target), given, options)
-        path = STUDIES / f"{target}.toml"
+        path = STUDIES / f"{target}.toml"  # a measurement has a study of its name
         if not path.is_file():
             path = Path(target)
         if path.suffix != ".toml":
@@ -84,7 +85,7 @@ class Study:
 
     @classmethod
     def _made(cls, file: StudyFile, given: Mapping[str, str], options: Mapping[str, Any]) -> Study:
-        kind = find(file.experiment)
+        kind = kind_of(file.experiment)
         typed = {name: _typed(value) for name, value in file.settings.items()}
         typed |= {name.replace("-", "_"): text for name, text in given.items()}
         known = {entry.name: entry for entry in fields(kind)}
@@ -103,9 +104,9 @@ class Study:
         return cls(file.experiment, settings, **(chosen | {k: v for k, v in options.items() if v}))
 
     @property
-    def kind(self) -> type[Experiment]:
-        """Class of the experiment."""
-        return find(self.experiment)
+    def kind(self) -> type[Settings]:
+        """Class of the experiment or measurement."""
+        return kind_of(self.experiment)
 
     @property
     def count(self) -> int:
