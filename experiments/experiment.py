@@ -23,7 +23,7 @@ def setting(default: Any, meaning: str, *, symbol: str = "", low: float = -math.
 
 
 @dataclass(frozen=True)
-class Settings:
+class CheckedSettings:
     """Settings by name. Wrong ones are refused at construction, with an `InputError`."""
 
     name: ClassVar[str]
@@ -36,7 +36,7 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class Experiment(Settings, ABC):
+class Experiment(CheckedSettings, ABC):
     """An experiment: its settings, and a function from them to a result."""
 
     title: ClassVar[str]

@@ -87,8 +87,11 @@ def test_help_answers_at_once() -> None:
 @pytest.mark.parametrize(
     ("command", "told"),
     [
-        ((), "a command is missing: basis, gains, experiment; see adaptctl --help"),
-        (("bases",), 'Unknown command "bases". Did you mean "basis"? Available commands: basis, gains, experiment.'),
+        ((), "a command is missing: basis, gains, experiment, sweep; see adaptctl --help"),
+        (
+            ("bases",),
+            'Unknown command "bases". Did you mean "basis"? Available commands: basis, gains, experiment, sweep.',
+        ),
         (("experiment",), "a command is missing: run, list; see adaptctl experiment --help"),
         (("experiment", "lst"), 'Unknown command "lst". Did you mean "list"?'),
         (("experiment", "list", "x"), "Unused Tokens: ['x']. See adaptctl experiment list --help"),

@@ -17,8 +17,8 @@ from adaptctl.errors import AdaptctlError
 from adaptctl.experiments.experiment import setting
 from adaptctl.identifiability import ReducedModel
 from adaptctl.simulation import Plant, simulate_many
-from adaptctl.sweeps.measurement import Measurement
-from adaptctl.sweeps.outcome import Outcome
+from adaptctl.sweeps.measurement import SweepMeasurement
+from adaptctl.sweeps.outcome import RunOutcome
 
 PUSH, LOST = 1e-3, 1e-3
 """rad/s (m/s) at which an arm sets off, and rad (m) of error at which it is lost: a thousand times what is due."""
@@ -27,7 +27,7 @@ SMALL = 0.5
 
 
 @dataclass(frozen=True)
-class GainStability(Measurement):
+class GainStability(SweepMeasurement):
     """Slotine and Li's law with the true parameters holds an arm at a random posture, where T_c lambda_max(M^-1 K) is
     the gain: the run is done where the errors stay small, and diverged where they grow."""
 
@@ -39,17 +39,17 @@ class GainStability(Measurement):
     periods: int = setting(600, "control periods that the arm is held", low=10, high=100_000)
 
     @classmethod
-    def outcomes(cls, chosen: Sequence[Self]) -> list[Outcome]:
+    def outcomes(cls, chosen: Sequence[Self]) -> list[RunOutcome]:
         """What came of each, computed together where robot and periods are the same."""
         groups: dict[tuple[str, float, int], list[int]] = {}
         for k, one in enumerate(chosen):
             groups.setdefault((one.robot, one.control_period, one.periods), []).append(k)
-        found: dict[int, Outcome] = {}
+        found: dict[int, RunOutcome] = {}
         for members in groups.values():
             try:
                 outcomes = _held([chosen[k] for k in members])
             except AdaptctlError as error:
-                outcomes = [Outcome.failed(" ".join(str(error).split()))] * len(members)
+                outcomes = [RunOutcome.failed(" ".join(str(error).split()))] * len(members)
             found |= zip(members, outcomes, strict=True)
         return [found[k] for k in range(len(chosen))]
 
@@ -64,7 +64,7 @@ def _arm(robot: str, period: float) -> tuple[Mechanism, SlotineLi, Plant]:
     return mechanism, law, Plant(mechanism, period, torque_limits=np.inf)
 
 
-def _held(chosen: Sequence[GainStability]) -> list[Outcome]:
+def _held(chosen: Sequence[GainStability]) -> list[RunOutcome]:
     first = chosen[0]
     mechanism, law, plant = _arm(first.robot, first.control_period)
     postures = [sampled_configurations(mechanism, 32, one.seed)[0] for one in chosen]
@@ -81,7 +81,7 @@ def _held(chosen: Sequence[GainStability]) -> list[Outcome]:
         every=None,
         beyond=LOST,
     )
-    return [Outcome.of(runs, m) for m in range(len(chosen))]
+    return [RunOutcome.of(runs, m) for m in range(len(chosen))]
 
 
 def _damping(mechanism: Mechanism, p: Array, chosen: GainStability) -> Array:

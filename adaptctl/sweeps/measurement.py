@@ -9,8 +9,8 @@ from importlib import import_module
 from typing import Self
 
 from adaptctl.experiments import find
-from adaptctl.experiments.experiment import Settings
-from adaptctl.sweeps.outcome import Outcome
+from adaptctl.experiments.experiment import CheckedSettings
+from adaptctl.sweeps.outcome import RunOutcome
 
 MEASUREMENTS = {
     "gain-stability": ("adaptctl.sweeps.gain_stability", "GainStability"),
@@ -20,19 +20,19 @@ MEASUREMENTS = {
 
 
 @dataclass(frozen=True)
-class Measurement(Settings, ABC):
-    """Settings of a measurement, and a function from many of them to what came of each."""
+class SweepMeasurement(CheckedSettings, ABC):
+    """CheckedSettings of a measurement, and a function from many of them to what came of each."""
 
     @classmethod
     @abstractmethod
-    def outcomes(cls, chosen: Sequence[Self]) -> list[Outcome]:
+    def outcomes(cls, chosen: Sequence[Self]) -> list[RunOutcome]:
         """What came of each. Raises nothing for what is wrong with one of them."""
 
 
-def kind_of(name: str) -> type[Settings]:
+def kind_of(name: str) -> type[CheckedSettings]:
     """Class of the measurement or experiment of that name. Raises NotFoundError with the experiments' names."""
     if name not in MEASUREMENTS:
         return find(name)
     module, kind = MEASUREMENTS[name]
-    found: type[Measurement] = getattr(import_module(module), kind)
+    found: type[SweepMeasurement] = getattr(import_module(module), kind)
     return found

@@ -10,7 +10,7 @@ from adaptctl.arrays import Array
 from adaptctl.simulation import Rollouts
 
 
-class Outcome(NamedTuple):
+class RunOutcome(NamedTuple):
     """What a run came to, in numbers; None for what is not known."""
 
     status: str
@@ -23,12 +23,12 @@ class Outcome(NamedTuple):
     lyapunov_rise: float | None = None
 
     @classmethod
-    def failed(cls, reason: str) -> Outcome:
+    def failed(cls, reason: str) -> RunOutcome:
         """That of a run that could not be."""
         return cls("failed", reason)
 
     @classmethod
-    def of(cls, runs: Rollouts, m: int) -> Outcome:
+    def of(cls, runs: Rollouts, m: int) -> RunOutcome:
         """That of run m of many."""
         lost = bool(runs.diverged_joint[m] >= 0)
         told = f"joint {runs.diverged_joint[m] + 1} left its bound at {runs.diverged_at[m]:g} s"

@@ -15,14 +15,14 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import AdaptctlError
 from adaptctl.experiments.experiment import setting
 from adaptctl.identifiability import essential_space
-from adaptctl.sweeps.measurement import Measurement
-from adaptctl.sweeps.outcome import Outcome
+from adaptctl.sweeps.measurement import SweepMeasurement
+from adaptctl.sweeps.outcome import RunOutcome
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 
 
 @dataclass(frozen=True)
-class RankCertificate(Measurement):
+class RankCertificate(SweepMeasurement):
     """A random chain: the rank that the singular values of its energies certify, against the one that follows from its
     joints one by one. The run is done where they agree, and failed where they do not, or where nothing is certified."""
 
@@ -35,7 +35,7 @@ class RankCertificate(Measurement):
     )
 
     @classmethod
-    def outcomes(cls, chosen: Sequence[Self]) -> list[Outcome]:
+    def outcomes(cls, chosen: Sequence[Self]) -> list[RunOutcome]:
         """What came of each."""
         return [one._judged() for one in chosen]
 
@@ -44,14 +44,14 @@ class RankCertificate(Measurement):
         rng = np.random.default_rng([self.seed, self.links])
         return Mechanism(Description("chain", tuple(self._link(rng, i) for i in range(self.links)), GRAVITY))
 
-    def _judged(self) -> Outcome:
+    def _judged(self) -> RunOutcome:
         try:
             mechanism = self.mechanism()
             ranks = [essential_space(mechanism, method=method).rank for method in ("svd", "transfers")]
         except AdaptctlError as error:
-            return Outcome.failed(" ".join(str(error).split()))
+            return RunOutcome.failed(" ".join(str(error).split()))
         told = f"rank {ranks[0]} from energies, {ranks[1]} from joints"
-        return Outcome("done", told) if ranks[0] == ranks[1] else Outcome.failed(told)
+        return RunOutcome("done", told) if ranks[0] == ranks[1] else RunOutcome.failed(told)
 
     def _link(self, rng: np.random.Generator, i: int) -> Link:
         kind = JointKind.PRISMATIC if rng.random() < self.prismatic else JointKind.REVOLUTE
@@ -60,13 +60,6 @@ class RankCertificate(Measurement):
         bodies = [from_center_of_mass(m, c, np.zeros((3, 3))) for m, c in zip(masses, points, strict=True)]
         joint, inertia = Joint(f"joint{i + 1}", kind, axis), np.sum(bodies, axis=0)
         return Link(f"link{i + 1}", i - 1, joint, self._pose(rng), Pose.identity(), inertia)
-            f"link{i + 1}",
-            i - 1,
-            Joint(f"joint{i + 1}", kind, axis),
-            self._pose(rng),
-            Pose.identity(),
-            np.sum(bodies, axis=0),
-        )
 
     def _pose(self, rng: np.random.Generator) -> Pose:
         aligned = rng.random() < self.aligned

@@ -8,16 +8,15 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 from itertools import combinations
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
-from adaptctl.arrays import Array
 from adaptctl.files import write_text
 from adaptctl.recording.page import rendered
 from adaptctl.sweeps.folder import Saved, read_table, saved_study
-from adaptctl.sweeps.maps import map_figure
+from adaptctl.sweeps.maps import SettingsMap, map_figure
 from adaptctl.sweeps.measurement import MEASUREMENTS, kind_of
 
 WORST = 5
@@ -26,20 +25,6 @@ SAME = 1e-9
 """Relative difference of errors that is round-off."""
 BINS = 8
 """Values of a setting in a map, at most: more are put together."""
-
-
-class SettingsMap(NamedTuple):
-    """Means over two settings x and y: rows are those of y."""
-
-    x: str
-    y: str
-    across: list[Any]
-    """values of x, or the lower ends of its bins"""
-    down: list[Any]
-    error: Array
-    """at the end of the runs"""
-    stable: Array
-    """share of runs that were done"""
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,15 +17,15 @@ from adaptctl.errors import (
     PhysicalConsistencyWarning,
     SimplificationWarning,
 )
-from adaptctl.experiments.experiment import Experiment, Settings
+from adaptctl.experiments.experiment import CheckedSettings, Experiment
 from adaptctl.recording import Comparison, ControllerRun
 from adaptctl.sweeps.batch import batched, named
-from adaptctl.sweeps.measurement import Measurement, kind_of
-from adaptctl.sweeps.outcome import OUTCOME, Outcome
+from adaptctl.sweeps.measurement import SweepMeasurement, kind_of
+from adaptctl.sweeps.outcome import OUTCOME, RunOutcome
 from adaptctl.version import __version__
 
 Row = dict[str, Any]
-Named = tuple[str, Outcome]
+Named = tuple[str, RunOutcome]
 TIMES = ("wall_time", "host")
 """Columns that differ from one computer, and one time, to another."""
 
@@ -40,27 +40,27 @@ def rows_of(experiment: str, runs: Sequence[Mapping[str, Any]], controllers: Seq
 
 def _rows(experiment: str, runs: Sequence[Mapping[str, Any]], controllers: Sequence[str]) -> list[Row]:
     kind, started = kind_of(experiment), time.perf_counter()
-    made: list[Settings | str] = [_checked(kind, settings) for settings in runs]
-    valid = {k: one for k, one in enumerate(made) if isinstance(one, Settings)}
+    made: list[CheckedSettings | str] = [_checked(kind, settings) for settings in runs]
+    valid = {k: one for k, one in enumerate(made) if isinstance(one, CheckedSettings)}
     found = dict(zip(valid, _outcomes(kind, list(valid.values()), controllers), strict=True))
     rows: list[Row] = []
     for k, one in enumerate(made):
-        outcomes = [("", Outcome.failed(one))] if isinstance(one, str) else found[k]
+        outcomes = [("", RunOutcome.failed(one))] if isinstance(one, str) else found[k]
         settings = {name: _plain(value) for name, value in _settings(kind, runs[k]).items()}
         rows += [settings | {"controller": name} | outcome._asdict() for name, outcome in outcomes]
     about = {"version": __version__, "wall_time": (time.perf_counter() - started) / max(1, len(runs))}
     return [row | about | {"host": platform.node()} for row in rows]
 
 
-def _outcomes(kind: type[Settings], chosen: Sequence[Any], controllers: Sequence[str]) -> list[list[Named]]:
+def _outcomes(kind: type[CheckedSettings], chosen: Sequence[Any], controllers: Sequence[str]) -> list[list[Named]]:
     """By controller, what came of each."""
-    if issubclass(kind, Measurement):
+    if issubclass(kind, SweepMeasurement):
         return [[("", outcome)] for outcome in kind.outcomes(chosen)]
     together = batched(chosen, controllers)
     return [together[k] if k in together else alone(one, controllers) for k, one in enumerate(chosen)]
 
 
-def columns_of(kind: type[Settings]) -> dict[str, tuple[str, str]]:
+def columns_of(kind: type[CheckedSettings]) -> dict[str, tuple[str, str]]:
     """Kinds and units of the columns of a table, by name: settings, then outcomes."""
     settings = {entry.name: (_kind(entry.default), entry.metadata["meaning"]) for entry in fields(kind)}
     about = {
@@ -71,7 +71,7 @@ def columns_of(kind: type[Settings]) -> dict[str, tuple[str, str]]:
     return settings | {"controller": ("string", "the controller compared")} | OUTCOME | about
 
 
-def _checked(kind: type[Settings], settings: Mapping[str, Any]) -> Settings | str:
+def _checked(kind: type[CheckedSettings], settings: Mapping[str, Any]) -> CheckedSettings | str:
     try:
         return kind(**settings)
     except AdaptctlError as error:
@@ -79,23 +79,23 @@ def _checked(kind: type[Settings], settings: Mapping[str, Any]) -> Settings | st
 
 
 def alone(experiment: Experiment, controllers: Sequence[str]) -> list[Named]:
-    """Outcomes of an experiment that runs by itself."""
+    """RunOutcomes of an experiment that runs by itself."""
     try:
         compare: Callable[..., Comparison] | None = getattr(experiment, "compare", None)
         if compare is None:
-            return [("", Outcome.failed(f"{experiment.name} compares no controllers, so that it has no rows"))]
+            return [("", RunOutcome.failed(f"{experiment.name} compares no controllers, so that it has no rows"))]
         comparison = compare(lambda what, share: None)
         chosen = named(comparison.runs, controllers)
     except (AdaptctlError, ArithmeticError, np.linalg.LinAlgError) as error:
-        return [("", Outcome.failed(" ".join(str(error).split())))]
+        return [("", RunOutcome.failed(" ".join(str(error).split())))]
     return [(run.name, _outcome(run)) for run in chosen]
 
 
-def _outcome(run: ControllerRun) -> Outcome:
+def _outcome(run: ControllerRun) -> RunOutcome:
     """What a run that was recorded came to."""
     error = np.abs(run.rollout.error)
     joint = int(error[-1].argmax()) if run.rollout.terminated and len(error) else -1
-    return Outcome(
+    return RunOutcome(
         status="diverged" if run.rollout.terminated else "done",
         reason="the environment ended the run" if run.rollout.terminated else "",
         rms_error=run.rms_error(),
@@ -107,7 +107,7 @@ def _outcome(run: ControllerRun) -> Outcome:
     )
 
 
-def _settings(kind: type[Settings], given: Mapping[str, Any]) -> dict[str, Any]:
+def _settings(kind: type[CheckedSettings], given: Mapping[str, Any]) -> dict[str, Any]:
     return {entry.name: given.get(entry.name, entry.default) for entry in fields(kind)}
 
 

@@ -17,7 +17,7 @@ import msgspec
 
 from adaptctl.errors import FileError, InputError, NotFoundError
 from adaptctl.experiments import EXPERIMENTS
-from adaptctl.experiments.experiment import Settings
+from adaptctl.experiments.experiment import CheckedSettings
 from adaptctl.files import read_toml
 from adaptctl.sweeps.measurement import kind_of
 from adaptctl.sweeps.values import Span, as_span, parsed
@@ -41,7 +41,7 @@ class StudyFile(msgspec.Struct, forbid_unknown_fields=True):
 
 
 @dataclass(frozen=True)
-class Study:
+class SweepStudy:
     """An experiment and the values of its settings; `controllers` are those that run, all where none is named."""
 
     experiment: str
@@ -63,7 +63,7 @@ class Study:
             raise InputError(f"samples: expected how many to draw by {self.sampling}, got {self.samples}")
 
     @classmethod
-    def named(cls, target: str, given: Mapping[str, str], **options: Any) -> Study:
+    def named(cls, target: str, given: Mapping[str, str], **options: Any) -> SweepStudy:
         """The study of an experiment's name, of a shipped study's, or of a file, with settings as they are typed.
 
         Raises `NotFoundError` for names that do not exist, `FileError` and `InputError` for wrong contents.
@@ -84,7 +84,7 @@ class Study:
             raise FileError(f"{path}: {error}") from error
 
     @classmethod
-    def _made(cls, file: StudyFile, given: Mapping[str, str], options: Mapping[str, Any]) -> Study:
+    def _made(cls, file: StudyFile, given: Mapping[str, str], options: Mapping[str, Any]) -> SweepStudy:
         kind = kind_of(file.experiment)
         typed = {name: _typed(value) for name, value in file.settings.items()}
         typed |= {name.replace("-", "_"): text for name, text in given.items()}
@@ -104,7 +104,7 @@ class Study:
         return cls(file.experiment, settings, **(chosen | {k: v for k, v in options.items() if v}))
 
     @property
-    def kind(self) -> type[Settings]:
+    def kind(self) -> type[CheckedSettings]:
         """Class of the experiment or measurement."""
         return kind_of(self.experiment)
 
