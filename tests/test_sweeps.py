@@ -30,7 +30,7 @@ from adaptctl.sweeps.report import SweepReport
 from adaptctl.sweeps.rows import TIMES, alone, rows_of
 from adaptctl.sweeps.run import sweep
 from adaptctl.sweeps.search import search
-from adaptctl.sweeps.study import Study, shipped
+from adaptctl.sweeps.study import SweepStudy, shipped
 from adaptctl.sweeps.values import Span, parsed
 
 FIELDS = {entry.name: entry for entry in dataclasses.fields(Puma560Adaptive)}
@@ -45,8 +45,8 @@ def _quiet() -> Iterator[None]:
         yield
 
 
-def study(controllers: tuple[str, ...] = ("adaptive",), **settings: str) -> Study:
-    return Study.named("puma560-adaptive", {**SHORT, **settings}, controllers=controllers)
+def study(controllers: tuple[str, ...] = ("adaptive",), **settings: str) -> SweepStudy:
+    return SweepStudy.named("puma560-adaptive", {**SHORT, **settings}, controllers=controllers)
 
 
 def values(table: pa.Table) -> list[dict[str, Any]]:
@@ -90,7 +90,7 @@ class TestStudies:
     @pytest.mark.parametrize("sampling", ["latin-hypercube", "sobol"])
     def test_samples_fill_the_ranges_the_same_each_time(self, sampling: str) -> None:
         settings = {**SHORT, "bandwidth": "4..12", "seed": "0..3", "robot": "a,b"}
-        drawn = Study.named("puma560-adaptive", settings, sampling=sampling, samples=64)
+        drawn = SweepStudy.named("puma560-adaptive", settings, sampling=sampling, samples=64)
         runs = list(drawn.runs())
         assert runs == list(drawn.runs())
         assert len(runs) == 64
@@ -102,7 +102,7 @@ class TestStudies:
     def test_shipped_ones_can_be_run(self) -> None:
         assert {"payload-robustness", "excitation-versus-convergence"} <= set(shipped())
         for name in shipped():
-            made = Study.named(name, {})
+            made = SweepStudy.named(name, {})
             assert made.question
             made.kind(**next(iter(made.runs())))
 
@@ -111,23 +111,23 @@ class TestStudies:
         path.write_text(
             'schema = "adaptctl/study/1"\nexperiment = "puma560-adaptive"\n[settings]\nseed = "0..9"\nrate = 0.5\n'
         )
-        made = Study.named(str(path), {"seed": "3"})
+        made = SweepStudy.named(str(path), {"seed": "3"})
         assert made.settings == {"seed": (3,), "rate": (0.5,)}
 
     def test_what_does_not_exist_is_told(self, tmp_path: Path) -> None:
         with pytest.raises(NotFoundError, match="did you mean 'bandwidth'"):
             study(bandwith="4")
         with pytest.raises(NotFoundError, match="did you mean 'puma560-adaptive'"):
-            Study.named("puma560-adaptiv", {})
+            SweepStudy.named("puma560-adaptiv", {})
         with pytest.raises(InputError, match=r"payload: a range of numbers needs a count .* --sampling"):
             study(payload="0..5")
         path = tmp_path / "bad.toml"
         path.write_text('schema = "adaptctl/study/1"\nexperiment = "puma560-adaptive"\nsettngs = 1\n')
         with pytest.raises(FileError, match=r"bad\.toml.*settngs"):
-            Study.named(str(path), {})
+            SweepStudy.named(str(path), {})
         path.write_text('schema = "adaptctl/study/1"\nexperiment = "puma560-adaptive"\n[settings]\nsped = 1\n')
         with pytest.raises(FileError, match=r"bad\.toml.*'sped'"):
-            Study.named(str(path), {})
+            SweepStudy.named(str(path), {})
 
 
 class TestRows:
@@ -229,7 +229,7 @@ class TestReports:
 
 
 def test_a_search_finds_what_a_grid_has_as_best() -> None:
-    chosen = Study.named("puma560-adaptive", {**SHORT, "initial_error": "-0.2..0.2"}, controllers=("adaptive",),
+    chosen = SweepStudy.named("puma560-adaptive", {**SHORT, "initial_error": "-0.2..0.2"}, controllers=("adaptive",),
                          sampling="sobol", samples=16)  # fmt: skip
     found = search(chosen, "rms_error", 24)
     assert abs(found.settings["initial_error"]) < 0.05
@@ -325,4 +325,22 @@ def test_a_user_s_own_cluster_is_used(tmp_path: Path) -> None:
 
 
 def test_every_experiment_can_be_swept_by_name() -> None:
-    assert Study.named("payload-drop", {"payload": "1,2"}).kind is find("payload-drop")
+    assert SweepStudy.named("payload-drop", {"payload": "1,2"}).kind is find("payload-drop")
+
+
+def test_theory_s_limit_of_stability_is_measured() -> None:
+    runs = list(
+        SweepStudy.named(
+            "gain-stability", {"robot": "puma560_geared", "gain": "1.8,1.95,2.05,2.2", "seed": "0..3"}
+        ).runs()
+    )
+    rows = rows_of("gain-stability", runs)
+    assert [row["status"] for row in rows] == ["done"] * 8 + ["diverged"] * 8
+    assert rows_of("gain-stability", [{"robot": "nobody"}])[0]["status"] == "failed"
+
+
+def test_ranks_from_energies_and_from_joints_agree() -> None:
+    runs = list(SweepStudy.named("rank-certificate", {"links": "1..5", "aligned": "0.9", "seed": "0..2"}).runs())
+    rows = rows_of("rank-certificate", runs)
+    assert {row["status"] for row in rows} == {"done"}
+    assert all(row["reason"].startswith("rank ") for row in rows)

@@ -13,7 +13,7 @@ from adaptctl.cli.interruption import interruptible
 from adaptctl.errors import InputError
 
 if TYPE_CHECKING:
-    from adaptctl.sweeps.study import Study
+    from adaptctl.sweeps.study import SweepStudy
 
 MANY = 20_000
 """Runs that are not begun without being asked for."""
@@ -52,13 +52,13 @@ def sweep(
     from adaptctl.sweeps.folder import Folder
     from adaptctl.sweeps.report import write_report
     from adaptctl.sweeps.run import sweep as swept
-    from adaptctl.sweeps.study import Study
+    from adaptctl.sweeps.study import SweepStudy
 
     if not 1 <= shard <= 100_000:
         raise InputError(f"shard: expected from 1 to 100000 runs, got {shard}")
     names = tuple(name.strip() for name in controllers.split(",") if name.strip())
     options = {"controllers": names, "sampling": "sobol" if search else sampling, "samples": search or samples}
-    study = Study.named(target, settings, **options)
+    study = SweepStudy.named(target, settings, **options)
     if search:
         return _search(study, minimise, search, out)
     _require_few(study.count, yes)
@@ -103,7 +103,7 @@ def _told(folder: Path) -> int:
     return 0
 
 
-def _search(study: Study, minimise: str, trials: int, out: Path) -> int:
+def _search(study: SweepStudy, minimise: str, trials: int, out: Path) -> int:
     from adaptctl.sweeps.search import search, write_settings
 
     if out.exists() and any(out.iterdir()):

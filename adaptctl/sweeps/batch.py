@@ -16,10 +16,10 @@ from adaptctl.experiments.contest import Contender
 from adaptctl.experiments.experiment import Experiment
 from adaptctl.experiments.learning import Learning
 from adaptctl.identifiability import FundamentalBasis, essential_space, fundamental_basis
-from adaptctl.simulation import Episode, Rollouts, simulate_many
-from adaptctl.sweeps.outcome import Outcome
+from adaptctl.simulation import Episode, simulate_many
+from adaptctl.sweeps.outcome import RunOutcome
 
-Outcomes = dict[int, list[tuple[str, Outcome]]]
+RunOutcomes = dict[int, list[tuple[str, RunOutcome]]]
 
 
 class Trial(NamedTuple):
@@ -30,8 +30,8 @@ class Trial(NamedTuple):
     error_bound: Array
 
 
-def batched(experiments: Sequence[Experiment], controllers: Sequence[str]) -> Outcomes:
-    """Outcomes, by their number, of those experiments that can run together.
+def batched(experiments: Sequence[Experiment], controllers: Sequence[str]) -> RunOutcomes:
+    """RunOutcomes, by their number, of those experiments that can run together.
 
     These are comparisons on an ideal plant, whose references are sinusoids; their runs are those of each experiment by
     itself, to round-off. Others are left out.
@@ -39,12 +39,12 @@ def batched(experiments: Sequence[Experiment], controllers: Sequence[str]) -> Ou
     if not all(isinstance(one, Learning) for one in experiments):
         return {}
     trials: dict[int, Trial] = {}
-    outcomes: Outcomes = {}
+    outcomes: RunOutcomes = {}
     for k, one in enumerate(experiments):
         try:
             trial = _trial(one, controllers)  # type: ignore[arg-type]  # each is a Learning
         except AdaptctlError as error:
-            outcomes[k] = [("", Outcome.failed(" ".join(str(error).split())))]
+            outcomes[k] = [("", RunOutcome.failed(" ".join(str(error).split())))]
             continue
         if trial is not None:
             trials[k] = trial
@@ -52,7 +52,7 @@ def batched(experiments: Sequence[Experiment], controllers: Sequence[str]) -> Ou
     for k, trial in trials.items():
         for c, contender in enumerate(trial.contenders):
             groups.setdefault(_group(trial, contender), []).append((k, c))
-    found: dict[tuple[int, int], Outcome] = {}
+    found: dict[tuple[int, int], RunOutcome] = {}
     for places in groups.values():
         found |= _together(trials, places)
     for k, trial in trials.items():
@@ -132,8 +132,8 @@ def _group(trial: Trial, contender: Contender) -> Any:
     return contender.controller.structure, plant.structure, trial.episode.steps, trial.error_bound.tobytes(), waves
 
 
-def _together(trials: Mapping[int, Trial], places: Sequence[tuple[int, int]]) -> dict[tuple[int, int], Outcome]:
-    """Outcomes of trials' contenders that can run together."""
+def _together(trials: Mapping[int, Trial], places: Sequence[tuple[int, int]]) -> dict[tuple[int, int], RunOutcome]:
+    """RunOutcomes of trials' contenders that can run together."""
     first, chosen = trials[places[0][0]], [trials[k].contenders[c].controller for k, c in places]
     episodes = [trials[k].episode for k, _ in places]
     plant = first.episode.plant
@@ -148,24 +148,4 @@ def _together(trials: Mapping[int, Trial], places: Sequence[tuple[int, int]]) ->
         every=None,
         beyond=first.error_bound,
     )
-    return {place: _outcome(runs, m) for m, place in enumerate(places)}
-
-
-def _outcome(runs: Rollouts, m: int) -> Outcome:
-    """What run m came to."""
-    lost = runs.diverged_joint[m] >= 0
-    joints = f"joint {runs.diverged_joint[m] + 1} left its bound at {runs.diverged_at[m]:g} s"
-
-    def mean(values: Array) -> float | None:
-        value = float(np.sqrt(np.mean(values[m] ** 2)))
-        return value if np.isfinite(value) else None
-
-    return Outcome(
-        status="diverged" if lost else "done",
-        reason=joints if lost else "",
-        rms_error=mean(runs.rms_error),
-        rms_error_last=None if lost else mean(runs.final_rms_error),
-        largest_error=float(runs.largest_error[m].max()),
-        diverged_at=float(runs.diverged_at[m]) if lost else None,
-        diverged_joint=int(runs.diverged_joint[m]) + 1 if lost else None,
-    )
+    return {place: RunOutcome.of(runs, m) for m, place in enumerate(places)}

@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 from adaptctl.errors import FileError, InputError
 from adaptctl.files import read_json, replacing, write_json
 from adaptctl.sweeps.rows import columns_of
-from adaptctl.sweeps.study import Study, hashed
+from adaptctl.sweeps.study import SweepStudy, hashed
 from adaptctl.version import __version__
 
 SCHEMA, TABLE, STUDY = "adaptctl/sweep/1", "sweep.parquet", "study.json"
@@ -47,11 +47,11 @@ class Folder:
     """The folder of a study's sweep, `shard` runs a file."""
 
     path: Path
-    study: Study
+    study: SweepStudy
     shard: int
 
     @classmethod
-    def opened(cls, path: Path, study: Study, shard: int, command: Sequence[str]) -> Folder:
+    def opened(cls, path: Path, study: SweepStudy, shard: int, command: Sequence[str]) -> Folder:
         """The folder, made where there is none. Raises `InputError` for a folder of something else."""
         place = path / STUDY
         if place.is_file():
@@ -122,7 +122,7 @@ class Folder:
         return whole
 
 
-def table(study: Study, rows: Sequence[Mapping[str, Any]], runs: int) -> pa.Table:
+def table(study: SweepStudy, rows: Sequence[Mapping[str, Any]], runs: int) -> pa.Table:
     """Rows as a table whose columns tell their meaning."""
     kinds = {"int64": pa.int64(), "double": pa.float64(), "string": pa.string()}
     columns = columns_of(study.kind)

@@ -4,12 +4,24 @@ from __future__ import annotations
 
 import base64
 import io
-from typing import TYPE_CHECKING
+from typing import Any, NamedTuple
 
+from adaptctl.arrays import Array
 from adaptctl.recording.page import Figure
 
-if TYPE_CHECKING:
-    from adaptctl.sweeps.report import SettingsMap
+
+class SettingsMap(NamedTuple):
+    """Means over two settings x and y: rows are those of y."""
+
+    x: str
+    y: str
+    across: list[Any]
+    """values of x, or the lower ends of its bins"""
+    down: list[Any]
+    error: Array
+    """at the end of the runs"""
+    stable: Array
+    """share of runs that were done"""
 
 
 def map_figure(controller: str, shown: SettingsMap) -> Figure:

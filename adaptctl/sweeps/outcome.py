@@ -4,8 +4,13 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
 
-class Outcome(NamedTuple):
+from adaptctl.arrays import Array
+from adaptctl.simulation import Rollouts
+
+
+class RunOutcome(NamedTuple):
     """What a run came to, in numbers; None for what is not known."""
 
     status: str
@@ -18,9 +23,24 @@ class Outcome(NamedTuple):
     lyapunov_rise: float | None = None
 
     @classmethod
-    def failed(cls, reason: str) -> Outcome:
+    def failed(cls, reason: str) -> RunOutcome:
         """That of a run that could not be."""
         return cls("failed", reason)
+
+    @classmethod
+    def of(cls, runs: Rollouts, m: int) -> RunOutcome:
+        """That of run m of many."""
+        lost = bool(runs.diverged_joint[m] >= 0)
+        told = f"joint {runs.diverged_joint[m] + 1} left its bound at {runs.diverged_at[m]:g} s"
+        return cls(
+            status="diverged" if lost else "done",
+            reason=told if lost else "",
+            rms_error=_mean(runs.rms_error[m]),
+            rms_error_last=None if lost else _mean(runs.final_rms_error[m]),
+            largest_error=float(runs.largest_error[m].max()),
+            diverged_at=float(runs.diverged_at[m]) if lost else None,
+            diverged_joint=int(runs.diverged_joint[m]) + 1 if lost else None,
+        )
 
 
 OUTCOME = {
@@ -34,3 +54,9 @@ OUTCOME = {
     "lyapunov_rise": ("double", "largest rise of the Lyapunov function from one sample to the next, J"),
 }
 """Kind and meaning of an outcome's columns."""
+
+
+def _mean(values: Array) -> float | None:
+    """Root mean square over joints (r,); None where it is not known."""
+    value = float(np.sqrt(np.mean(values**2)))
+    return value if np.isfinite(value) else None

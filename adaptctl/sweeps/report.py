@@ -7,18 +7,17 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from itertools import combinations
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
-from adaptctl.arrays import Array
 from adaptctl.caching import cached_property
-from adaptctl.experiments import find
 from adaptctl.files import write_text
 from adaptctl.recording.page import rendered
 from adaptctl.sweeps.folder import Saved, read_table, saved_study
-from adaptctl.sweeps.maps import map_figure
+from adaptctl.sweeps.maps import SettingsMap, map_figure
+from adaptctl.sweeps.measurement import MEASUREMENTS, kind_of
 
 WORST = 5
 """Runs that are told, of each controller."""
@@ -26,20 +25,6 @@ SAME = 1e-9
 """Relative difference of errors that is round-off."""
 BINS = 8
 """Values of a setting in a map, at most: more are put together."""
-
-
-class SettingsMap(NamedTuple):
-    """Means over two settings x and y: rows are those of y."""
-
-    x: str
-    y: str
-    across: list[Any]
-    """values of x, or the lower ends of its bins"""
-    down: list[Any]
-    error: Array
-    """at the end of the runs"""
-    stable: Array
-    """share of runs that were done"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +47,7 @@ class SweepReport:
     @cached_property
     def controllers(self) -> list[str]:
         """Names of the controllers compared, in their order."""
-        return list(dict.fromkeys(row["controller"] for row in self.rows if row["controller"]))
+        return list(dict.fromkeys(row["controller"] for row in self.rows if row["controller"])) or [""]
 
     def of_controller(self, name: str) -> list[dict[str, Any]]:
         """The rows of a controller."""
@@ -95,8 +80,9 @@ class SweepReport:
 
     def replay(self, row: dict[str, Any]) -> str:
         """The command that runs a row's settings again, into a recording."""
-        words = ["adaptctl", "experiment", "run", self.study.experiment]
-        for entry in fields(find(self.study.experiment)):
+        again = ["sweep"] if self.study.experiment in MEASUREMENTS else ["experiment", "run"]
+        words = ["adaptctl", *again, self.study.experiment]
+        for entry in fields(kind_of(self.study.experiment)):
             value = row[entry.name]
             default = " ".join(map(str, entry.default)) if isinstance(entry.default, tuple) else entry.default
             if value != default:
@@ -138,7 +124,7 @@ class SweepReport:
             errors = [row["rms_error_last"] for row in rows if row["rms_error_last"] is not None]
             told = f"median error at the end {np.median(errors):.3g}, largest {max(errors):.3g}" if errors else ""
             counts = ", ".join(f"{count} {status}" for status, count in self.counts(rows).items() if count)
-            lines.append(f"  {name}: {counts}; {told}".rstrip("; "))
+            lines.append(f"  {name or 'runs'}: {counts}; {told}".rstrip("; "))
         failed = [row for row in self.rows if row["status"] == "failed"]
         for reason in list(dict.fromkeys(row["reason"] for row in failed))[:WORST]:
             lines.append(f"  failed: {reason}")

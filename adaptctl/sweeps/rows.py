@@ -17,14 +17,15 @@ from adaptctl.errors import (
     PhysicalConsistencyWarning,
     SimplificationWarning,
 )
-from adaptctl.experiments import find
-from adaptctl.experiments.experiment import Experiment
+from adaptctl.experiments.experiment import CheckedSettings, Experiment
 from adaptctl.recording import Comparison, ControllerRun
 from adaptctl.sweeps.batch import batched, named
-from adaptctl.sweeps.outcome import OUTCOME, Outcome
+from adaptctl.sweeps.measurement import SweepMeasurement, kind_of
+from adaptctl.sweeps.outcome import OUTCOME, RunOutcome
 from adaptctl.version import __version__
 
 Row = dict[str, Any]
+Named = tuple[str, RunOutcome]
 TIMES = ("wall_time", "host")
 """Columns that differ from one computer, and one time, to another."""
 
@@ -38,24 +39,28 @@ def rows_of(experiment: str, runs: Sequence[Mapping[str, Any]], controllers: Seq
 
 
 def _rows(experiment: str, runs: Sequence[Mapping[str, Any]], controllers: Sequence[str]) -> list[Row]:
-    kind, started = find(experiment), time.perf_counter()
-    made: list[Experiment | str] = [_checked(kind, settings) for settings in runs]
-    valid = [k for k, one in enumerate(made) if isinstance(one, Experiment)]
-    together = batched([made[k] for k in valid], controllers)  # type: ignore[misc]
-    found: dict[int, list[tuple[str, Outcome]]] = {valid[k]: outcomes for k, outcomes in together.items()}
+    kind, started = kind_of(experiment), time.perf_counter()
+    made: list[CheckedSettings | str] = [_checked(kind, settings) for settings in runs]
+    valid = {k: one for k, one in enumerate(made) if isinstance(one, CheckedSettings)}
+    found = dict(zip(valid, _outcomes(kind, list(valid.values()), controllers), strict=True))
     rows: list[Row] = []
     for k, one in enumerate(made):
-        if isinstance(one, str):
-            outcomes = [("", Outcome.failed(one))]
-        else:
-            outcomes = found[k] if k in found else alone(one, controllers)
+        outcomes = [("", RunOutcome.failed(one))] if isinstance(one, str) else found[k]
         settings = {name: _plain(value) for name, value in _settings(kind, runs[k]).items()}
         rows += [settings | {"controller": name} | outcome._asdict() for name, outcome in outcomes]
     about = {"version": __version__, "wall_time": (time.perf_counter() - started) / max(1, len(runs))}
     return [row | about | {"host": platform.node()} for row in rows]
 
 
-def columns_of(kind: type[Experiment]) -> dict[str, tuple[str, str]]:
+def _outcomes(kind: type[CheckedSettings], chosen: Sequence[Any], controllers: Sequence[str]) -> list[list[Named]]:
+    """By controller, what came of each."""
+    if issubclass(kind, SweepMeasurement):
+        return [[("", outcome)] for outcome in kind.outcomes(chosen)]
+    together = batched(chosen, controllers)
+    return [together[k] if k in together else alone(one, controllers) for k, one in enumerate(chosen)]
+
+
+def columns_of(kind: type[CheckedSettings]) -> dict[str, tuple[str, str]]:
     """Kinds and units of the columns of a table, by name: settings, then outcomes."""
     settings = {entry.name: (_kind(entry.default), entry.metadata["meaning"]) for entry in fields(kind)}
     about = {
@@ -66,31 +71,31 @@ def columns_of(kind: type[Experiment]) -> dict[str, tuple[str, str]]:
     return settings | {"controller": ("string", "the controller compared")} | OUTCOME | about
 
 
-def _checked(kind: type[Experiment], settings: Mapping[str, Any]) -> Experiment | str:
+def _checked(kind: type[CheckedSettings], settings: Mapping[str, Any]) -> CheckedSettings | str:
     try:
         return kind(**settings)
     except AdaptctlError as error:
         return str(error)
 
 
-def alone(experiment: Experiment, controllers: Sequence[str]) -> list[tuple[str, Outcome]]:
-    """Outcomes of an experiment that runs by itself."""
+def alone(experiment: Experiment, controllers: Sequence[str]) -> list[Named]:
+    """RunOutcomes of an experiment that runs by itself."""
     try:
         compare: Callable[..., Comparison] | None = getattr(experiment, "compare", None)
         if compare is None:
-            return [("", Outcome.failed(f"{experiment.name} compares no controllers, so that it has no rows"))]
+            return [("", RunOutcome.failed(f"{experiment.name} compares no controllers, so that it has no rows"))]
         comparison = compare(lambda what, share: None)
         chosen = named(comparison.runs, controllers)
     except (AdaptctlError, ArithmeticError, np.linalg.LinAlgError) as error:
-        return [("", Outcome.failed(" ".join(str(error).split())))]
+        return [("", RunOutcome.failed(" ".join(str(error).split())))]
     return [(run.name, _outcome(run)) for run in chosen]
 
 
-def _outcome(run: ControllerRun) -> Outcome:
+def _outcome(run: ControllerRun) -> RunOutcome:
     """What a run that was recorded came to."""
     error = np.abs(run.rollout.error)
     joint = int(error[-1].argmax()) if run.rollout.terminated and len(error) else -1
-    return Outcome(
+    return RunOutcome(
         status="diverged" if run.rollout.terminated else "done",
         reason="the environment ended the run" if run.rollout.terminated else "",
         rms_error=run.rms_error(),
@@ -102,7 +107,7 @@ def _outcome(run: ControllerRun) -> Outcome:
     )
 
 
-def _settings(kind: type[Experiment], given: Mapping[str, Any]) -> dict[str, Any]:
+def _settings(kind: type[CheckedSettings], given: Mapping[str, Any]) -> dict[str, Any]:
     return {entry.name: given.get(entry.name, entry.default) for entry in fields(kind)}
 
 

@@ -13,7 +13,7 @@ from adaptctl.errors import InputError, MissingExtraError
 from adaptctl.files import write_text
 from adaptctl.sweeps.outcome import OUTCOME
 from adaptctl.sweeps.rows import rows_of
-from adaptctl.sweeps.study import Study
+from adaptctl.sweeps.study import SweepStudy
 from adaptctl.sweeps.values import Span
 
 TOGETHER = 16
@@ -22,7 +22,7 @@ SMALLEST = tuple(name for name, (kind, _) in OUTCOME.items() if kind == "double"
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class BestSettings:
     """The best settings of a search, their controller, and the number that is smallest there."""
 
     settings: Mapping[str, Any]
@@ -32,8 +32,12 @@ class Found:
 
 
 def search(
-    study: Study, minimise: str, trials: int, progress: Callable[[float], object] = lambda share: None, seed: int = 0
-) -> Found:
+    study: SweepStudy,
+    minimise: str,
+    trials: int,
+    progress: Callable[[float], object] = lambda share: None,
+    seed: int = 0,
+) -> BestSettings:
     """The settings within a study's ranges with the smallest `minimise`, by tree-structured Parzen estimators
     (Bergstra, Bardenet, Bengio and Kegl 2011).
 
@@ -45,7 +49,7 @@ def search(
         raise InputError(f"minimise: expected one of {', '.join(SMALLEST)}, got {minimise!r}")
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     asked = optuna.create_study(sampler=optuna.samplers.TPESampler(seed=seed, constant_liar=True))
-    best: Found | None = None
+    best: BestSettings | None = None
     controllers = study.controllers[:1]
     for first in range(0, trials, TOGETHER):
         batch = [asked.ask() for _ in range(min(TOGETHER, trials - first))]
@@ -56,14 +60,14 @@ def search(
             value = row[minimise] if row["status"] == "done" and row[minimise] is not None else np.inf
             asked.tell(trial, min(value, 1e300))
             if np.isfinite(value) and (best is None or value < best.value):
-                best = Found(chosen, row["controller"], float(value), trials)
+                best = BestSettings(chosen, row["controller"], float(value), trials)
         progress(min(1.0, (first + TOGETHER) / trials))
     if best is None:
         raise InputError(f"search: none of {trials} runs of {study.experiment} was done: widen the ranges")
     return best
 
 
-def write_settings(path: Path, study: Study, found: Found) -> None:
+def write_settings(path: Path, study: SweepStudy, found: BestSettings) -> None:
     """Write the settings found as a study's file, of one run. Raises FileError."""
     lines = [
         'schema = "adaptctl/study/1"',
@@ -77,7 +81,7 @@ def write_settings(path: Path, study: Study, found: Found) -> None:
     write_text(path, "\n".join(lines) + "\n")
 
 
-def _suggested(study: Study, trial: Any) -> dict[str, Any]:
+def _suggested(study: SweepStudy, trial: Any) -> dict[str, Any]:
     kinds = {entry.name: entry for entry in fields(study.kind)}
     chosen: dict[str, Any] = {}
     for name, values in study.settings.items():

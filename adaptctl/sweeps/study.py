@@ -16,9 +16,10 @@ import msgspec
 
 from adaptctl.caching import cached_property
 from adaptctl.errors import FileError, InputError, NotFoundError
-from adaptctl.experiments import EXPERIMENTS, find
-from adaptctl.experiments.experiment import Experiment
+from adaptctl.experiments import EXPERIMENTS
+from adaptctl.experiments.experiment import CheckedSettings
 from adaptctl.files import read_toml
+from adaptctl.sweeps.measurement import kind_of
 from adaptctl.sweeps.values import Span, as_span, parsed
 
 STUDIES = Path(__file__).with_name("studies")
@@ -40,7 +41,7 @@ class StudyFile(msgspec.Struct, forbid_unknown_fields=True):
 
 
 @dataclass(frozen=True)
-class Study:
+class SweepStudy:
     """An experiment and the values of its settings; `controllers` are those that run, all where none is named."""
 
     experiment: str
@@ -62,14 +63,14 @@ class Study:
             raise InputError(f"samples: expected how many to draw by {self.sampling}, got {self.samples}")
 
     @classmethod
-    def named(cls, target: str, given: Mapping[str, str], **options: Any) -> Study:
+    def named(cls, target: str, given: Mapping[str, str], **options: Any) -> SweepStudy:
         """The study of an experiment's name, of a shipped study's, or of a file, with settings as they are typed.
 
         Raises `NotFoundError` for names that do not exist, `FileError` and `InputError` for wrong contents.
         """
         if target in (entry.name for entry in EXPERIMENTS):
             return cls._made(StudyFile("adaptctl/study/1", target), given, options)
-        path = STUDIES / f"{target}.toml"
+        path = STUDIES / f"{target}.toml"  # a measurement has a study of its name
         if not path.is_file():
             path = Path(target)
         if path.suffix != ".toml":
@@ -83,8 +84,8 @@ class Study:
             raise FileError(f"{path}: {error}") from error
 
     @classmethod
-    def _made(cls, file: StudyFile, given: Mapping[str, str], options: Mapping[str, Any]) -> Study:
-        kind = find(file.experiment)
+    def _made(cls, file: StudyFile, given: Mapping[str, str], options: Mapping[str, Any]) -> SweepStudy:
+        kind = kind_of(file.experiment)
         typed = {name: _typed(value) for name, value in file.settings.items()}
         typed |= {name.replace("-", "_"): text for name, text in given.items()}
         known = {entry.name: entry for entry in fields(kind)}
@@ -103,9 +104,9 @@ class Study:
         return cls(file.experiment, settings, **(chosen | {k: v for k, v in options.items() if v}))
 
     @property
-    def kind(self) -> type[Experiment]:
-        """Class of the experiment."""
-        return find(self.experiment)
+    def kind(self) -> type[CheckedSettings]:
+        """Class of the experiment or measurement."""
+        return kind_of(self.experiment)
 
     @property
     def count(self) -> int:

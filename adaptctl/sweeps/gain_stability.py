@@ -1,0 +1,92 @@
+"""Where a sampled loop loses stability: the gain of theory, measured."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import ClassVar, Self
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.control import Sinusoids, SlotineLi, typical_inertia
+from adaptctl.control.gains.gains import sampled_configurations, sampled_gain
+from adaptctl.dynamics import Mechanism, load
+from adaptctl.errors import AdaptctlError
+from adaptctl.experiments.experiment import setting
+from adaptctl.identifiability import ReducedModel
+from adaptctl.simulation import Plant, simulate_many
+from adaptctl.sweeps.measurement import SweepMeasurement
+from adaptctl.sweeps.outcome import RunOutcome
+
+PUSH, LOST = 1e-3, 1e-3
+"""rad/s (m/s) at which an arm sets off, and rad (m) of error at which it is lost: a thousand times what is due."""
+SMALL = 0.5
+"""of T_c lambda_max(M^-1 K): what any law may have."""
+
+
+@dataclass(frozen=True)
+class GainStability(SweepMeasurement):
+    """Slotine and Li's law with the true parameters holds an arm at a random posture, where T_c lambda_max(M^-1 K) is
+    the gain: the run is done where the errors stay small, and diverged where they grow."""
+
+    name: ClassVar[str] = "gain-stability"
+
+    robot: str = setting("puma560_measured", "a built-in robot or a file (.urdf, .xml, .toml)")
+    gain: float = setting(1.0, "T_c lambda_max(M^-1 K) at the posture", low=0.01, high=10.0)
+    control_period: float = setting(1e-3, "time a torque is held, s", symbol="T_c", low=1e-4, high=0.02)
+    periods: int = setting(600, "control periods that the arm is held", low=10, high=100_000)
+
+    @classmethod
+    def outcomes(cls, chosen: Sequence[Self]) -> list[RunOutcome]:
+        """What came of each, computed together where robot and periods are the same."""
+        groups: dict[tuple[str, float, int], list[int]] = {}
+        for k, one in enumerate(chosen):
+            groups.setdefault((one.robot, one.control_period, one.periods), []).append(k)
+        found: dict[int, RunOutcome] = {}
+        for members in groups.values():
+            try:
+                outcomes = _held([chosen[k] for k in members])
+            except AdaptctlError as error:
+                outcomes = [RunOutcome.failed(" ".join(str(error).split()))] * len(members)
+            found |= zip(members, outcomes, strict=True)
+        return [found[k] for k in range(len(chosen))]
+
+
+@lru_cache(maxsize=8)
+def _arm(robot: str, period: float) -> tuple[Mechanism, SlotineLi, Plant]:
+    """The robot, a law that knows it, and its plant."""
+    mechanism = load(robot)
+    inertia, true = typical_inertia(mechanism), np.asarray(mechanism.inertial_parameters)
+    damping = SMALL / sampled_gain(mechanism, inertia, period) * inertia
+    law = SlotineLi(ReducedModel.full(mechanism), np.ones(mechanism.dof), damping, None, true, period)
+    return mechanism, law, Plant(mechanism, period, torque_limits=np.inf)
+
+
+def _held(chosen: Sequence[GainStability]) -> list[RunOutcome]:
+    first = chosen[0]
+    mechanism, law, plant = _arm(first.robot, first.control_period)
+    postures = [sampled_configurations(mechanism, 32, one.seed)[0] for one in chosen]
+    laws = [law.having({"damping": _damping(mechanism, p, one)}) for p, one in zip(postures, chosen, strict=True)]
+    push = [PUSH * np.random.default_rng(one.seed).choice([-1.0, 1.0], mechanism.dof) for one in chosen]
+    still = np.zeros(mechanism.dof)
+    runs = simulate_many(
+        plant,
+        laws,
+        [Sinusoids(p, still, still, start_time=0.0) for p in postures],
+        duration=first.periods * first.control_period,
+        p=np.stack(postures),
+        v=np.stack(push),
+        every=None,
+        beyond=LOST,
+    )
+    return [RunOutcome.of(runs, m) for m in range(len(chosen))]
+
+
+def _damping(mechanism: Mechanism, p: Array, chosen: GainStability) -> Array:
+    """K (r,), alike to the typical inertia, with the gain at a posture (r,)."""
+    inertia = typical_inertia(mechanism)
+    root = np.sqrt(inertia)
+    smallest = np.linalg.eigvalsh(mechanism.mass_matrix(p) / (root[:, None] * root))[0]
+    return np.asarray(chosen.gain * smallest / chosen.control_period * inertia)
