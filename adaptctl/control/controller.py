@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from math import prod
-from typing import Any, Generic, NamedTuple, NoReturn, Protocol, TypeVar
+from typing import Any, ClassVar, Generic, NamedTuple, NoReturn, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array, checked
 from adaptctl.caching import cached_property
 from adaptctl.compilation import Kernel
+from adaptctl.compilation.builtin import Finite
 from adaptctl.compilation.floats import OnFloats, native_or_floats
 from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.control.many_arms import ManyArms
@@ -47,6 +48,9 @@ class Controller(ABC, Generic[Memory]):
     scalars of any kind, so it is compiled to native code here, differentiated there, and run on floats when a
     mechanism is too long to compile. What changes over time is the memory, passed in and out.
     """
+
+    finite: ClassVar[Finite] = "results"
+    """Whether a tick looks only at what it computes for NaN and infinity, or also (True) at all that it is given."""
 
     @property
     @abstractmethod
@@ -130,12 +134,12 @@ class Controller(ABC, Generic[Memory]):
     @property
     def on_floats(self) -> OnFloats:
         """The law in Python, called as `kernel` is: p, v, the reference's parts, the leaves of the memory."""
-        return OnFloats(self._equation(), self._sizes, name=type(self).__name__, finite="results")
+        return OnFloats(self._equation(), self._sizes, name=type(self).__name__, finite=self.finite)
 
     @cached_property
     def _tick(self) -> Kernel | OnFloats:
         """The law on arrays, compiled where that is possible in reasonable time."""
-        return native_or_floats(self._equation(), self._sizes, self.dof, name=type(self).__name__, finite="results")
+        return native_or_floats(self._equation(), self._sizes, self.dof, name=type(self).__name__, finite=self.finite)
 
     @property
     def _sizes(self) -> dict[str, int]:
@@ -153,7 +157,8 @@ class Controller(ABC, Generic[Memory]):
         columns = _columns((p, v, *reference), self._given_sizes, arms)
         memory = _columns(leaves(state), self._memory_sizes, arms)
         torque, after = self._many.step(prod(arms), columns, memory)
-        if not np.isfinite(torque).all():
+        looked_at = (torque, *columns.values()) if self.finite is True else (torque,)
+        if not all(np.isfinite(values).all() for values in looked_at):
             self._blame(p, v, reference, torque.reshape(*arms, -1))
         after = after if len(arms) == 1 else [values.reshape(*arms, values.shape[1]) for values in after]
         return torque.reshape(*arms, torque.shape[1]), like(state, after)
