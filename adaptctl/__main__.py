@@ -5,26 +5,35 @@ from __future__ import annotations
 import os
 import signal
 import sys
+from contextlib import suppress
 from typing import TYPE_CHECKING, NoReturn
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from types import FrameType
+    from typing import Any
+
+    Handler = Callable[[int, FrameType | None], Any] | signal.Handlers
 
 INTERRUPTED = 130
 
 
 def run() -> NoReturn:
     """Run the command line and exit with its code."""
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, _leave)  # while packages are imported, there is nothing to keep
+    _on_signals(_leave)  # while packages are imported, there is nothing to keep
     from adaptctl.cli.main import main
 
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, _interrupt)
-    code = main()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_IGN)  # all is done; packages close
+    code = INTERRUPTED
+    with suppress(KeyboardInterrupt):  # between two commands' own ways to take it
+        _on_signals(_interrupt)
+        code = main()
+    _on_signals(signal.SIG_IGN)  # all is done; packages close
     sys.exit(code)
+
+
+def _on_signals(handler: Handler) -> None:
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, handler)
 
 
 def _leave(number: int, frame: FrameType | None) -> NoReturn:

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import lru_cache
 from math import prod
-from typing import Any, Generic, NamedTuple, NoReturn, Protocol, TypeVar
+from typing import Any, ClassVar, Generic, NamedTuple, NoReturn, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array, checked
 from adaptctl.caching import cached_property
 from adaptctl.compilation import Kernel
+from adaptctl.compilation.builtin import Finite
 from adaptctl.compilation.floats import OnFloats, native_or_floats
 from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.control.many_arms import ManyArms
@@ -54,6 +55,9 @@ class Controller(Tunable, ABC, Generic[Memory]):
     Numbers that the class names in `tunable`, its gains, are arguments of the native code: controllers that differ in
     them alone share it, and `tuned` makes one of another. Without such names all numbers are compiled in.
     """
+
+    finite: ClassVar[Finite] = "results"
+    """Whether a tick looks only at what it computes for NaN and infinity, or also (True) at all that it is given."""
 
     @property
     @abstractmethod
@@ -142,7 +146,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
     def on_floats(self) -> OnFloats:
         """The law in Python with its own gains: it takes p, v, the reference's parts, the leaves of the memory."""
         sizes = self._given_sizes | self._memory_sizes
-        return OnFloats(self._equation(), sizes, name=type(self).__name__, finite="results")
+        return OnFloats(self._equation(), sizes, name=type(self).__name__, finite=self.finite)
 
     @cached_property
     def _tick(self) -> Kernel | OnFloats:
@@ -164,6 +168,8 @@ class Controller(Tunable, ABC, Generic[Memory]):
         for what, made in (("torque", torque), *(("state", part) for part in after)):
             if not np.isfinite(made).all():
                 self._blame(p, v, reference, made.reshape(*arms, -1), what)
+        if self.finite is True and not all(np.isfinite(values).all() for values in columns.values()):
+            self._blame(p, v, reference)
         after = after if len(arms) == 1 else [values.reshape(*arms, values.shape[1]) for values in after]
         return torque.reshape(*arms, torque.shape[1]), like(state, after)
 
@@ -217,7 +223,7 @@ def _compiled(structure: Structure) -> Kernel | OnFloats:
     """The law of controllers of one structure on arrays; that of the latest is kept."""
     law: Any = structure.of
     sizes = law._given_sizes | law._memory_sizes | law.gain_sizes
-    return native_or_floats(law._equation(), sizes, law.dof, name=type(law).__name__, finite="results")
+    return native_or_floats(law._equation(), sizes, law.dof, name=type(law).__name__, finite=law.finite)
 
 
 @lru_cache(maxsize=16)
