@@ -12,7 +12,7 @@ DOCS := docs/_build/html
 .PHONY: help demo test bench check-stability lint types docs format lock clean
 
 help: ## list the targets
-	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-15s %s\n", $$1, $$2}' Makefile
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-15s %s\n", $$1, $$2}' Makefile
 
 demo: $(STAMP) ## an adaptive PUMA 560, from energies to a recording, in results/puma560-adaptive (or OUT=...)
 	$(BIN)/adaptctl experiment run puma560-adaptive --out $(OUT) --overwrite
