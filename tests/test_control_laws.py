@@ -130,7 +130,7 @@ def test_pd_with_gravity_reaches_a_resting_goal(name: str, off: list[float]) -> 
 def test_adaptive_computed_torque(name: str, bandwidth: float, mass: float, seed: int) -> None:
     """V = s'Ws/2 + the parameters' term falls as -s'W Lambda s."""
     mechanism = arm(name)
-    law = AdaptiveComputedTorque(reduced(name), bandwidth, rough(name), gain(name, 0.02))
+    law = AdaptiveComputedTorque(reduced(name), bandwidth, rough(name), gain(name, 0.02), torque_limits=np.inf)
     true = loaded(mechanism, mass)
     run = loop(law, mechanism, swinging(mechanism, seed), 0.5, parameters=true)
     weight = np.asarray(law.weight)
@@ -157,7 +157,7 @@ def test_adaptive_computed_torque_keeps_an_invertible_model_on_rigid_bodies() ->
 @given(name=st.sampled_from(BOTH), bandwidth=st.floats(3.0, 10.0), mass=st.floats(0.0, 2.0), seed=st.integers(0, 100))
 def test_passivity_with_integral_action(name: str, bandwidth: float, mass: float, seed: int) -> None:
     mechanism = arm(name)
-    law = PassivityIntegral(reduced(name), bandwidth, gains(name).damping, gain(name, 0.1))
+    law = PassivityIntegral(reduced(name), bandwidth, gains(name).damping, gain(name, 0.1), torque_limits=np.inf)
     true = loaded(mechanism, mass)
     run = loop(law, mechanism, swinging(mechanism, seed), 0.5, parameters=true)
     V = kinetic(mechanism.with_parameters(true), run) + distance(law, run, true)
@@ -251,6 +251,7 @@ def test_task_space_adaptation(name: str, mass: float, singularity: float, seed:
         gain(name, 0.1),
         reference_in_joints=True,
         singularity=singularity,
+        torque_limits=np.inf,
         tool=np.array([0.02, 0.0, 0.1]),
     )
     true = loaded(mechanism, mass)
@@ -332,7 +333,7 @@ def test_constant_loads_leave_an_error_in_motion_and_while_adapting() -> None:
         law = PassivityIntegral(reduced(name), 5.0, K, adaptation, initial=true)
         reference = swinging(mechanism, amplitude=amplitude)
         run = loop(law, mechanism, reference, 6.0, disturbance=lambda t: 0.2 * K)
-        left[what] = np.abs(run.error[-1000:]).max()
+        left[what] = np.abs((run.p - reference(run.time).p)[-1000:]).max()
     assert left["still"] < 1e-5
     assert left["moving, learning"] > 1e-4
 
@@ -347,7 +348,7 @@ def test_the_undamped_task_space_law_passes_a_singularity() -> None:
         p, v = np.array([0.3, bend]), np.array([0.5, -0.7])
         point = ReferencePoint(*map(column, aim))
         v_r, a_r, _ = law.reference_velocity(column(p), column(p), column(v), point, law.start(p, v))
-        assert np.abs(v_r.of).max() < 100.0
+        assert np.abs(v_r.of).max() < 300.0
         assert np.isfinite(a_r.of).all()
 
 

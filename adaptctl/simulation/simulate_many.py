@@ -16,6 +16,7 @@ from adaptctl.arrays import Array, checked, frozen
 from adaptctl.compilation import Stepper, compile_step
 from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.control.controller import Controller, Reference, leaves
+from adaptctl.control.reference_check import warn_of_derivatives
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column, absolute, maximum
 from adaptctl.simulation.closed_loop import ClosedLoop
@@ -161,6 +162,8 @@ class _Runs:
         _require_compilable(loop)
         self.steps, self.every = round(duration / self.period), int(every)
         self.references = ReferencesOfMany.of(reference, loop.controller.reference_size)
+        first = reference[0] if isinstance(reference, Sequence) else reference
+        warn_of_derivatives(first, [joint.name for joint in loop.plant.mechanism.primary_joints], duration, 4)
 
     @property
     def count(self) -> int:
