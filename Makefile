@@ -1,6 +1,7 @@
 # `make` lists the targets. Those that run something first install what they need into .venv, from requirements.lock.
 PYTHON ?= python3
 OUT ?= results/puma560-adaptive
+ARMS ?= 500
 BIN := .venv/bin
 STAMP := .venv/installed
 PIP := $(BIN)/python -m pip --disable-pip-version-check
@@ -8,10 +9,10 @@ DOCS := docs/_build/html
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test bench lint types docs format licences audit lock clean
+.PHONY: help demo test bench check-stability lint types docs format licences audit lock clean
 
 help: ## list the targets
-	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-7s %s\n", $$1, $$2}' Makefile
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-15s %s\n", $$1, $$2}' Makefile
 
 demo: $(STAMP) ## an adaptive PUMA 560, from energies to a recording, in results/puma560-adaptive (or OUT=...)
 	$(BIN)/adaptctl experiment run puma560-adaptive --out $(OUT) --overwrite
@@ -22,6 +23,9 @@ test: $(STAMP) ## the tests, and every example of README.md and docs/
 
 bench: $(STAMP) ## speed against its peers, in three minutes; README.md and docs/speed.md then show it
 	$(BIN)/python -m benchmarks
+
+check-stability: $(STAMP) ## 10,000 closed loops of ten minutes on random arms; hours (ARMS=50 for some of them)
+	$(BIN)/python -m benchmarks.stability --arms $(ARMS)
 
 lint: $(STAMP) ## style of the code
 	$(BIN)/ruff check .

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from adaptctl.arrays import Array, frozen_array, per_joint, positive_number
 from adaptctl.control.controller import Reference, ReferencePoint
 from adaptctl.control.gains.torque_limits import finite_torque_limits
+from adaptctl.control.reference_check import warn_of_derivatives
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs.random_reference import Trajectory, drawn
 from adaptctl.envs.reward import RewardWeights
@@ -192,6 +193,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         self.reward_weights = reward_weights or RewardWeights()
         self.initial_error = per_joint(initial_error, self.mechanism.dof, "initial_error")
         self.trajectory = reference
+        if callable(reference):
+            warn_of_derivatives(reference, [joint.name for joint in self.mechanism.primary_joints], duration, 3)
         self._set_spaces()
         self._set_render_mode(render_mode)
         self._episode: _Episode | None = None

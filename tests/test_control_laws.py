@@ -43,8 +43,10 @@ from adaptctl.control import (
     lyapunov,
 )
 from adaptctl.control.controller import leaves
+from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.recursion.kinematics import link_poses
 from adaptctl.errors import GainError, InputError
+from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import column
 
 ARMS = ["puma560_arm3", "semi_direct_drive"]
@@ -128,7 +130,7 @@ def test_pd_with_gravity_reaches_a_resting_goal(name: str, off: list[float]) -> 
 def test_adaptive_computed_torque(name: str, bandwidth: float, mass: float, seed: int) -> None:
     """V = s'Ws/2 + the parameters' term falls as -s'W Lambda s."""
     mechanism = arm(name)
-    law = AdaptiveComputedTorque(reduced(name), bandwidth, rough(name), gain(name, 0.02))
+    law = AdaptiveComputedTorque(reduced(name), bandwidth, rough(name), gain(name, 0.02), torque_limits=np.inf)
     true = loaded(mechanism, mass)
     run = loop(law, mechanism, swinging(mechanism, seed), 0.5, parameters=true)
     weight = np.asarray(law.weight)
@@ -155,7 +157,7 @@ def test_adaptive_computed_torque_keeps_an_invertible_model_on_rigid_bodies() ->
 @given(name=st.sampled_from(BOTH), bandwidth=st.floats(3.0, 10.0), mass=st.floats(0.0, 2.0), seed=st.integers(0, 100))
 def test_passivity_with_integral_action(name: str, bandwidth: float, mass: float, seed: int) -> None:
     mechanism = arm(name)
-    law = PassivityIntegral(reduced(name), bandwidth, gains(name).damping, gain(name, 0.1))
+    law = PassivityIntegral(reduced(name), bandwidth, gains(name).damping, gain(name, 0.1), torque_limits=np.inf)
     true = loaded(mechanism, mass)
     run = loop(law, mechanism, swinging(mechanism, seed), 0.5, parameters=true)
     V = kinetic(mechanism.with_parameters(true), run) + distance(law, run, true)
@@ -249,6 +251,7 @@ def test_task_space_adaptation(name: str, mass: float, singularity: float, seed:
         gain(name, 0.1),
         reference_in_joints=True,
         singularity=singularity,
+        torque_limits=np.inf,
         tool=np.array([0.02, 0.0, 0.1]),
     )
     true = loaded(mechanism, mass)
@@ -319,3 +322,48 @@ def test_the_sliding_variable_of_relatives_is_not_taken_for_slotine_and_lis() ->
     run = SimpleNamespace(p=p, v=0.0 * p, reference_p=p, reference_v=0.0 * p, estimate=np.zeros((1, len(gain(SMALL)))))
     with pytest.raises(InputError, match="sliding variable: that of PassivityIntegral depends on more"):
         lyapunov(law, run, mechanism)
+
+
+def test_constant_loads_leave_an_error_in_motion_and_while_adapting() -> None:
+    """What integral action promises at rest without adaptation, and no more."""
+    name, mechanism = ARMS[0], arm(ARMS[0])
+    K, true = gains(name).damping, reduced(name).fundamental_parameters
+    left = {}
+    for what, amplitude, adaptation in (("still", 0.0, None), ("moving, learning", 0.3, gain(name))):
+        law = PassivityIntegral(reduced(name), 5.0, K, adaptation, initial=true)
+        reference = swinging(mechanism, amplitude=amplitude)
+        run = loop(law, mechanism, reference, 6.0, disturbance=lambda t: 0.2 * K)
+        left[what] = np.abs((run.p - reference(run.time).p)[-1000:]).max()
+    assert left["still"] < 1e-5
+    assert left["moving, learning"] > 1e-4
+
+
+def test_the_undamped_task_space_law_passes_a_singularity() -> None:
+    """The arm stretched out: J J' is singular there, and v_r and a_r are finite all the same."""
+    mechanism = load("docs/examples/two_link.toml")
+    model = ReducedModel.full(mechanism)
+    law = TaskSpaceSlotineLi(model, 5.0, own_damping(mechanism), axes=(0, 2))
+    aim = ReferencePoint(np.array([0.1, 0.2]), np.array([0.1, -0.2]), np.zeros(2))
+    for bend in (0.0, 1e-12, 1e-6, 1e-3, 0.1, 1.0):
+        p, v = np.array([0.3, bend]), np.array([0.5, -0.7])
+        point = ReferencePoint(*map(column, aim))
+        v_r, a_r, _ = law.reference_velocity(column(p), column(p), column(v), point, law.start(p, v))
+        assert np.abs(v_r.of).max() < 300.0
+        assert np.isfinite(a_r.of).all()
+
+
+def test_the_guard_leaves_regular_places_alone() -> None:
+    """There v_r is the one of the inverse: J v_r is what the task asks."""
+    mechanism = load("docs/examples/two_link.toml")
+    law = TaskSpaceSlotineLi(ReducedModel.full(mechanism), 5.0, own_damping(mechanism), axes=(0, 2))
+    p, aim = np.array([0.3, 1.0]), ReferencePoint(np.array([0.1, 0.2]), np.array([0.1, -0.2]), np.zeros(2))
+    v_r, _, _ = law.reference_velocity(
+        column(p), column(p), column(np.zeros(2)), ReferencePoint(*map(column, aim)), law.start(p, p)
+    )
+    x, rows = law.point(column(p))
+    asked = aim.v - 5.0 * (np.array(x.of) - aim.p)
+    np.testing.assert_allclose([row @ v_r for row in rows], asked, rtol=1e-9)
+
+
+def own_damping(mechanism: Mechanism) -> Array:
+    return 20.0 * np.diag(mechanism.mass_matrix(np.zeros(mechanism.dof)))

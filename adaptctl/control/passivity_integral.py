@@ -34,11 +34,13 @@ class PassivityIntegral(SlotineLi):
     The integral is taken by the trapezium, exact to T_c^2.
 
     Guarantees: what `SlotineLi` does, V with this s; on s = 0 the error has both poles at -Lambda. A constant
-    disturbance leaves a constant s and no position error, adaptation or not; friction and an unknown payload at
-    rest are such.
+    disturbance leaves a constant s and, at rest and without adaptation, no position error: friction and an unknown
+    payload at rest are such.
 
-    Gives up: the integral overshoots, and winds up while torques are limited. It stands still in a period whose
-    `elapsed` is set to zero, as adaptation does.
+    Gives up: more than that under disturbance. In motion, and while adapting, a constant load leaves an error: s that
+    is not zero is integrated by the estimate, which drifts (a leak or `Projection` bounds it). The integral overshoots,
+    and winds up while torques are limited. It stands still in a period whose `elapsed` is set to zero, as adaptation
+    does.
 
     Arguments and errors are those of `SlotineLi`.
     """

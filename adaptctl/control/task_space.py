@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -18,11 +17,18 @@ from adaptctl.control.slotine_li import ReferenceVelocity, SlotineLi
 from adaptctl.dynamics.recursion.jacobian import moving_point
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.errors import InputError
-from adaptctl.scalars import Column, Dual, Vec, column
+from adaptctl.scalars import Column, Dual, Vec, column, maximum
 from adaptctl.scalars.column import combined
 
 UNREACHED = 1e-6
 """A Jacobian's smallest singular value over its largest, below which it is singular everywhere."""
+
+
+NEARLY, GUARD = 1e-3, 1e-2
+"""det(J J'), its mean eigenvalue scaled to 1, below which J is nearly singular; and the damping there at most, over the
+mean eigenvalue"""
+SMALLEST = 1e-12
+"""m^2, for a point that nothing moves"""
 
 
 class Goal(NamedTuple):
@@ -43,13 +49,15 @@ class TaskSpaceSlotineLi(SlotineLi):
 
     x has m of the world's coordinates (`axes`) of the `tool` (3,), a point in the frame of `link`, the last one
     when not given. With m < r the rest of the motion is drawn to `posture`, the mechanism's home when not given.
-    `singularity` is mu in m: zero inverts J itself (m = r) or takes the least motion (m < r).
+    `singularity` is mu in m: zero inverts J itself (m = r) or takes the least motion (m < r). Where J J' is nearly
+    singular, det(J J')/(tr(J J')/m)^m = w below w_0 = 1e-3, the square of mu grows by a share (1 - w/w_0)^2 of 1e-2 of
+    tr(J J')/m, smoothly from 0 (Nakamura and Hanafusa 1986), so that v_r and a_r stay finite.
 
     Guarantees: s goes to zero with V as for `SlotineLi`, whatever J. Where J has full rank and mu is zero,
     x' - x_d' + Lambda (x - x_d) = J s, so the point goes to its path.
 
-    Gives up: orientations. Near a singularity v_r grows without bound when mu is zero; with mu the point lags
-    behind where J's singular values are not large against mu.
+    Gives up: orientations. Near a singularity v_r becomes fast when mu is zero, and through it the point is not
+    followed; with mu the point lags behind where J's singular values are not large against mu.
 
     The reference point has m numbers each, x_d, x_d', x_d''; with `reference_in_joints` it has joints (r,), as
     an environment tells them, and the point is to be where that arm has it. `bandwidth` is Lambda (1/s), a
@@ -125,7 +133,11 @@ class TaskSpaceSlotineLi(SlotineLi):
         home = column(np.asarray(self.posture))
         free = -(self.posture_rate * (p - home)) if len(self.axes) < self.dof else Column.zeros(self.dof)
         task = rate - column(self.bandwidth) * (position - goal) - Column(row @ free for row in rows)
-        return free + _damped(rows, task, self.singularity**2)
+        gram = [[a @ b for b in rows] for a in rows]
+        square = self.singularity**2 + _guard(gram)
+        for i in range(len(rows)):
+            gram[i][i] = gram[i][i] + square
+        return free + combined(rows, solve_symmetric(gram, task))
 
     def _require_link(self) -> None:
         """Raise `InputError` for a link that there is not."""
@@ -167,9 +179,20 @@ def _moving(values: Column, slopes: Column) -> Column:
     return Column(map(Dual, values, slopes))
 
 
-def _damped(rows: Sequence[Column], task: Column, square: float) -> Column:
-    """J'(J J' + mu^2)^-1 task."""
-    gram = [[a @ b for b in rows] for a in rows]
-    for i in range(len(rows)):
-        gram[i][i] = gram[i][i] + square
-    return combined(rows, solve_symmetric(gram, task))
+def _guard(gram: list[list[Any]]) -> Any:
+    """The square of mu (m^2) that keeps the inverse of J J' finite: 0 where it is regular."""
+    m = len(gram)
+    mean = sum((gram[i][i] for i in range(1, m)), gram[0][0]) * (1.0 / m) + SMALLEST
+    scaled = [[(1.0 / mean) * x for x in row] for row in gram]
+    lack = maximum(1.0 - _determinant(scaled) * (1.0 / NEARLY), 0.0)
+    return GUARD * mean * lack * lack
+
+
+def _determinant(rows: list[list[Any]]) -> Any:
+    """The determinant of a small matrix by Laplace's expansion, which divides by nothing."""
+    first, *others = rows
+    if not others:
+        return first[0]
+    minors = ([row[:j] + row[j + 1 :] for row in others] for j in range(len(first)))
+    terms = [x * _determinant(minor) for x, minor in zip(first, minors, strict=True)]
+    return sum((-x if j % 2 else x for j, x in enumerate(terms[1:], start=1)), terms[0])

@@ -17,6 +17,7 @@ from adaptctl.compilation import Stepper, compile_step
 from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.compilation.loop import Source
 from adaptctl.control.controller import Controller, Reference, leaves, like
+from adaptctl.control.reference_check import warn_of_derivatives
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column
 from adaptctl.simulation.closed_loop import ClosedLoop
@@ -189,6 +190,8 @@ class _Runs:
         self.steps, self.every = round(duration / self.period), every
         self.references = ReferencesOfMany.of(reference, loop.controller.reference_size)
         self.final = max(0, self.steps - round(SETTLED / self.period))
+        first = reference[0] if isinstance(reference, Sequence) else reference
+        warn_of_derivatives(first, [joint.name for joint in loop.plant.mechanism.primary_joints], duration, 4)
 
     @property
     def count(self) -> int:

@@ -1,0 +1,46 @@
+"""A check of references: a law's proof takes a_d for the derivative of v_d, and v_d for that of p_d."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.control.controller import Reference
+from adaptctl.errors import ReferenceWarning
+
+TIMES, STEP = 41, 1e-4
+"""how many times are looked at, and the step of central differences, s"""
+ALLOWED = 0.05
+"""of the largest derivative, at the median: a corner of a path here and there is none"""
+
+
+def warn_of_derivatives(reference: Reference, names: Sequence[str], duration: float, stacklevel: int = 2) -> None:
+    """Warn (`ReferenceWarning`) where a reference's velocities or accelerations are not the derivatives of its
+    positions and velocities, with the joints (r,) by name, looked at over `duration` s."""
+    time = STEP + (duration - 2.0 * STEP) * (np.arange(TIMES) + 0.382) / TIMES
+    if not time[0] < time[-1]:
+        return
+    before, now, after = (reference(time + shift) for shift in (-STEP, 0.0, STEP))
+    for what, of, told, low, high in (
+        ("velocity", "position", now.v, before.p, after.p),
+        ("acceleration", "velocity", now.a, before.v, after.v),
+    ):
+        wrong = _wrong(np.asarray(told), (np.asarray(high) - np.asarray(low)) / (2.0 * STEP))
+        if wrong:
+            joints = ", ".join(names[j] if j < len(names) else f"{j}" for j in wrong)
+            warnings.warn(
+                f"reference: the {what} of {joints} is not the derivative of its {of}: the controller will follow "
+                f"neither; give {type(reference).__name__} exact derivatives, or use `Spline` through its positions",
+                ReferenceWarning,
+                stacklevel=stacklevel + 1,
+            )
+            return
+
+
+def _wrong(told: Array, slope: Array) -> list[int]:
+    """The joints whose derivatives (T, r), as told, miss those by differences."""
+    scale = np.maximum(np.abs(told), np.abs(slope)).max(axis=0)
+    return np.flatnonzero(np.median(np.abs(told - slope), axis=0) > ALLOWED * scale + 1e-6).tolist()
