@@ -55,7 +55,7 @@ class Told(Column):
         return list(self.of)
 
 
-class Settings(NamedTuple):
+class LoopSettings(NamedTuple):
     """A lane's settings, remembered instead of compiled."""
 
     bandwidth: Any
@@ -67,7 +67,7 @@ class Tested(NamedTuple):
     """The memory of a loop under test; what is recorded as its estimate is how it rings."""
 
     of: Any
-    settings: Settings
+    settings: LoopSettings
     heard: Ringing
     estimate: Any
 
@@ -85,7 +85,7 @@ class UnderTest(Controller[Tested]):
 
     def start(self, p: Array, v: Array) -> Tested:
         """The memory before the first tick."""
-        own = Settings(np.array(self.of.bandwidth), np.array(self.of.damping), np.array(self._gradient.gain))
+        own = LoopSettings(np.array(self.of.bandwidth), np.array(self.of.damping), np.array(self._gradient.gain))
         return Tested(self.of.start(p, v), own, Ringing.silent(self.dof), np.zeros(self.dof))
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: Tested) -> tuple[Column, Tested]:
@@ -122,10 +122,10 @@ def random_arm(rng: np.random.Generator) -> Mechanism:
 
 
 @dataclass(frozen=True, eq=False)
-class Draws:
+class LoopDraws:
     """Loops of one arm: a row each."""
 
-    settings: Settings
+    settings: LoopSettings
     before: Array
     """adaptation gains of the law there was before"""
     certified: Array
@@ -134,7 +134,7 @@ class Draws:
     parameters: Array
 
 
-def drawn(model: ReducedModel, rng: np.random.Generator, count: int) -> Draws:
+def drawn(model: ReducedModel, rng: np.random.Generator, count: int) -> LoopDraws:
     """Loops whose gains are accepted, up to the limit."""
     mechanism, rows = model.mechanism, []
     r, own = mechanism.dof, mechanism.inertial_parameters
@@ -158,8 +158,8 @@ def drawn(model: ReducedModel, rng: np.random.Generator, count: int) -> Draws:
         )
         rows.append((bandwidth, damping, gain, prior, held < 2.0, reference, loaded))
     columns = list(zip(*rows, strict=True))
-    settings = Settings(*map(np.array, columns[:3]))
-    return Draws(settings, np.array(columns[3]), np.array(columns[4]), list(columns[5]), np.array(columns[6]))
+    settings = LoopSettings(*map(np.array, columns[:3]))
+    return LoopDraws(settings, np.array(columns[3]), np.array(columns[4]), list(columns[5]), np.array(columns[6]))
 
 
 def numbers(model: ReducedModel, gains: Gains, gain: Array, reference: adaptctl.Sinusoids) -> float:
@@ -169,9 +169,9 @@ def numbers(model: ReducedModel, gains: Gains, gain: Array, reference: adaptctl.
     return PERIOD * float(np.linalg.norm(Y / np.sqrt(gains.damping)[:, None], ord=2, axis=(1, 2)).max()) ** 2
 
 
-def outcome(model: ReducedModel, draws: Draws, law: Gradient, gain: Array, duration: float) -> tuple[Array, Array]:
+def outcome(model: ReducedModel, draws: LoopDraws, law: Gradient, gain: Array, duration: float) -> tuple[Array, Array]:
     """Which loops (n,) stay finite, and which ring in the end."""
-    one = Settings(*(part[0] for part in draws.settings))
+    one = LoopSettings(*(part[0] for part in draws.settings))
     controller = UnderTest(SlotineLi(model, one.bandwidth, one.damping, law, period=PERIOD))
     plant = adaptctl.Plant(model.mechanism, PERIOD, integrator=SemiImplicitEuler())
     start = [reference(0.0) for reference in draws.references]

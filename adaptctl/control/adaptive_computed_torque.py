@@ -79,7 +79,7 @@ class AdaptiveComputedTorque(AdaptiveController):
             felt = solve_symmetric(inertia, column(self.weight) * sliding)
             return equations.motion(memory.q, before, before, acceleration).powers(felt, self.model.columns)
 
-        damping = column(np.asarray(self.weight) * self.bandwidth)
+        damping = column(self.weight) * bandwidth
         passed = Period(gradient, memory.s, s, memory.torque, q, v, self.period, memory.elapsed[0], damping)
         estimate, learning = self._learned(memory, passed)
         a = reference.a - bandwidth * (e_rate + s)

@@ -28,7 +28,7 @@ ALLOWED_MISFIT = 1.03
 """Of the consistent estimate's whitened root mean square over that of least squares on the same columns."""
 
 
-class Trial(NamedTuple):
+class FrictionTrial(NamedTuple):
     """A choice that was tried, and how it predicted blocks left out."""
 
     what: str
@@ -43,7 +43,7 @@ class Choice:
     """The settings that predicted best, and all that were tried."""
 
     settings: FitSettings
-    trials: tuple[Trial, ...]
+    trials: tuple[FrictionTrial, ...]
 
 
 def choose(
@@ -58,7 +58,7 @@ def choose(
     """
     judged = judged_at(evidence)
     settings = FitSettings(friction or FrictionModel(), weight or FIRST_WEIGHT, cutoff or judged)
-    trials: list[Trial] = []
+    trials: list[FrictionTrial] = []
     if friction is None:
         settings = _best(evidence, [replace(settings, friction=c) for c in CANDIDATES], "friction", _friction, trials)
         if evidence.mechanism.description.loops is None:
@@ -116,7 +116,7 @@ def _best(
     tried: Sequence[FitSettings],
     what: str,
     word: Callable[[FitSettings], str],
-    trials: list[Trial],
+    trials: list[FrictionTrial],
     better: float = BETTER,
 ) -> FitSettings:
     """The first of the tried that none of the later ones beats by the share asked for."""
@@ -125,7 +125,9 @@ def _best(
     for i, score in enumerate(scores):
         if score < (1.0 - better) * scores[best]:
             best = i
-    trials += [Trial(what, word(s), rms, i == best) for i, (s, rms) in enumerate(zip(tried, scores, strict=True))]
+    trials += [
+        FrictionTrial(what, word(s), rms, i == best) for i, (s, rms) in enumerate(zip(tried, scores, strict=True))
+    ]
     return tried[best]
 
 

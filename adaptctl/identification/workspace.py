@@ -17,7 +17,7 @@ from adaptctl.errors import SimplificationWarning
 
 
 @dataclass(frozen=True, eq=False)
-class Workspace:
+class ReachableSpace:
     """A box (m) that the links' frames stay in, and the robot's collision geometry."""
 
     mechanism: Mechanism
@@ -36,14 +36,14 @@ class Workspace:
 
 def workspace(
     mechanism: Mechanism, robot: str | Path, lower: Array | None = None, upper: Array | None = None
-) -> Workspace:
+) -> ReachableSpace:
     """Of a robot's file: the <collision> geometry of URDF, as far as its meshes are found; no box unless given.
 
     Pairs of links that touch at the middle of the joints' ranges, neighbours above all, are taken as made so. Warns
     (SimplificationWarning) where no geometry is known, so that nothing is checked.
     """
     box = (np.full(3, -np.inf) if lower is None else lower, np.full(3, np.inf) if upper is None else upper)
-    return Workspace(mechanism, *box, _self_collision(mechanism, robot))
+    return ReachableSpace(mechanism, *box, _self_collision(mechanism, robot))
 
 
 def _self_collision(mechanism: Mechanism, robot: str | Path) -> Callable[[Array], bool] | None:

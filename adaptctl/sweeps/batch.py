@@ -22,7 +22,7 @@ from adaptctl.sweeps.outcome import RunOutcome
 RunOutcomes = dict[int, list[tuple[str, RunOutcome]]]
 
 
-class Trial(NamedTuple):
+class BatchedRun(NamedTuple):
     """A run before it begins: the controllers compared, and the episode that each drives."""
 
     contenders: list[Contender]
@@ -38,7 +38,7 @@ def batched(experiments: Sequence[Experiment], controllers: Sequence[str]) -> Ru
     """
     if not all(isinstance(one, Learning) for one in experiments):
         return {}
-    trials: dict[int, Trial] = {}
+    trials: dict[int, BatchedRun] = {}
     outcomes: RunOutcomes = {}
     for k, one in enumerate(experiments):
         try:
@@ -60,7 +60,7 @@ def batched(experiments: Sequence[Experiment], controllers: Sequence[str]) -> Ru
     return outcomes
 
 
-def _trial(experiment: Learning, controllers: Sequence[str]) -> Trial | None:
+def _trial(experiment: Learning, controllers: Sequence[str]) -> BatchedRun | None:
     """What an experiment would run; None where that is not for many at once. Raises what the experiment raises."""
     mechanism = _loaded(experiment)
     contenders = experiment.contenders(mechanism, offline(mechanism))
@@ -72,10 +72,10 @@ def _trial(experiment: Learning, controllers: Sequence[str]) -> Trial | None:
     simple = not plant.effects and isinstance(reference, Sinusoids) and plant.mechanism.continuation is None
     if not simple or any(one.controller.reference_size != plant.dof for one in chosen):
         return None
-    return Trial(chosen, episode, env.unwrapped.error_bound)
+    return BatchedRun(chosen, episode, env.unwrapped.error_bound)
 
 
-class Named(Protocol):
+class HasName(Protocol):
     """What has a name."""
 
     @property
@@ -84,7 +84,7 @@ class Named(Protocol):
         ...
 
 
-Some = TypeVar("Some", bound=Named)
+Some = TypeVar("Some", bound=HasName)
 
 
 def named(candidates: Sequence[Some], names: Sequence[str]) -> list[Some]:
@@ -125,14 +125,14 @@ def interned(mechanism: Mechanism) -> Mechanism:
     return _MECHANISMS.setdefault(mechanism.description.sha256, mechanism)
 
 
-def _group(trial: Trial, contender: Contender) -> Any:
+def _group(trial: BatchedRun, contender: Contender) -> Any:
     """Equal for what can run together."""
     plant, reference = trial.episode.plant, trial.episode.reference
     waves = np.shape(getattr(reference, "amplitude", ()))
     return contender.controller.structure, plant.structure, trial.episode.steps, trial.error_bound.tobytes(), waves
 
 
-def _together(trials: Mapping[int, Trial], places: Sequence[tuple[int, int]]) -> dict[tuple[int, int], RunOutcome]:
+def _together(trials: Mapping[int, BatchedRun], places: Sequence[tuple[int, int]]) -> dict[tuple[int, int], RunOutcome]:
     """RunOutcomes of trials' contenders that can run together."""
     first, chosen = trials[places[0][0]], [trials[k].contenders[c].controller for k, c in places]
     episodes = [trials[k].episode for k, _ in places]

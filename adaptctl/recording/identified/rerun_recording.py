@@ -22,7 +22,7 @@ SAMPLES = 3000
 
 
 @dataclass(frozen=True)
-class Named:
+class Titled:
     """What names the recording."""
 
     title: str
@@ -34,7 +34,7 @@ class Named:
 def write_recording(path: str | Path, found: Identification) -> None:
     """Write the recording whole or not at all. Raises FileError."""
     content = np.ascontiguousarray(found.validation.measured).tobytes()
-    with saved_stream(path, Named(f"{found.mechanism.name}, identified"), content, _blueprint(found)) as recording:
+    with saved_stream(path, Titled(f"{found.mechanism.name}, identified"), content, _blueprint(found)) as recording:
         log_markdown(recording, "summary", "\n\n".join((verdict(found), consistency(found), components(found))))
         _log_arm(recording, found)
         _log_torques(recording, found)
