@@ -60,7 +60,9 @@ def test_torques_energies_and_accelerations_are_pinocchios(name: str) -> None:
     mass = np.array([pinocchio.crba(model, data, x).copy() for x in p])
     mass = np.triu(mass) + np.swapaxes(np.triu(mass, 1), 1, 2)
     gravity = np.array([pinocchio.computeGeneralizedGravity(model, data, x).copy() for x in p])
-    slotine = np.einsum("tij,tj->ti", mass, a) + np.einsum("tij,tj->ti", coriolis, v_r) + gravity + rubbing
+    slotine = (
+        np.einsum("tij,tj->ti", mass, a) + np.einsum("tij,tj->ti", coriolis, v_r) + gravity + friction(mechanism, v_r)
+    )
     kinetic = np.array([pinocchio.computeKineticEnergy(model, data, *x) for x in zip(p, v, strict=True)])
     potential = np.array([pinocchio.computePotentialEnergy(model, data, x) for x in p])
     D = mechanism.inertial_parameters

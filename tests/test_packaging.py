@@ -57,7 +57,7 @@ def requirements() -> list[str]:
 
 
 def targets() -> set[str]:
-    return set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
+    return set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
 
 
 def commands(page: Path) -> list[str]:
@@ -113,7 +113,7 @@ def test_folders_beside_the_package_are_part_of_it() -> None:
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
 def test_make_targets_that_are_named_exist(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
-    named = re.findall(r"`make ([a-z]+)", text) + [
+    named = re.findall(r"`make ([a-z-]+)", text) + [
         word for line in commands(page) if line.startswith("make ") for word in line.split()[1:]
     ]
     assert set(named) <= targets()

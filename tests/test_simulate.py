@@ -230,6 +230,7 @@ def test_a_loop_that_nears_its_singularity_ends_the_run() -> None:
     assert run.terminated
 
 
+@pytest.mark.filterwarnings("ignore::adaptctl.errors.ReferenceWarning")
 def test_a_law_that_runs_away_raises_what_the_loop_raises() -> None:
     class Halting(Spring):
         """Its stiffness has a pole where its reference comes to in a while."""

@@ -65,6 +65,16 @@ class ConstrainedMechanism(Mechanism):
         return False
 
     @property
+    def unconstrained(self) -> Mechanism:
+        """The mechanism on all its parameters."""
+        return self.whole
+
+    @property
+    def free_directions(self) -> Array:
+        """N (P, Z) of D = D0 + N z."""
+        return self.parametrisation.matrix
+
+    @property
     def continuation(self) -> Continuation | None:
         """The branch of closed configurations, which no parameter changes."""
         return self.whole.continuation

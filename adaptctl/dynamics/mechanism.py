@@ -115,6 +115,16 @@ class Mechanism:
         return self.description.loops is None
 
     @property
+    def unconstrained(self) -> Mechanism:
+        """The same mechanism on all its parameters: itself, but under constraints on them."""
+        return self
+
+    @property
+    def free_directions(self) -> Array:
+        """How the parameters of `unconstrained` change with each of these (P, Z): the identity without constraints."""
+        return np.eye(len(self.parameter_names))
+
+    @property
     def energetic(self) -> int:
         """Number of parameters that enter the energy: all but friction, which comes last."""
         return self.description.energetic

@@ -75,7 +75,7 @@ def _trial(experiment: Learning, controllers: Sequence[str]) -> BatchedRun | Non
     return BatchedRun(chosen, episode, env.unwrapped.error_bound)
 
 
-class HasName(Protocol):
+class NamedRun(Protocol):
     """What has a name."""
 
     @property
@@ -84,7 +84,7 @@ class HasName(Protocol):
         ...
 
 
-Some = TypeVar("Some", bound=HasName)
+Some = TypeVar("Some", bound=NamedRun)
 
 
 def named(candidates: Sequence[Some], names: Sequence[str]) -> list[Some]:

@@ -13,7 +13,6 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.caching import cached_property
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.constrained_mechanism import ConstrainedMechanism
 from adaptctl.identifiability.proof import elimination, pivots
 from adaptctl.identifiability.proof.digits import BITS, digits, scaled
 from adaptctl.identifiability.proof.exact_geometry import ExactGeometry, Reading
@@ -56,7 +55,7 @@ class ExactEnergies:
         """The number of independent parameters."""
         description = self.mechanism.description
         plain = description.loops is None and len(description.bodies) == len(description.links)
-        if plain and not isinstance(self.mechanism, ConstrainedMechanism):
+        if plain and self.mechanism.unconstrained is self.mechanism:
             # Of a tree, it is the sum of what its joints feel (Wensing, Niemeyer and Slotine 2017).
             return sum(elimination.ranks(energy_changes(description, self.geometry, 11 + SPARE, self.seed)))
         return pivots.rank(self._differences, self._nothing) if self.closed else elimination.rank(self._differences)
@@ -112,15 +111,15 @@ class ExactEnergies:
     @cached_property
     def _differences(self) -> Any:
         """H (samples, P)."""
-        whole = self.mechanism.whole if isinstance(self.mechanism, ConstrainedMechanism) else self.mechanism
+        whole = self.mechanism.unconstrained
         rows = whole.energetic + SPARE
         if self.closed:
             H = _differences_in_digits(whole, self.geometry, rows, self.seed)
         else:
             H = energy_differences(whole.description, self.geometry, rows, self.seed)
-        if not isinstance(self.mechanism, ConstrainedMechanism):
+        if whole is self.mechanism:
             return H
-        left = self.mechanism.parametrisation.matrix[: whole.energetic, : self.mechanism.energetic]
+        left = self.mechanism.free_directions[: whole.energetic, : self.mechanism.energetic]
         out = np.empty((len(H), left.shape[1]), dtype=H.dtype)
         for j, weights in enumerate(left.T):
             out[:, j] = self._combined(H, weights)

@@ -20,9 +20,10 @@ from adaptctl.scalars import Column
 
 def exact_loops(mechanism: Mechanism, geometry: ExactGeometry) -> LoopEquations:
     """The equations on exact geometry, its joints shifted as it has them. Raises `InputError` for a tree."""
-    equations, description = mechanism.equations, mechanism.description
-    if not isinstance(equations, LoopEquations) or description.loops is None:
+    description = mechanism.description
+    if mechanism.continuation is None or description.loops is None:
         raise InputError(f"{mechanism.name}: there are no loops to close")
+    equations = mechanism.continuation.equations
     tree = replace(equations.tree, segments=geometry.links, gravity=geometry.gravity)
     pairs = zip(equations.closing.loops, description.loops.closures, strict=True)
     closed = tuple(_exact_loop(loop, closure, description, geometry) for loop, closure in pairs)
