@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import cached_property
+from collections.abc import Callable, Sequence
+from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, checked, same_samples, stacked, stacked_rows
+from adaptctl.arrays import Array, checked, same_samples
 from adaptctl.description import Description, Joint, Link
 from adaptctl.description.drive import Drive
+from adaptctl.dynamics.array_equation import LINEAR, QUADRATIC, ArrayEquation
 from adaptctl.dynamics.equations import Equations
 from adaptctl.dynamics.recursion.segment import segments
 from adaptctl.dynamics.tree_equations import TreeEquations
 from adaptctl.errors import InputError, LoopError
-from adaptctl.scalars import Column, column
+from adaptctl.scalars import Column
 
 if TYPE_CHECKING:
     import pinocchio
@@ -31,12 +32,23 @@ class Mechanism:
 
     Trailing axes are the mathematics, leading axes are samples: p, v, a, torque are (..., r), regressors
     (..., P) and (..., r, P). Angles in rad, lengths in m, torques in N m (N for a prismatic joint).
-    Every method raises `InputError` on a wrong shape and `NonFiniteError` on NaN or infinity; with loops,
-    `LoopError` where they do not fit together and `SingularityError` near a configuration where they lock.
+    The equations run in Python until it pays to compile them (`ArrayEquation` has the rule), then in native code.
+    `out` takes a result in place of a fresh array. Every method raises `InputError` on a wrong shape and
+    `NonFiniteError` on NaN or infinity; with loops, `LoopError` where they do not fit together and `SingularityError`
+    near a configuration where they lock.
     """
 
     def __init__(self, description: Description) -> None:
         self.description = description
+        self._equations = MechanismEquations(self)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but the equations on arrays, whose native code is no data."""
+        return {name: value for name, value in self.__dict__.items() if name != "_equations"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._equations = MechanismEquations(self)
 
     def __repr__(self) -> str:
         return f"<Mechanism {self.name!r}: {len(self.links)} links, {self.dof} degrees of freedom>"
@@ -138,6 +150,24 @@ class Mechanism:
         """The same mechanism with other inertial parameters (P,)."""
         return Mechanism(self.description.with_parameters(parameters))
 
+    def array_equation(
+        self,
+        function: Callable[..., Column | list[Column]],
+        *arguments: str,
+        longest: int = LINEAR,
+        **sizes: int,
+    ) -> ArrayEquation:
+        """A function of columns on arrays: of q, the configuration of the p that it is called with, of other
+        `arguments` (r,), and of arguments of other `sizes`."""
+        given = dict.fromkeys(("p", *arguments), self.dof) | sizes
+        configured = None if self.description.loops is None else self.configuration
+        links = len(self.links)
+        return ArrayEquation(self.name, function, given, links, longest=longest, configured=configured)
+
+    def on_columns(self, regressor: str, columns: Sequence[int]) -> ArrayEquation:
+        """A regressor's equation on arrays, "torque_regressor" or "slotine_li_regressor", with asked columns only."""
+        return self._equations[(regressor, *self._columns(columns))]
+
     def with_drives(self, drives: Drive | Sequence[Drive]) -> Mechanism:
         """The same mechanism with other rotors and friction in its tree's joints, one drive for all or one each.
 
@@ -145,21 +175,28 @@ class Mechanism:
         """
         return Mechanism(self.description.with_drives(drives))
 
-    def energy_regressor(self, p: ArrayLike, v: ArrayLike) -> Array:
+    def energy_regressor(self, p: ArrayLike, v: ArrayLike, out: Array | None = None) -> Array:
         """E (..., P): kinetic plus potential energy is E @ D, in J (Sheu and Walker 1991, section 2.2)."""
-        (p, v), samples = self._joints(p=p, v=v)
-        return stacked(self.equations.energy_regressor(self._tree(p), column(v)).of, samples)
+        equation = self._equations["energy_regressor"]
+        return equation.call(p, v) if out is None else equation.into(out, p, v)
 
     def energy(self, p: ArrayLike, v: ArrayLike) -> Array:
         """Kinetic plus potential energy (...), in J."""
         return self.energy_regressor(p, v) @ self.inertial_parameters
 
-    def torque_regressor(self, p: ArrayLike, v: ArrayLike, a: ArrayLike, columns: Sequence[int] | None = None) -> Array:
+    def torque_regressor(
+        self,
+        p: ArrayLike,
+        v: ArrayLike,
+        a: ArrayLike,
+        columns: Sequence[int] | None = None,
+        out: Array | None = None,
+    ) -> Array:
         """Y (..., r, P) of the equations of motion tau = Y D, or its asked columns only."""
-        (p, v, a), samples = self._joints(p=p, v=v, a=a)
-        speed = column(v)
-        rows = self.equations.torque_regressor(self._tree(p), speed, speed, column(a), self._columns(columns))
-        return stacked_rows(rows, samples)
+        equation = (
+            self._equations["torque_regressor"] if columns is None else self.on_columns("torque_regressor", columns)
+        )
+        return equation.call(p, v, a) if out is None else equation.into(out, p, v, a)
 
     def slotine_li_regressor(
         self,
@@ -168,35 +205,47 @@ class Mechanism:
         v_r: ArrayLike,
         a_r: ArrayLike,
         columns: Sequence[int] | None = None,
+        out: Array | None = None,
     ) -> Array:
         """Y_r (..., r, P): Y_r D = M(p) a_r + C(p, v) v_r + g(p), C the Christoffel one (Slotine and Li 1987)."""
-        (p, v, v_r, a_r), samples = self._joints(p=p, v=v, v_r=v_r, a_r=a_r)
-        kept = self._columns(columns)
-        rows = self.equations.torque_regressor(self._tree(p), column(v), column(v_r), column(a_r), kept)
-        return stacked_rows(rows, samples)
+        equation = (
+            self._equations["slotine_li_regressor"]
+            if columns is None
+            else self.on_columns("slotine_li_regressor", columns)
+        )
+        return equation.call(p, v, v_r, a_r) if out is None else equation.into(out, p, v, v_r, a_r)
 
-    def inverse_dynamics(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
+    def inverse_dynamics(self, p: ArrayLike, v: ArrayLike, a: ArrayLike, out: Array | None = None) -> Array:
         """Torque (..., r) that gives the accelerations a."""
-        (p, v, a), samples = self._joints(p=p, v=v, a=a)
-        speed = column(v)
-        torque = self.equations.inverse_dynamics(self._tree(p), speed, speed, column(a), self._parameters)
-        return stacked(torque.of, samples)
+        equation = self._equations["inverse_dynamics"]
+        return (
+            equation.call(p, v, a, self.inertial_parameters)
+            if out is None
+            else equation.into(out, p, v, a, self.inertial_parameters)
+        )
 
     def known_torque(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
         """Torque (..., r) that regressors times parameters leave out: zero, but under constraints on parameters."""
         _, samples = self._joints(p=p, v=v, a=a)
         return np.zeros((*samples, self.dof))
 
-    def forward_dynamics(self, p: ArrayLike, v: ArrayLike, torque: ArrayLike) -> Array:
+    def forward_dynamics(self, p: ArrayLike, v: ArrayLike, torque: ArrayLike, out: Array | None = None) -> Array:
         """Accelerations (..., r) under a torque."""
-        (p, v, torque), samples = self._joints(p=p, v=v, torque=torque)
-        a = self.equations.forward_dynamics(self._tree(p), column(v), column(torque), self._parameters)
-        return stacked(a.of, samples)
+        equation = self._equations["forward_dynamics"]
+        return (
+            equation.call(p, v, torque, self.inertial_parameters)
+            if out is None
+            else equation.into(out, p, v, torque, self.inertial_parameters)
+        )
 
-    def mass_matrix(self, p: ArrayLike) -> Array:
+    def mass_matrix(self, p: ArrayLike, out: Array | None = None) -> Array:
         """M(p) (..., r, r)."""
-        (p,), samples = self._joints(p=p)
-        return stacked_rows(self.equations.mass_matrix(self._tree(p), self._parameters), samples)
+        equation = self._equations["mass_matrix"]
+        return (
+            equation.call(p, self.inertial_parameters)
+            if out is None
+            else equation.into(out, p, self.inertial_parameters)
+        )
 
     def to_pinocchio(self) -> pinocchio.Model:
         """The same mechanism as a Pinocchio model, built depth first; with loops, its tree's, loops left open."""
@@ -220,13 +269,6 @@ class Mechanism:
 
         return cls(from_pinocchio(model))
 
-    @property
-    def _parameters(self) -> Column:
-        return Column(self.inertial_parameters.tolist())
-
-    def _tree(self, p: Array) -> Column:
-        return column(self.configuration(p))
-
     def _joints(self, **given: ArrayLike) -> tuple[list[Array], tuple[int, ...]]:
         """Checked arrays (..., r) and the sample axes they share."""
         arrays = {what: checked(values, self.dof, f"{self.name}: {what}") for what, values in given.items()}
@@ -240,6 +282,39 @@ class Mechanism:
         if wrong:
             raise InputError(f"{self.name}: columns must be in 0..{known - 1}, got {wrong[0]}")
         return columns
+
+
+class MechanismEquations(dict[Any, ArrayEquation]):
+    """A mechanism's equations on arrays, each made when it is first asked for: by its name, or for a regressor with
+    asked columns by its name and these."""
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        super().__init__()
+        self._mechanism = mechanism
+
+    def __missing__(self, key: Any) -> ArrayEquation:
+        equations, size = self._mechanism.equations, len(self._mechanism.parameter_names)
+        name, columns = (key, range(size)) if isinstance(key, str) else (key[0], key[1:])
+        made = partial(self._mechanism.array_equation, parameters=size)
+        if name == "inverse_dynamics":
+            self[key] = made(lambda q, v, a, parameters: equations.inverse_dynamics(q, v, v, a, parameters), "v", "a")
+        elif name == "forward_dynamics":
+            self[key] = made(equations.forward_dynamics, "v", "torque")
+        elif name == "mass_matrix":
+            self[key] = made(
+                lambda q, parameters: list(map(Column, equations.mass_matrix(q, parameters))), longest=QUADRATIC
+            )
+        else:
+            self[key] = self._regressor(name, columns)
+        return self[key]
+
+    def _regressor(self, name: str, columns: Sequence[int]) -> ArrayEquation:
+        equations, made = self._mechanism.equations, partial(self._mechanism.array_equation, longest=QUADRATIC)
+        if name == "energy_regressor":
+            return made(equations.energy_regressor, "v")
+        if name == "torque_regressor":
+            return made(lambda q, v, a: equations.torque_regressor(q, v, v, a, columns), "v", "a")
+        return made(lambda q, v, v_r, a_r: equations.torque_regressor(q, v, v_r, a_r, columns), "v", "v_r", "a_r")
 
 
 def load(source: str | Path, *, floating_base: bool = False, snap: bool = False) -> Mechanism:
