@@ -140,7 +140,8 @@ def test_the_rule() -> None:
 def is_native(mechanism: Mechanism, name: str, *arguments: Array) -> bool:
     """Whether it is, after one call."""
     called(mechanism, name, *arguments)
-    return mechanism._equations[name]._kernel is not None
+    equation: rule.ArrayEquation = getattr(mechanism._arrays, name)
+    return equation._kernel is not None
 
 
 def test_columns_and_reduced_models() -> None:
@@ -170,5 +171,5 @@ def test_a_compiled_mechanism_is_copied_and_pickled() -> None:
         patch.setattr(rule, "CALLS", 1)
         expected = arm.inverse_dynamics(*given)
     for other in (copy.copy(arm), copy.deepcopy(arm), pickle.loads(pickle.dumps(arm))):
-        assert not other._equations
+        assert other._arrays.inverse_dynamics._kernel is None
         alike(other.inverse_dynamics(*given), expected)

@@ -42,10 +42,10 @@ class ArrayEquation:
         "_configured",
         "_function",
         "_kernel",
+        "_lengths",
         "_links",
         "_longest",
         "_name",
-        "_sizes",
         "_work",
         "call",
     )
@@ -54,13 +54,13 @@ class ArrayEquation:
         self,
         name: str,
         function: Callable[..., Column | list[Column]],
-        sizes: Mapping[str, int],
+        sizes: Callable[[], Mapping[str, int]],
         links: int,
         *,
         longest: int = LINEAR,
         configured: Callable[[Array], Array] | None = None,
     ) -> None:
-        self._name, self._function, self._sizes = name, function, dict(sizes)
+        self._name, self._function, self._lengths = name, function, sizes
         self._links, self._longest, self._configured = links, longest, configured
         self._kernel: Kernel | None = None
         self._work = 0.0
@@ -72,7 +72,7 @@ class ArrayEquation:
 
     def _generally(self, *arguments: ArrayLike, out: Array | None = None) -> Array:
         """Any arrays that fit together, by whatever way pays."""
-        pairs = zip(self._sizes.items(), arguments, strict=True)
+        pairs = zip(self._lengths().items(), arguments, strict=True)
         arrays = {what: checked(values, size, f"{self._name}: {what}") for (what, size), values in pairs}
         samples = same_samples(**arrays)
         kernel = self._kernel if self._kernel is not None else self._compiled(math.prod(samples))
@@ -122,7 +122,7 @@ class ArrayEquation:
             return None
         from adaptctl.compilation import compile_function
 
-        sizes = {"q": self._links, **dict(list(self._sizes.items())[1:])}
+        sizes = {"q": self._links, **dict(list(self._lengths().items())[1:])}
         function = self._function
         kernel = compile_function(lambda **columns: function(*columns.values()), sizes, name=self._name, finite=True)
         if self._configured is None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from functools import cached_property, partial
+from collections.abc import Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,16 +13,16 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array, checked, same_samples
 from adaptctl.description import Description, Joint, Link
 from adaptctl.description.drive import Drive
-from adaptctl.dynamics.array_equation import LINEAR, QUADRATIC, ArrayEquation
+from adaptctl.dynamics.array_equations import ArrayEquations
 from adaptctl.dynamics.equations import Equations
 from adaptctl.dynamics.recursion.segment import segments
 from adaptctl.dynamics.tree_equations import TreeEquations
 from adaptctl.errors import InputError, LoopError
-from adaptctl.scalars import Column
 
 if TYPE_CHECKING:
     import pinocchio
 
+    from adaptctl.dynamics.array_equation import ArrayEquation
     from adaptctl.dynamics.loop_equations import LoopEquations
     from adaptctl.dynamics.loops.continuation import Continuation
 
@@ -40,15 +40,15 @@ class Mechanism:
 
     def __init__(self, description: Description) -> None:
         self.description = description
-        self._equations = MechanismEquations(self)
+        self._arrays = ArrayEquations(self)
 
     def __getstate__(self) -> dict[str, Any]:
         """All but the equations on arrays, whose native code is no data."""
-        return {name: value for name, value in self.__dict__.items() if name != "_equations"}
+        return {name: value for name, value in self.__dict__.items() if name != "_arrays"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._equations = MechanismEquations(self)
+        self._arrays = ArrayEquations(self)
 
     def __repr__(self) -> str:
         return f"<Mechanism {self.name!r}: {len(self.links)} links, {self.dof} degrees of freedom>"
@@ -150,23 +150,9 @@ class Mechanism:
         """The same mechanism with other inertial parameters (P,)."""
         return Mechanism(self.description.with_parameters(parameters))
 
-    def array_equation(
-        self,
-        function: Callable[..., Column | list[Column]],
-        *arguments: str,
-        longest: int = LINEAR,
-        **sizes: int,
-    ) -> ArrayEquation:
-        """A function of columns on arrays: of q, the configuration of the p that it is called with, of other
-        `arguments` (r,), and of arguments of other `sizes`."""
-        given = dict.fromkeys(("p", *arguments), self.dof) | sizes
-        configured = None if self.description.loops is None else self.configuration
-        links = len(self.links)
-        return ArrayEquation(self.name, function, given, links, longest=longest, configured=configured)
-
     def on_columns(self, regressor: str, columns: Sequence[int]) -> ArrayEquation:
         """A regressor's equation on arrays, "torque_regressor" or "slotine_li_regressor", with asked columns only."""
-        return self._equations[(regressor, *self._columns(columns))]
+        return self._arrays.on_columns(regressor, tuple(self._columns(columns)))
 
     def with_drives(self, drives: Drive | Sequence[Drive]) -> Mechanism:
         """The same mechanism with other rotors and friction in its tree's joints, one drive for all or one each.
@@ -177,8 +163,9 @@ class Mechanism:
 
     def energy_regressor(self, p: ArrayLike, v: ArrayLike, out: Array | None = None) -> Array:
         """E (..., P): kinetic plus potential energy is E @ D, in J (Sheu and Walker 1991, section 2.2)."""
-        equation = self._equations["energy_regressor"]
-        return equation.call(p, v) if out is None else equation.into(out, p, v)
+        if out is None:
+            return self._arrays.energy_regressor.call(p, v)
+        return self._arrays.energy_regressor.into(out, p, v)
 
     def energy(self, p: ArrayLike, v: ArrayLike) -> Array:
         """Kinetic plus potential energy (...), in J."""
@@ -193,9 +180,8 @@ class Mechanism:
         out: Array | None = None,
     ) -> Array:
         """Y (..., r, P) of the equations of motion tau = Y D, or its asked columns only."""
-        equation = (
-            self._equations["torque_regressor"] if columns is None else self.on_columns("torque_regressor", columns)
-        )
+        own = self._arrays.torque_regressor
+        equation = own if columns is None else self.on_columns("torque_regressor", columns)
         return equation.call(p, v, a) if out is None else equation.into(out, p, v, a)
 
     def slotine_li_regressor(
@@ -208,21 +194,15 @@ class Mechanism:
         out: Array | None = None,
     ) -> Array:
         """Y_r (..., r, P): Y_r D = M(p) a_r + C(p, v) v_r + g(p), C the Christoffel one (Slotine and Li 1987)."""
-        equation = (
-            self._equations["slotine_li_regressor"]
-            if columns is None
-            else self.on_columns("slotine_li_regressor", columns)
-        )
+        own = self._arrays.slotine_li_regressor
+        equation = own if columns is None else self.on_columns("slotine_li_regressor", columns)
         return equation.call(p, v, v_r, a_r) if out is None else equation.into(out, p, v, v_r, a_r)
 
     def inverse_dynamics(self, p: ArrayLike, v: ArrayLike, a: ArrayLike, out: Array | None = None) -> Array:
         """Torque (..., r) that gives the accelerations a."""
-        equation = self._equations["inverse_dynamics"]
-        return (
-            equation.call(p, v, a, self.inertial_parameters)
-            if out is None
-            else equation.into(out, p, v, a, self.inertial_parameters)
-        )
+        if out is None:
+            return self._arrays.inverse_dynamics.call(p, v, a, self.inertial_parameters)
+        return self._arrays.inverse_dynamics.into(out, p, v, a, self.inertial_parameters)
 
     def known_torque(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
         """Torque (..., r) that regressors times parameters leave out: zero, but under constraints on parameters."""
@@ -231,21 +211,15 @@ class Mechanism:
 
     def forward_dynamics(self, p: ArrayLike, v: ArrayLike, torque: ArrayLike, out: Array | None = None) -> Array:
         """Accelerations (..., r) under a torque."""
-        equation = self._equations["forward_dynamics"]
-        return (
-            equation.call(p, v, torque, self.inertial_parameters)
-            if out is None
-            else equation.into(out, p, v, torque, self.inertial_parameters)
-        )
+        if out is None:
+            return self._arrays.forward_dynamics.call(p, v, torque, self.inertial_parameters)
+        return self._arrays.forward_dynamics.into(out, p, v, torque, self.inertial_parameters)
 
     def mass_matrix(self, p: ArrayLike, out: Array | None = None) -> Array:
         """M(p) (..., r, r)."""
-        equation = self._equations["mass_matrix"]
-        return (
-            equation.call(p, self.inertial_parameters)
-            if out is None
-            else equation.into(out, p, self.inertial_parameters)
-        )
+        if out is None:
+            return self._arrays.mass_matrix.call(p, self.inertial_parameters)
+        return self._arrays.mass_matrix.into(out, p, self.inertial_parameters)
 
     def to_pinocchio(self) -> pinocchio.Model:
         """The same mechanism as a Pinocchio model, built depth first; with loops, its tree's, loops left open."""
@@ -282,39 +256,6 @@ class Mechanism:
         if wrong:
             raise InputError(f"{self.name}: columns must be in 0..{known - 1}, got {wrong[0]}")
         return columns
-
-
-class MechanismEquations(dict[Any, ArrayEquation]):
-    """A mechanism's equations on arrays, each made when it is first asked for: by its name, or for a regressor with
-    asked columns by its name and these."""
-
-    def __init__(self, mechanism: Mechanism) -> None:
-        super().__init__()
-        self._mechanism = mechanism
-
-    def __missing__(self, key: Any) -> ArrayEquation:
-        equations, size = self._mechanism.equations, len(self._mechanism.parameter_names)
-        name, columns = (key, range(size)) if isinstance(key, str) else (key[0], key[1:])
-        made = partial(self._mechanism.array_equation, parameters=size)
-        if name == "inverse_dynamics":
-            self[key] = made(lambda q, v, a, parameters: equations.inverse_dynamics(q, v, v, a, parameters), "v", "a")
-        elif name == "forward_dynamics":
-            self[key] = made(equations.forward_dynamics, "v", "torque")
-        elif name == "mass_matrix":
-            self[key] = made(
-                lambda q, parameters: list(map(Column, equations.mass_matrix(q, parameters))), longest=QUADRATIC
-            )
-        else:
-            self[key] = self._regressor(name, columns)
-        return self[key]
-
-    def _regressor(self, name: str, columns: Sequence[int]) -> ArrayEquation:
-        equations, made = self._mechanism.equations, partial(self._mechanism.array_equation, longest=QUADRATIC)
-        if name == "energy_regressor":
-            return made(equations.energy_regressor, "v")
-        if name == "torque_regressor":
-            return made(lambda q, v, a: equations.torque_regressor(q, v, v, a, columns), "v", "a")
-        return made(lambda q, v, v_r, a_r: equations.torque_regressor(q, v, v_r, a_r, columns), "v", "v_r", "a_r")
 
 
 def load(source: str | Path, *, floating_base: bool = False, snap: bool = False) -> Mechanism:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array, checked, frozen_array
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.array_equation import ArrayEquation
+from adaptctl.dynamics.array_equations import ArrayEquations
 from adaptctl.errors import InputError
 from adaptctl.identifiability.fundamental_basis import FundamentalBasis
 from adaptctl.scalars import Column, spread
@@ -101,7 +102,7 @@ class ReducedModel:
         def torque(q: Column, v: Column, a: Column, beta: Column) -> Column:
             return equations.inverse_dynamics(q, v, v, a, spread(beta, kept, equations.parameters))
 
-        return self.mechanism.array_equation(torque, "v", "a", beta=len(kept))
+        return ArrayEquations(self.mechanism).of(torque, "v", "a", "beta", sizes={"beta": len(kept)})
 
     @cached_property
     def _torque_regressor(self) -> ArrayEquation:
