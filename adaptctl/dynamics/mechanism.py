@@ -9,19 +9,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, checked, finite_results, same_samples, stacked, stacked_rows
+from adaptctl.arrays import Array, checked, finite_results, same_samples
 from adaptctl.caching import cached_property
 from adaptctl.description import Description, Joint, Link
 from adaptctl.description.drive import Drive
+from adaptctl.dynamics.array_equations import ArrayEquations
 from adaptctl.dynamics.equations import Equations
 from adaptctl.dynamics.recursion.segment import segments
 from adaptctl.dynamics.tree_equations import TreeEquations
 from adaptctl.errors import InputError, LoopError
-from adaptctl.scalars import Column, column
 
 if TYPE_CHECKING:
     import pinocchio
 
+    from adaptctl.dynamics.array_equation import ArrayEquation
     from adaptctl.dynamics.loop_equations import LoopEquations
     from adaptctl.dynamics.loops.continuation import Continuation
 
@@ -31,8 +32,10 @@ class Mechanism:
 
     Trailing axes are the mathematics, leading axes are samples: p, v, a, torque are (..., r), regressors
     (..., P) and (..., r, P). Angles in rad, lengths in m, torques in N m (N for a prismatic joint).
-    Every method raises `InputError` on a wrong shape and `NonFiniteError` on NaN or infinity; with loops,
-    `LoopError` where they do not fit together and `SingularityError` near a configuration where they lock.
+    The equations run in Python until it pays to compile them (`ArrayEquation` has the rule), then in native code.
+    `out` takes a result in place of a fresh array. Every method raises `InputError` on a wrong shape and
+    `NonFiniteError` on NaN or infinity; with loops, `LoopError` where they do not fit together and `SingularityError`
+    near a configuration where they lock.
     """
 
     def __init__(self, description: Description) -> None:
@@ -40,6 +43,10 @@ class Mechanism:
 
     def __repr__(self) -> str:
         return f"<Mechanism {self.name!r}: {len(self.links)} links, {self.dof} degrees of freedom>"
+
+    @cached_property
+    def _arrays(self) -> ArrayEquations:
+        return ArrayEquations(self)
 
     @cached_property
     def equations(self) -> Equations:
@@ -148,6 +155,10 @@ class Mechanism:
         """The same mechanism with other inertial parameters (P,)."""
         return Mechanism(self.description.with_parameters(parameters))
 
+    def on_columns(self, regressor: str, columns: Sequence[int]) -> ArrayEquation:
+        """A regressor's equation on arrays, "torque_regressor" or "slotine_li_regressor", with asked columns only."""
+        return self._arrays.on_columns(regressor, tuple(self._columns(columns)))
+
     def with_drives(self, drives: Drive | Sequence[Drive]) -> Mechanism:
         """The same mechanism with other rotors and friction in its tree's joints, one drive for all or one each.
 
@@ -155,26 +166,30 @@ class Mechanism:
         """
         return Mechanism(self.description.with_drives(drives))
 
-    @finite_results
-    def energy_regressor(self, p: ArrayLike, v: ArrayLike) -> Array:
+    def energy_regressor(self, p: ArrayLike, v: ArrayLike, out: Array | None = None) -> Array:
         """E (..., P): kinetic plus potential energy is E @ D, in J (Sheu and Walker 1991, section 2.2)."""
-        (p, v), samples = self._joints(p=p, v=v)
-        return stacked(self.equations.energy_regressor(self._tree(p), column(v)).of, samples)
+        if out is None:
+            return self._arrays.energy_regressor.call(p, v)
+        return self._arrays.energy_regressor.into(out, p, v)
 
     @finite_results
     def energy(self, p: ArrayLike, v: ArrayLike) -> Array:
         """Kinetic plus potential energy (...), in J."""
         return self.energy_regressor(p, v) @ self.inertial_parameters
 
-    @finite_results
-    def torque_regressor(self, p: ArrayLike, v: ArrayLike, a: ArrayLike, columns: Sequence[int] | None = None) -> Array:
+    def torque_regressor(
+        self,
+        p: ArrayLike,
+        v: ArrayLike,
+        a: ArrayLike,
+        columns: Sequence[int] | None = None,
+        out: Array | None = None,
+    ) -> Array:
         """Y (..., r, P) of the equations of motion tau = Y D, or its asked columns only."""
-        (p, v, a), samples = self._joints(p=p, v=v, a=a)
-        speed = column(v)
-        rows = self.equations.torque_regressor(self._tree(p), speed, speed, column(a), self._columns(columns))
-        return stacked_rows(rows, samples)
+        own = self._arrays.torque_regressor
+        equation = own if columns is None else self.on_columns("torque_regressor", columns)
+        return equation.call(p, v, a) if out is None else equation.into(out, p, v, a)
 
-    @finite_results
     def slotine_li_regressor(
         self,
         p: ArrayLike,
@@ -182,33 +197,29 @@ class Mechanism:
         v_r: ArrayLike,
         a_r: ArrayLike,
         columns: Sequence[int] | None = None,
+        out: Array | None = None,
     ) -> Array:
         """Y_r (..., r, P): Y_r D = M(p) a_r + C(p, v) v_r + g(p), C the Christoffel one (Slotine and Li 1987)."""
-        (p, v, v_r, a_r), samples = self._joints(p=p, v=v, v_r=v_r, a_r=a_r)
-        kept = self._columns(columns)
-        rows = self.equations.torque_regressor(self._tree(p), column(v), column(v_r), column(a_r), kept)
-        return stacked_rows(rows, samples)
+        own = self._arrays.slotine_li_regressor
+        equation = own if columns is None else self.on_columns("slotine_li_regressor", columns)
+        return equation.call(p, v, v_r, a_r) if out is None else equation.into(out, p, v, v_r, a_r)
 
-    @finite_results
-    def inverse_dynamics(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
+    def inverse_dynamics(self, p: ArrayLike, v: ArrayLike, a: ArrayLike, out: Array | None = None) -> Array:
         """Torque (..., r) that gives the accelerations a."""
-        (p, v, a), samples = self._joints(p=p, v=v, a=a)
-        speed = column(v)
-        torque = self.equations.inverse_dynamics(self._tree(p), speed, speed, column(a), self._parameters)
-        return stacked(torque.of, samples)
+        if out is None:
+            return self._arrays.inverse_dynamics.call(p, v, a, self.inertial_parameters)
+        return self._arrays.inverse_dynamics.into(out, p, v, a, self.inertial_parameters)
 
     def known_torque(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
         """Torque (..., r) that regressors times parameters leave out: zero, but under constraints on parameters."""
         _, samples = self._joints(p=p, v=v, a=a)
         return np.zeros((*samples, self.dof))
 
-    @finite_results
-    def forward_dynamics(self, p: ArrayLike, v: ArrayLike, torque: ArrayLike) -> Array:
+    def forward_dynamics(self, p: ArrayLike, v: ArrayLike, torque: ArrayLike, out: Array | None = None) -> Array:
         """Accelerations (..., r) under a torque. Raises `InputError` where links have no mass to be accelerated."""
-        self.require_mass()
-        (p, v, torque), samples = self._joints(p=p, v=v, torque=torque)
-        a = self.equations.forward_dynamics(self._tree(p), column(v), column(torque), self._parameters)
-        return stacked(a.of, samples)
+        if out is None:
+            return self._arrays.forward_dynamics.call(p, v, torque, self.inertial_parameters)
+        return self._arrays.forward_dynamics.into(out, p, v, torque, self.inertial_parameters)
 
     def require_mass(self) -> None:
         """Refuse a tree whose torques do not say how it accelerates. Raises `InputError` with its weightless links."""
@@ -216,11 +227,11 @@ class Mechanism:
             names = ", ".join(self.description.weightless)
             raise InputError(f"{self.name}: links move without mass and carry none, give them some: {names}")
 
-    @finite_results
-    def mass_matrix(self, p: ArrayLike) -> Array:
+    def mass_matrix(self, p: ArrayLike, out: Array | None = None) -> Array:
         """M(p) (..., r, r)."""
-        (p,), samples = self._joints(p=p)
-        return stacked_rows(self.equations.mass_matrix(self._tree(p), self._parameters), samples)
+        if out is None:
+            return self._arrays.mass_matrix.call(p, self.inertial_parameters)
+        return self._arrays.mass_matrix.into(out, p, self.inertial_parameters)
 
     def to_pinocchio(self) -> pinocchio.Model:
         """The same mechanism as a Pinocchio model, built depth first; with loops, its tree's, loops left open."""
@@ -243,13 +254,6 @@ class Mechanism:
         from adaptctl.description.readers.pinocchio_model import from_pinocchio
 
         return cls(from_pinocchio(model))
-
-    @property
-    def _parameters(self) -> Column:
-        return Column(self.inertial_parameters.tolist())
-
-    def _tree(self, p: Array) -> Column:
-        return column(self.configuration(p))
 
     def _joints(self, **given: ArrayLike) -> tuple[list[Array], tuple[int, ...]]:
         """Checked arrays (..., r) and the sample axes they share."""

@@ -10,9 +10,12 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array, checked, frozen_array
 from adaptctl.caching import cached_property
 from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.array_equation import ArrayEquation
+from adaptctl.dynamics.array_equations import ArrayEquations
 from adaptctl.errors import InputError
 from adaptctl.identifiability.basis_check import require_energies
 from adaptctl.identifiability.fundamental_basis import FundamentalBasis
+from adaptctl.scalars import Column, spread
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,22 +74,44 @@ class ReducedModel:
             self.regrouping @ self.mechanism.inertial_parameters, (len(self.columns),), "fundamental parameters"
         )
 
-    def torque_regressor(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
+    def torque_regressor(self, p: ArrayLike, v: ArrayLike, a: ArrayLike, out: Array | None = None) -> Array:
         """The torque regressor Y[:, columns] (..., r, k) at positions, velocities and accelerations (..., r)."""
-        return self.mechanism.torque_regressor(p, v, a, self.columns)
+        equation = self._torque_regressor
+        return equation.call(p, v, a) if out is None else equation.into(out, p, v, a)
 
-    def slotine_li_regressor(self, p: ArrayLike, v: ArrayLike, v_r: ArrayLike, a_r: ArrayLike) -> Array:
+    def slotine_li_regressor(
+        self, p: ArrayLike, v: ArrayLike, v_r: ArrayLike, a_r: ArrayLike, out: Array | None = None
+    ) -> Array:
         """The Slotine-Li regressor Y_r[:, columns] (..., r, k), with reference velocities v_r and accelerations a_r."""
-        return self.mechanism.slotine_li_regressor(p, v, v_r, a_r, self.columns)
+        equation = self._slotine_li_regressor
+        return equation.call(p, v, v_r, a_r) if out is None else equation.into(out, p, v, v_r, a_r)
 
-    def inverse_dynamics(self, p: ArrayLike, v: ArrayLike, a: ArrayLike, beta: ArrayLike | None = None) -> Array:
+    def inverse_dynamics(
+        self, p: ArrayLike, v: ArrayLike, a: ArrayLike, beta: ArrayLike | None = None, out: Array | None = None
+    ) -> Array:
         """Torques (..., r) that give the accelerations a, with parameters beta (..., k), the true ones by default.
 
         Raises `InputError` for arrays that are not of these shapes, or not finite.
         """
-        values = self.fundamental_parameters if beta is None else self._checked(beta)
-        torque = np.einsum("...ij,...j->...i", self.torque_regressor(p, v, a), values)
-        return np.asarray(torque + self.mechanism.known_torque(p, v, a))
+        equation, values = self._inverse_dynamics, self.fundamental_parameters if beta is None else beta
+        return equation.call(p, v, a, values) if out is None else equation.into(out, p, v, a, values)
+
+    @cached_property
+    def _inverse_dynamics(self) -> ArrayEquation:
+        equations, kept = self.mechanism.equations, self.columns
+
+        def torque(q: Column, v: Column, a: Column, beta: Column) -> Column:
+            return equations.inverse_dynamics(q, v, v, a, spread(beta, kept, equations.parameters))
+
+        return ArrayEquations(self.mechanism).of(torque, "v", "a", "beta", sizes={"beta": len(kept)})
+
+    @cached_property
+    def _torque_regressor(self) -> ArrayEquation:
+        return self.mechanism.on_columns("torque_regressor", self.columns)
+
+    @cached_property
+    def _slotine_li_regressor(self) -> ArrayEquation:
+        return self.mechanism.on_columns("slotine_li_regressor", self.columns)
 
     def embed(self, beta: ArrayLike) -> Array:
         """Full parameters D_I = F1 beta (..., P): beta at the kept columns, zeros elsewhere, with the same torques."""

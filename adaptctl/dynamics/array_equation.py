@@ -1,0 +1,140 @@
+"""An equation of a mechanism on arrays: in Python at first, in native code once it is asked for again and again."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.arrays import Array, checked, same_samples, stacked, stacked_rows
+from adaptctl.errors import InputError, NonFiniteError
+from adaptctl.scalars import Column, column
+
+if TYPE_CHECKING:
+    from adaptctl.compilation import Kernel
+
+CALLS, STATES = 50, 25_000
+"""Calls and states after which an equation is compiled: until then NumPy has taken about as long as LLVM would."""
+
+LINEAR, QUADRATIC = 48, 24
+"""Links up to which equations are compiled, by how the number of their operations grows with them."""
+
+
+class ArrayEquation:
+    """A function of columns, called with arrays (..., n): trailing axes are the columns, leading ones are samples.
+
+    The rule: it runs in Python, on floats or on NumPy's arrays, until it has been called CALLS times or for STATES
+    states, or as much of both; then it is compiled, or found in the cache of compiled objects, one state at a time for
+    single ones and in SIMD lanes for many. Mechanisms of more than `longest` links always run in Python. Both ways
+    agree to round-off.
+
+    `call` is what is called; it does without any detour once there is native code. The function is called with
+    Columns by position, with the tree's configuration q, which `configured` makes of p, in place of p; `sizes` has the
+    arguments' names and lengths, p first, and the result is a Column or a list of Columns (rows). Raises `InputError`
+    on a wrong shape and `NonFiniteError` on NaN or infinity, in what is given or computed.
+    """
+
+    __slots__ = (
+        "__weakref__",
+        "_configured",
+        "_function",
+        "_kernel",
+        "_lengths",
+        "_links",
+        "_longest",
+        "_name",
+        "_work",
+        "call",
+    )
+
+    def __init__(
+        self,
+        name: str,
+        function: Callable[..., Column | list[Column]],
+        sizes: Callable[[], Mapping[str, int]],
+        links: int,
+        *,
+        longest: int = LINEAR,
+        configured: Callable[[Array], Array] | None = None,
+    ) -> None:
+        self._name, self._function, self._lengths = name, function, sizes
+        self._links, self._longest, self._configured = links, longest, configured
+        self._kernel: Kernel | None = None
+        self._work = 0.0
+        self.call: Callable[..., Array] = self._generally
+
+    def into(self, out: Array, *arguments: ArrayLike) -> Array:
+        """The result, put into an array of its shape, which is returned."""
+        return self._generally(*arguments, out=out)
+
+    def _generally(self, *arguments: ArrayLike, out: Array | None = None) -> Array:
+        """Any arrays that fit together, by whatever way pays."""
+        pairs = zip(self._lengths().items(), arguments, strict=True)
+        arrays = {what: checked(values, size, f"{self._name}: {what}") for (what, size), values in pairs}
+        samples = same_samples(**arrays)
+        kernel = self._kernel if self._kernel is not None else self._compiled(math.prod(samples))
+        first, *rest = arrays.values()
+        given = [first if self._configured is None else self._configured(first), *rest]
+        if kernel is not None and samples:
+            return self._mapped(kernel, given, samples, out)
+        found = self._in_python(given, samples) if kernel is None else np.asarray(kernel(*given))
+        if out is None:
+            return found
+        self._require(out, found.shape)[...] = found
+        return out
+
+    def _mapped(self, kernel: Kernel, given: Sequence[Array], samples: tuple[int, ...], out: Array | None) -> Array:
+        """Native code at many states."""
+        shape, count = kernel.outputs[0], math.prod(samples)
+        results = np.empty((*samples, *shape)) if out is None else self._require(out, (*samples, *shape))
+        straight = results.flags.carray
+        rows = [_rows(array, samples) for array in given]
+        made = kernel.map(*rows, out=results.reshape(count, *shape) if straight else None)
+        if not straight:
+            results[...] = made.reshape(results.shape)
+        return results
+
+    def _require(self, out: Array, shape: tuple[int, ...]) -> Array:
+        if not isinstance(out, np.ndarray) or out.shape != shape or out.dtype != np.float64 or not out.flags.writeable:
+            kind = f"{out.dtype} of shape {out.shape}" if isinstance(out, np.ndarray) else type(out).__name__
+            raise InputError(
+                f"{self._name}: out: expected an array of float64 to write to, of shape {shape}, got {kind}"
+            )
+        return out
+
+    def _in_python(self, given: Sequence[Array], samples: tuple[int, ...]) -> Array:
+        try:
+            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+                result = self._function(*map(column, given))
+        except ZeroDivisionError as error:
+            raise NonFiniteError(f"{self._name}: the result is not finite, though all it was given is") from error
+        found = stacked(result.of, samples) if isinstance(result, Column) else stacked_rows(result, samples)
+        if not np.isfinite(found).all():
+            raise NonFiniteError(f"{self._name}: the result is not finite, though all it was given is")
+        return found
+
+    def _compiled(self, states: int) -> Kernel | None:
+        """Native code, if it pays by now."""
+        self._work += 1.0 / CALLS + states / STATES
+        if self._work < 1.0 or self._links > self._longest:
+            return None
+        from adaptctl.compilation import compile_function
+
+        sizes = {"q": self._links, **dict(list(self._lengths().items())[1:])}
+        function = self._function
+        kernel = compile_function(lambda **columns: function(*columns.values()), sizes, name=self._name, finite=True)
+        if self._configured is None:
+            self.call = kernel.otherwise(self._generally)
+        self._kernel = kernel
+        return kernel
+
+
+def _rows(array: Array, samples: tuple[int, ...]) -> Array:
+    """A row a sample (m, n), or one for all (n,)."""
+    size = array.shape[-1]
+    if array.ndim == 1:
+        return array
+    return np.broadcast_to(array, (*samples, size)).reshape(math.prod(samples), size)
