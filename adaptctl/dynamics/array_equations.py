@@ -18,18 +18,30 @@ class ArrayMechanism(Protocol):
     """What the equations on arrays ask of a `Mechanism`."""
 
     @property
-    def description(self) -> Description: ...
-    @property
-    def equations(self) -> Equations: ...
-    @property
-    def name(self) -> str: ...
-    @property
-    def dof(self) -> int: ...
-    @property
-    def parameter_names(self) -> tuple[str, ...]: ...
+    def description(self) -> Description:
+        """What it is made of."""
 
-    def configuration(self, p: ArrayLike) -> Array: ...
-    def require_mass(self) -> None: ...
+    @property
+    def equations(self) -> Equations:
+        """Its equations over scalars of any kind."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+
+    @property
+    def dof(self) -> int:
+        """Number of primary joints r."""
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """The P parameters' names."""
+
+    def configuration(self, p: ArrayLike) -> Array:
+        """The tree's joints (..., n) at positions (..., r)."""
+
+    def require_mass(self) -> None:
+        """Raise `InputError` where links have no mass to be accelerated."""
 
 
 class ArrayEquations:
