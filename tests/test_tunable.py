@@ -85,7 +85,9 @@ LAWS: dict[str, Controller[Any]] = {
 def changed(law: Controller[Any]) -> Controller[Any]:
     """The law with every number a little greater, each array by a share of its own."""
     rng = np.random.default_rng(0)
-    return law.tuned({name: (1.0 + 0.1 * rng.random()) * array for name, array in law.numbers.items()})
+    shares = {name: 1.0 + 0.1 * rng.random() for name in law.numbers}
+    shares["adaptation.lift"] = shares.get("initial", 1.0)  # a lift has the first estimate
+    return law.tuned({name: shares[name] * array for name, array in law.numbers.items()})
 
 
 def ticks(law: Controller[Any], count: int = 4) -> list[Array]:
