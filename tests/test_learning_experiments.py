@@ -96,7 +96,7 @@ def test_stiffer_joints_carry_more_bandwidth() -> None:
         ({"encoders": "both"}, "encoders: expected 'link' or 'motor', got 'both'"),
         (
             {"robot": "puma560_measured"},
-            "has no joint1.rotor_inertia: springs need motors with inertia; use an arm with rotors",
+            "has no joint1.rotor_inertia: springs need motors with inertia",
         ),
     ],
 )

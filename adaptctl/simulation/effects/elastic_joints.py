@@ -42,8 +42,9 @@ class ElasticJoints(Effect):
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
         """Raise `InputError` unless stiffness is positive, the others at least 0, and all finite."""
-        if not np.all(self.each("stiffness", dof) > 0.0):
-            raise InputError(f"elastic joints: stiffness: expected positive numbers, got {self.stiffness}")
+        stiffness = self.each("stiffness", dof)
+        if not np.all(stiffness > 0.0):
+            raise InputError(f"elastic joints: stiffness: expected positive numbers, got {stiffness.tolist()}")
         self.each("damping", dof), self.each("motor_inertia", dof)
 
     def each(self, name: str, dof: int) -> Array:
