@@ -82,8 +82,8 @@ class Transmission:
             raise InputError(
                 f"elastic joints: {mechanism.name} has relations among its parameters: take the mechanism without them"
             )
-        each = (joints.each(name, r) for name in ("stiffness", "damping", "motor_inertia"))
-        found = cls(*each, _rotors(mechanism), _primary(mechanism))
+        stiffness, damping, inertia = (joints.each(name, r) for name in ("stiffness", "damping", "motor_inertia"))
+        found = cls(stiffness, damping, inertia, _rotors(mechanism), _primary(mechanism))
         motors = found.motors(column(mechanism.inertial_parameters)).of
         for joint, motor in zip(mechanism.primary_joints, motors, strict=True):
             if not motor > 0.0:

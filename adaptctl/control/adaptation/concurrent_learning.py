@@ -100,7 +100,7 @@ class ConcurrentLearning(Descent[Stack]):
             estimate = _solved(estimate, self.applied(row), row, Column((told, weight * period.elapsed)))
         return estimate, Stack(kept, torques, Column((new,)), filtered)
 
-    def _novelty(self, model: ReducedModel, sample: Column, kept: Column) -> Scalar:
+    def _novelty(self, model: ReducedModel, sample: Column, kept: Column) -> Any:
         """How much a sample differs from the newest one kept."""
         apart, total = sample - Column(kept.of[: len(sample)]), 0.0
         for row, weight in _sorted_out(model, apart, each(self.weight, model.mechanism.dof)):
@@ -123,7 +123,7 @@ def _sorted_out(model: ReducedModel, sample: Column, weights: Column) -> Iterato
         yield spread(Column(next(entries) for _ in places), places, len(model.columns)), weight
 
 
-def _pushed(stack: Column, sample: Column, new: Scalar) -> Column:
+def _pushed(stack: Column, sample: Column, new: Any) -> Column:
     """The stack with a sample on top and the oldest one gone, where it is new; else as it was."""
     before = Column((*sample, *stack.of[: len(stack) - len(sample)]))
     return Column(where(new > 0.0, x, y) for x, y in zip(before, stack, strict=True))

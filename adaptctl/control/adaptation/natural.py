@@ -88,7 +88,7 @@ def checked_rate(rate: ArrayLike) -> Array:
     """A read-only rate, one number or (n,). Raises `InputError` unless positive."""
     array = np.array(rate, dtype=np.float64)
     if array.ndim > 1 or not (np.isfinite(array).all() and np.all(array > 0.0)):
-        raise InputError(f"natural adaptation: rate: expected positive numbers in 1/J, got {rate}")
+        raise InputError(f"natural adaptation: rate: expected positive numbers in 1/J, got {array.tolist()}")
     return frozen(array)
 
 
