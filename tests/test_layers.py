@@ -29,6 +29,7 @@ ORDER = (
     "simulation",
     "identification",
     "tuning",
+    "design",
     "recording",
     "envs",
     "experiments",
