@@ -15,4 +15,6 @@ from adaptctl.design.counterweights import optimal_counterweights as optimal_cou
 from adaptctl.design.places import PlaceBounds as PlaceBounds
 from adaptctl.design.removals import Removal as Removal
 from adaptctl.design.removals import removals as removals
+from adaptctl.design.study import DesignStudy as DesignStudy
+from adaptctl.design.study import design_study as design_study
 from adaptctl.design.task import DesignTask as DesignTask

@@ -53,9 +53,7 @@ class CostMap:
         grid = places.grid(each)
         changes = self.at(places.link, grid)
         low, high = int(np.argmin(changes)), int(np.argmax(changes))
-        ten = self.task.parameters.reshape(-1)[10 * self.task.link(places.link) :][:4]
-        center = ten[1:4] / ten[0] if ten[0] > 0.0 else np.zeros(3)
-        at_center = float(self.at(places.link, center))
+        at_center = float(self.at(places.link, self.task.center_of_mass(places.link)))
         return LinkCost(places.link, float(changes[low]), grid[low], float(changes[high]), grid[high], at_center)
 
 

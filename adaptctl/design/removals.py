@@ -51,6 +51,8 @@ class Removal:
     """kg that are added, or moved from the link's centre of mass"""
     place: Array | None = None
     """(3,) where to, m in the link's frame"""
+    holds: bool = False
+    """whether the mechanism's own parameters are so already"""
 
     @property
     def rank(self) -> int:
@@ -65,10 +67,11 @@ class Removal:
 
     @property
     def words(self) -> str:
-        """What is to be done."""
+        """What is to be done, or is so already and need only be relied on."""
         if self.place is None:
             axes = [axis for axis, names in MIRRORED.items() if f"{self.link}.{names[0]}" in self.known]
-            return f"make {self.link} its own mirror image along {' and '.join(axes)}"
+            mirror = f"its own mirror image along {' and '.join(axes)}"
+            return f"{self.link} is {mirror} already" if self.holds else f"make {self.link} {mirror}"
         x = ", ".join(f"{value:.3f}" for value in self.place + 0.0)
         if self.way == "balance":
             return f"add {self.mass:.3g} kg to {self.link} at ({x}) m"
@@ -116,14 +119,16 @@ def by_symmetry(task: DesignTask, known: Sequence[str], link: str = "") -> Remov
     if wrong:
         raise InputError(f"{task.mechanism.name}: there is no inertial parameter {wrong[0]!r}")
     K = np.array(basis.regrouping)
-    K[:, [basis.parameter_names.index(name) for name in known]] = 0.0
+    places = [basis.parameter_names.index(name) for name in known]
+    K[:, places] = 0.0
     columns = _independent_columns(K, basis)
     if len(columns) == basis.rank:
         return None
     zero = tuple(name for name, row in zip(basis.names, K, strict=True) if not np.any(row))
-    regrouping = np.linalg.lstsq(K[:, columns], K, rcond=None)[0]
-    regrouping[np.abs(regrouping) < ROUND_OFF] = 0.0
-    return Removal(basis, "symmetry", link, tuple(known), columns, regrouping, zero)
+    solved = np.linalg.lstsq(K[:, columns], K, rcond=None)[0]
+    regrouping: Array = np.where(np.abs(solved) < ROUND_OFF, 0.0, solved)
+    holds = not np.any(task.parameters[places])
+    return Removal(basis, "symmetry", link, tuple(known), columns, regrouping, zero, holds=holds)
 
 
 def _of_link(task: DesignTask, places: PlaceBounds, density: float) -> Iterator[Removal]:
@@ -145,9 +150,7 @@ def _by_mass(task: DesignTask, places: PlaceBounds, density: float, row: int) ->
     if not np.any(share):
         return
     wanted = -float(task.basis.regrouping[row] @ task.parameters)
-    ten = task.parameters[first : first + 10]
-    center = ten[1:4] / ten[0] if ten[0] > 0.0 else np.zeros(3)
-    taken = float(share @ ball_tens(1.0, center))
+    taken = float(share @ ball_tens(1.0, task.center_of_mass(places.link)))
     ways: tuple[tuple[Way, float], ...] = (("balance", 0.0), ("relocation", taken))
     for way, per_mass in ways:
         found = _least_mass(share, wanted, per_mass, places, density)

@@ -164,6 +164,11 @@ class DesignTask:
             )
         return names.index(name)
 
+    def center_of_mass(self, link: str) -> Array:
+        """The centre of mass (3,) of a link in its frame, m; its origin where it has no mass."""
+        ten = self.parameters[10 * self.link(link) :][:4]
+        return np.asarray(ten[1:4] / ten[0]) if ten[0] > 0.0 else np.zeros(3)
+
     def with_parameters(self, parameters: ArrayLike) -> DesignTask:
         """The same states of the mechanism with other parameters (P,) that enter energies; friction stays."""
         own = np.array(self.mechanism.inertial_parameters)
