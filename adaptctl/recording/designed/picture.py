@@ -8,6 +8,7 @@ import numpy as np
 import rerun as rr
 from matplotlib.colors import LinearSegmentedColormap, TwoSlopeNorm
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
 from adaptctl.design import CostMap, DesignStudy
@@ -60,9 +61,9 @@ def norm(study: DesignStudy, change: Array) -> TwoSlopeNorm:
     return TwoSlopeNorm(0.0, min(low, -least), max(high, least))
 
 
-def colors(change: Array, scale: TwoSlopeNorm) -> Array:
+def colors(change: Array, scale: TwoSlopeNorm) -> NDArray[np.uint8]:
     """Colours (n, 4), 0 to 255, of changes (n,)."""
-    return np.asarray(np.round(255.0 * np.asarray(SCALE(scale(change)))))
+    return np.asarray(SCALE(scale(change), bytes=True), dtype=np.uint8)
 
 
 def log_costs(recording: rr.RecordingStream, study: DesignStudy, parts: Skeleton, time: Array, p: Array) -> None:
@@ -81,7 +82,7 @@ def log_costs(recording: rr.RecordingStream, study: DesignStudy, parts: Skeleton
     for places in study.within:
         grid = places.grid(CLOUD)
         shades = colors(np.clip(study.map.at(places.link, grid), scale.vmin, scale.vmax), scale)
-        small = rr.Points3D(grid, radii=[0.006], colors=shades)
+        small = rr.Points3D(grid, radii=[0.004], colors=shades)
         recording.log(f"{WORLD}/arm/{entity(places.link)}/room", small, static=True)
     log_counterweights(recording, study)
 
