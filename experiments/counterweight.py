@@ -43,7 +43,11 @@ class Burden(NamedTuple):
     rms_torque: float
     """share of limits, all joints together"""
     work: float
-    """J that the motors did or took, the integral of |torque times velocity|"""
+    """J that the motors did or took, the integral of |torque times velocity| of each joint"""
+    duration: float
+    """s that it was run"""
+    stopped: bool
+    """whether an error passed its bound"""
 
 
 @dataclass(frozen=True)
@@ -53,11 +57,13 @@ class CounterweightedTracking(ClosedLoopExperiment):
     name: ClassVar[str] = "counterweight"
     title: ClassVar[str] = "{robot}: counterweights in closed loop"
 
-    robot: str = setting("puma560_measured", "a built-in robot or a file (.urdf, .xml, .toml), without friction")
+    robot: str = setting("puma560_geared", "a built-in robot or a file (.urdf, .xml, .toml), without friction")
     links: tuple[str, ...] = setting((HEAVIEST,), "links that may carry counterweights, or 'heaviest'")
     share: float = setting(0.2, "largest counterweight over its link's mass", low=0.0, high=10.0)
     beyond: float = setting(0.5, "room beyond a link's joints over its length", low=0.0, high=10.0)
     objective: str = setting("energy", "what they make least: energy, torque, coupling or components")
+    speed: float = setting(0.25, "of the random states that the design is for, over sqrt(g/L)", low=0.0, high=10.0)
+    samples: int = setting(1000, "random states within the joints' limits", low=10, high=100_000)
     components: int = setting(10, "essential components that the small controllers carry", symbol="s", low=1)
     energy_error: float = setting(1.0, "at which components are counted, %", low=0.0, high=100.0)
 
@@ -68,7 +74,7 @@ class CounterweightedTracking(ClosedLoopExperiment):
         if len(mechanism.parameter_names) != mechanism.energetic:
             raise InputError(f"robot: {mechanism.name} has friction, which carries no energy: use an arm without")
         tuning = tune(mechanism, period=self.control_period, seed=self.seed)
-        task = DesignTask.along(mechanism, tuning.reference, self.duration)
+        task = DesignTask.within_limits(mechanism, self.samples, self.seed, self.speed)
         links = () if self.links == (HEAVIEST,) else self.links
         study = design_study(
             task,
@@ -194,6 +200,8 @@ def burden(run: ControllerRun, limits: Array) -> Burden:
         run.final_rms_error,
         float(np.sqrt(np.mean(np.sum(shares**2, axis=1)))),
         float(np.sum(power) * rollout.control_period),
+        run.duration,
+        rollout.terminated,
     )
 
 
@@ -242,27 +250,36 @@ def _told(study: DesignStudy, burdens: dict[str, Burden], components: int) -> st
     """The outcome in a few sentences."""
     weights = " and ".join(f"{weight.mass:.3g} kg on {weight.link}" for weight in study.counterweights.weights)
     start = f"With counterweights of {weights}" if weights else "Without counterweights, for none helps,"
-    text = f"{start}, the arm carries {100.0 * (1.0 - _carried(study)):.3g} % less energy."
+    text = f"{start}, the arm carries {_carried(study)} energy."
     pairs = [(burdens.get(f"{EVERY}-{name}"), burdens.get(f"{FEW}-{name}")) for name in (BEFORE, AFTER)]
     (old, few_old), (new, few_new) = pairs
     if old and new and few_old and few_new:
         text += (
-            f" In closed loop its torques fall from {100.0 * old.rms_torque:.3g} to {100.0 * new.rms_torque:.3g} % of "
+            f" In closed loop its torques go from {100.0 * old.rms_torque:.3g} to {100.0 * new.rms_torque:.3g} % of "
             f"the limits and the motors' work from {old.work:.3g} to {new.work:.3g} J; adapting {components} "
-            f"components, it tracks to {1e3 * few_new.rms_error:.3g} mrad instead of {1e3 * few_old.rms_error:.3g}."
+            f"components, the tracking error of the last two seconds is {_error(few_new)} instead of {_error(few_old)}."
         )
     return text
 
 
-def _carried(study: DesignStudy) -> float:
-    return study.counterweights.balanced.cost("energy") / study.task.cost("energy")
+def _error(found: Burden) -> str:
+    """The error of the last two seconds; where the environment ended the run, when."""
+    if found.stopped or found.final_rms_error is None:
+        return f"{'stopped' if found.stopped else 'ended'} at {found.duration:.3g} s"
+    return f"{1e3 * found.final_rms_error:.3g} mrad"
+
+
+def _carried(study: DesignStudy) -> str:
+    """How much less or more energy is carried."""
+    share = study.counterweights.balanced.cost("energy") / study.task.cost("energy") - 1.0
+    return f"{100.0 * abs(share):.3g} % {'more' if share > 0.0 else 'less'}"
 
 
 def _facts(burdens: dict[str, Burden], components: int) -> Iterator[tuple[str, str]]:
     words = {EVERY: "all adapted", FEW: f"{components} adapted", HELD: f"true {components}"}
     for kind, what in words.items():
         found = [burdens[name] for name in (f"{kind}-{BEFORE}", f"{kind}-{AFTER}") if name in burdens]
-        yield f"Error, {what}", " → ".join(f"{1e3 * b.rms_error:.3g}" for b in found) + " mrad"
+        yield f"Error, {what}", " → ".join(map(_error, found))
     first = [burdens[name] for name in (f"{EVERY}-{BEFORE}", f"{EVERY}-{AFTER}") if name in burdens]
     yield "Torque over limits", " → ".join(f"{100.0 * b.rms_torque:.3g}" for b in first) + " %"
     yield "Motors' work", " → ".join(f"{b.work:.3g}" for b in first) + " J"

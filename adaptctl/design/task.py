@@ -32,7 +32,7 @@ Objective = Literal["energy", "torque", "coupling", "components"]
 OBJECTIVES: tuple[str, ...] = get_args(Objective)
 STILL = 1e-9
 """rad, m, rad/s or m/s by which states must differ to be a motion"""
-SAMPLES = 1000
+SAMPLES, MOST = 1000, 100_000
 SPEED = 0.25
 """Of sqrt(g/L): about 1 rad/s for an arm of half a metre."""
 CARRIED = 1e-6
@@ -75,8 +75,8 @@ class DesignTask:
         an arm at work moves at about a quarter of it. With loops, positions are on the reference's branch. Raises
         `InputError`.
         """
-        if samples < 2 or not 0.0 <= speed < np.inf:
-            raise InputError(f"task: expected at least 2 samples and a speed of at least 0, got {samples} and {speed}")
+        if not 2 <= samples <= MOST or not 0.0 <= speed < np.inf:
+            raise InputError(f"task: expected 2 to {MOST} samples and a speed of at least 0, got {samples} and {speed}")
         generator, rate = np.random.default_rng(seed), characteristic_rate(mechanism)
         p = states_within_limits(mechanism, samples, seed).p
         v = speed / rate * random_accelerations(mechanism, samples, generator)
@@ -88,8 +88,10 @@ class DesignTask:
     @classmethod
     def along(cls, mechanism: Mechanism, reference: Reference, duration: float, samples: int = SAMPLES) -> DesignTask:
         """The states of a reference at evenly spaced times from 0 to a duration (s)."""
-        if samples < 2 or not 0.0 < duration < np.inf:
-            raise InputError(f"task: expected at least 2 samples and a positive duration, got {samples} and {duration}")
+        if not 2 <= samples <= MOST or not 0.0 < duration < np.inf:
+            raise InputError(
+                f"task: expected 2 to {MOST} samples and a positive duration, got {samples} and {duration}"
+            )
         p, v, a = reference(np.linspace(0.0, duration, samples))
         return cls(mechanism, p, v, a, f"{samples} states of the reference over {duration:g} s")
 

@@ -118,7 +118,7 @@ def write_recording(path: Path, study: DesignStudy, named: Named, figures: Mappi
 
 
 def _layout(study: DesignStudy, named: Named, figures: Mapping[str, Path], eye: Viewpoint) -> rrb.Blueprint:
-    label = f"What {study.body.mass:g} kg costs: blue relieves, red costs · dark: counterweights"
+    label = f"What {study.body.mass:g} kg costs: blue relieves, red costs · yellow: counterweights"
     pictures = {name: views.picture(f"figures/{name}", name) for name in figures}
     right: list[rrb.View] = [views.text("summary", "Summary")]
     if named.runs:

@@ -22,7 +22,7 @@ def drawings(study: DesignStudy) -> Iterator[Drawing]:
     yield Drawing(
         "arm",
         f"The arm, coloured by what a point of {mass:g} kg does to the energy that its motion carries: blue where it "
-        "balances the arm, red where it costs. Black: the counterweights.",
+        "balances the arm, red where it costs. Yellow: the counterweights.",
         partial(arm_figure, study, skeleton(mechanism), mechanism.home),
     )
     yield Drawing(

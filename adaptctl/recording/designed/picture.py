@@ -26,7 +26,7 @@ CLOUD = 5
 SCALE = LinearSegmentedColormap.from_list(
     "cost", [(0.0, run_color(0).hex), (0.5, BODY.hex), (0.75, run_color(1).hex), (1.0, Color(160, 24, 24).hex)]
 )
-BALL = Color(40, 44, 52)
+BALL = Color(240, 200, 40)
 
 
 class Spots(NamedTuple):
@@ -111,7 +111,9 @@ def arm_figure(study: DesignStudy, parts: Skeleton, p: Array) -> Figure:
         axes.scatter(
             world[order, i], world[order, j], s=130.0, c=found.change[order], cmap=SCALE, norm=scale, linewidths=0.0
         )
-        axes.scatter(balls[:, i], balls[:, j], s=90.0, color=INK.hex, marker="o", label="counterweight")
+        axes.scatter(
+            balls[:, i], balls[:, j], s=110.0, color=BALL.hex, edgecolors=INK.hex, marker="o", label="counterweight"
+        )
         axes.set_aspect("equal", "datalim")
         axes.set_xlabel("x [m]")
         axes.set_ylabel(("x", "y", "z")[j] + " [m]")
