@@ -249,7 +249,7 @@ def applied_figure(runs: tuple[ControllerRun, ...]) -> Figure:
 def _told(study: DesignStudy, burdens: dict[str, Burden], components: int) -> str:
     """The outcome in a few sentences."""
     weights = " and ".join(f"{weight.mass:.3g} kg on {weight.link}" for weight in study.counterweights.weights)
-    start = f"With counterweights of {weights}" if weights else "Without counterweights, for none helps,"
+    start = f"With counterweights of {weights}" if weights else "Without counterweights, for none helps"
     text = f"{start}, the arm carries {_carried(study)} energy."
     pairs = [(burdens.get(f"{EVERY}-{name}"), burdens.get(f"{FEW}-{name}")) for name in (BEFORE, AFTER)]
     (old, few_old), (new, few_new) = pairs

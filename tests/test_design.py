@@ -234,10 +234,15 @@ def test_balanced_and_relocated_parameters_are_zero(arm: str) -> None:
 def test_removals_save_operations() -> None:
     T = task("puma560_measured")
     best = removals(T, bounds(T.mechanism, ["link6"]))[0]
-    assert best.words == "make link6 its own mirror image along x and y"
+    assert best.words == "link6 is its own mirror image along x and y already"
     assert best.gone == ("link6.mc_x", "link6.mc_y", "link6.I_xy", "link6.I_xz", "link6.I_yz")
     assert operations_saved(T, best) > 50
     assert by_symmetry(T, ("link1.mc_x",)) is None
+    together = removals(T, bounds(T.mechanism, T.mechanism.description.body_names))[0]
+    assert together.holds
+    assert together.rank < best.rank
+    assert together.words == "rely on every symmetry that links have already"
+    assert operations_saved(T, together) > operations_saved(T, best)
 
 
 def test_a_task_along_a_reference() -> None:

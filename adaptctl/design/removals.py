@@ -68,6 +68,8 @@ class Removal:
     @property
     def words(self) -> str:
         """What is to be done, or is so already and need only be relied on."""
+        if not self.link:
+            return "rely on every symmetry that links have already"
         if self.place is None:
             axes = [axis for axis, names in MIRRORED.items() if f"{self.link}.{names[0]}" in self.known]
             mirror = f"its own mirror image along {' and '.join(axes)}"
@@ -106,14 +108,19 @@ def removals(task: DesignTask, within: Sequence[PlaceBounds], density: float = S
 
     By symmetry: a link that is its own mirror image along axes of its frame. By balance: a ball added to a link within
     its bounds makes one fundamental parameter zero that is not. By relocation: a part of the link's own mass, taken
-    from its centre of mass, does so. Each is meant alone. Raises `InputError` for unknown links.
+    from its centre of mass, does so. Each is meant alone, but for one of all symmetries that links have already.
+    Raises `InputError` for unknown links.
     """
     found = [removal for places in within for removal in _of_link(task, places, density)]
+    so_already = dict.fromkeys(name for removal in found if removal.holds for name in removal.known)
+    together = by_symmetry(task, tuple(so_already)) if so_already else None
+    if together is not None:
+        found.append(together)
     return tuple(sorted(found, key=lambda removal: (removal.rank, removal.mass)))
 
 
 def by_symmetry(task: DesignTask, known: Sequence[str], link: str = "") -> Removal | None:
-    """The removal by inertial parameters that are zero by symmetry, of one link or of many; None without effect."""
+    """The removal by inertial parameters that are zero by symmetry, of a link or of several; None without effect."""
     basis = task.basis
     wrong = [name for name in known if name not in basis.parameter_names]
     if wrong:

@@ -5,7 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+import numpy as np
+
+from adaptctl.arrays import Array
 from adaptctl.caching import cached_property
+from adaptctl.description import GROUND, Link
 from adaptctl.design.added_mass import PERCENT, AddedMass, added_mass
 from adaptctl.design.bodies import CATALOGUE, point
 from adaptctl.design.cost_map import CostMap, LinkCost, cost_map
@@ -13,11 +17,14 @@ from adaptctl.design.counterweights import Counterweights, optimal_counterweight
 from adaptctl.design.places import BEYOND, SHARE, PlaceBounds, bounds
 from adaptctl.design.removals import Removal, operations_saved, removals
 from adaptctl.design.task import DesignTask
+from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.simulation.effects import Payload
 
 MOST_LINKS = 6
-"""Links that carry counterweights where none are named: those with the largest weights to counter."""
+"""Links that carry counterweights where none are named."""
+UPRIGHT = 1e-6
+"""rad off the vertical"""
 SHOWN = 6
 """Removals by symmetry, and as many by masses, whose operations are counted."""
 
@@ -78,11 +85,12 @@ def design_study(
 ) -> DesignStudy:
     """The study of a body, by itself, by name or as a point's mass in kg, and of counterweights on some links.
 
-    Where no links are named, those with the heaviest weights to counter carry some, at most six. Raises `InputError`.
+    Where no links are named, the heaviest six carry some, but for those that turn about the vertical on the ground.
+    Raises `InputError`.
     """
     carried = named_body(body)
     every = bounds(task.mechanism, task.mechanism.description.body_names, share, beyond)
-    chosen = bounds(task.mechanism, tuple(links) or _heaviest(every), share, beyond)
+    chosen = bounds(task.mechanism, tuple(links) or _heaviest(task.mechanism, every), share, beyond)
     found = optimal_counterweights(task, chosen, objective, percent=percent, seed=seed)
     return DesignStudy(task, carried, every, percent, found, removals(task, every))
 
@@ -99,8 +107,16 @@ def named_body(body: Payload | str | float) -> Payload:
     return found
 
 
-def _heaviest(every: tuple[PlaceBounds, ...]) -> tuple[str, ...]:
-    """Links but the first, whose counterweights only turn with the base, by the mass they may carry."""
-    later = [places for places in every[1:] if places.mass > 0.0] or list(every)
+def _heaviest(mechanism: Mechanism, every: tuple[PlaceBounds, ...]) -> tuple[str, ...]:
+    """The links that may carry the heaviest counterweights, but for those that turn about the vertical on the ground."""
+    idle = {link.name for link in mechanism.links if _lifts_nothing(link, mechanism.description.gravity)}
+    later = [places for places in every if places.mass > 0.0 and places.link not in idle] or list(every)
     heaviest = sorted(later, key=lambda places: -places.mass)[:MOST_LINKS]
     return tuple(places.link for places in later if places in heaviest)
+
+
+def _lifts_nothing(link: Link, gravity: Array) -> bool:
+    """Whether a link turns on the ground about an axis along gravity."""
+    axis = link.near.rotation @ link.joint.axis
+    upright = float(np.linalg.norm(np.cross(axis, gravity))) <= UPRIGHT * float(np.linalg.norm(gravity))
+    return link.parent == GROUND and link.joint.kind.turns and upright
