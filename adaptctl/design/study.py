@@ -108,7 +108,7 @@ def named_body(body: Payload | str | float) -> Payload:
 
 
 def _heaviest(mechanism: Mechanism, every: tuple[PlaceBounds, ...]) -> tuple[str, ...]:
-    """The links that may carry the heaviest counterweights, but for those that turn about the vertical on the ground."""
+    """The links with the heaviest counterweights, but for those that turn about the vertical on the ground."""
     idle = {link.name for link in mechanism.links if _lifts_nothing(link, mechanism.description.gravity)}
     later = [places for places in every if places.mass > 0.0 and places.link not in idle] or list(every)
     heaviest = sorted(later, key=lambda places: -places.mass)[:MOST_LINKS]
