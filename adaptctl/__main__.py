@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
 import sys
@@ -28,7 +29,22 @@ def run() -> NoReturn:
         _on_signals(_interrupt)
         code = main()
     _on_signals(signal.SIG_IGN)  # all is done; packages close
+    if code == INTERRUPTED:
+        _exit_at_once()
     sys.exit(code)
+
+
+def _exit_at_once() -> NoReturn:
+    """Exit with the code of an interruption, once packages have closed.
+
+    CPython would end itself by SIGINT, handled or not, if the interruption came inside an `exec` of text, as in the
+    definition of a dataclass.
+    """
+    atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):
+            stream.flush()
+    os._exit(INTERRUPTED)
 
 
 def _on_signals(handler: Handler) -> None:

@@ -56,7 +56,7 @@ def slotine_li(adaptation: Any = None, kind: type[SlotineLi] = SlotineLi, **more
 
 LAWS: dict[str, Controller[Any]] = {
     "gradient": slotine_li(GAIN),
-    "euler": slotine_li(Gradient(GAIN, euler=True)),
+    "euler": slotine_li(Gradient(GAIN, theta=0.0, cap=0.0)),
     "matrix": slotine_li(np.diag(GAIN) + 0.1),
     "dead zone": slotine_li(DeadZone(GAIN, np.array([0.05, 0.04, 0.06]))),
     "sigma": slotine_li(SigmaModification(GAIN, 0.2, TRUE)),
