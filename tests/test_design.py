@@ -10,7 +10,9 @@ from hypothesis import strategies as st
 
 import adaptctl
 from adaptctl.control import Sinusoids
-from adaptctl.description.inertia import is_physically_consistent, pseudo_inertia
+from adaptctl.description import Description, Joint, Link
+from adaptctl.description.inertia import from_center_of_mass, is_physically_consistent, pseudo_inertia
+from adaptctl.description.pose import Pose
 from adaptctl.design import (
     DesignTask,
     PlaceBounds,
@@ -19,6 +21,7 @@ from adaptctl.design import (
     camera,
     cost_map,
     cylinder,
+    design_study,
     gripper,
     motor,
     optimal_counterweights,
@@ -29,6 +32,7 @@ from adaptctl.design import (
 from adaptctl.design.bodies import ball_tens, ball_tens_slopes
 from adaptctl.design.places import bounds
 from adaptctl.design.removals import by_symmetry, operations_saved
+from adaptctl.dynamics import Mechanism
 from adaptctl.errors import AdaptctlError, InputError
 from adaptctl.identifiability import Constraints, Reduction, constrained, essential_space, reduce
 
@@ -243,6 +247,24 @@ def test_removals_save_operations() -> None:
     assert together.rank < best.rank
     assert together.words == "rely on every symmetry that links have already"
     assert operations_saved(T, together) > operations_saved(T, best)
+
+
+def test_a_task_without_energy_is_refused() -> None:
+    """An arm whose only joint is vertical, at rest in many positions."""
+    link = Link(
+        "pillar",
+        -1,
+        Joint("turn"),
+        Pose.identity(),
+        Pose.identity(),
+        from_center_of_mass(2.0, [0.1, 0, 0.2], np.eye(3)),
+    )
+    T = DesignTask.within_limits(Mechanism(Description("turntable", (link,))), 10, speed=0.0)
+    for call in (lambda: added_mass(T, "pillar", 1.0), lambda: cost_map(T), lambda: design_study(T)):
+        with pytest.raises(InputError, match="its energy is the same in all states of the task"):
+            call()
+    faster = DesignTask.within_limits(T.mechanism, 10, speed=1.0)
+    assert added_mass(faster, "pillar", 1.0, (0.5, 0.0, 0.0)).energy_change > 0.0
 
 
 def test_a_task_along_a_reference() -> None:

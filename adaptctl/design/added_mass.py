@@ -100,6 +100,7 @@ def added_mass(
         loaded = Payload(loaded.mass, frozen_array(place, (3,), "place"), loaded.inertia)
     task.link(link)
     task.components(percent)
+    task.require_energy()
     return AddedMass(task, link, loaded, percent)
 
 

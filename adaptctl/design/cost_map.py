@@ -60,4 +60,5 @@ class CostMap:
 def cost_map(task: DesignTask, mass: float = 1.0, objective: str = "energy") -> CostMap:
     """The map of what a point of a mass (kg) costs. Raises `InputError` for other than a positive mass."""
     task.matrix(objective)
+    task.require_energy()
     return CostMap(task, positive_number(mass, "mass"), objective)

@@ -113,6 +113,7 @@ def optimal_counterweights(
     if not links or len(set(links)) < len(links):
         raise InputError(f"counterweights: expected places on at least one link, each once, got {', '.join(links)}")
     task.components(percent)
+    task.require_energy()
     search = _Search(task, tuple(within), objective, positive_number(density, "density: expected a positive number"))
     z = search.fewest(percent, seed) if objective == "components" else search.least(None, seed)
     masses, places = search.physical(z)

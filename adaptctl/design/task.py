@@ -33,6 +33,8 @@ OBJECTIVES: tuple[str, ...] = get_args(Objective)
 STILL = 1e-9
 """rad, m, rad/s or m/s by which states must differ to be a motion"""
 SAMPLES, MOST = 1000, 100_000
+NO_ENERGY = 1e-12
+"""Share of the energy by which it must vary."""
 SPEED = 0.25
 """Of sqrt(g/L): about 1 rad/s for an arm of half a metre."""
 CARRIED = 1e-6
@@ -115,6 +117,14 @@ class DesignTask:
     def torque_limits(self) -> Array:
         """Limits (r,) that torques are compared with, N m or N."""
         return finite_torque_limits(self.mechanism)
+
+    def require_energy(self) -> None:
+        """Raise `InputError` where the energy is the same in all states, so that no share of it can be told."""
+        whole = float(np.linalg.norm(self.mechanism.energy(self.p, self.v))) / np.sqrt(len(self.p))
+        if self.cost("energy") <= NO_ENERGY * whole:
+            raise InputError(
+                f"{self.mechanism.name}: its energy is the same in all states of the task: let it move, or move faster"
+            )
 
     def matrix(self, objective: str) -> Array:
         """M (n, P) of an objective's cost |M D|: "energy" in J, "torque" as share of the limits, "coupling" in kg m^2.
