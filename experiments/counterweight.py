@@ -241,6 +241,9 @@ def applied_figure(runs: tuple[ControllerRun, ...]) -> Figure:
             color = run_color(1 - i).hex
             axes.plot(run.rollout.time[every], run.rollout.applied[every, j], color=color, label=run.label, lw=1.2)
         axes.set_title(f"joint {j + 1} [N m, N]")
+        later = [run.rollout.applied[len(run.rollout.time) // 10 :, j] for run in (shown if j < dof else [])]
+        if later and (reach := 1.15 * max(float(np.abs(values).max(initial=0.0)) for values in later)) > 0.0:
+            axes.set_ylim(-reach, reach)  # the first moments, off the reference, ask for far more
     figure.supxlabel("time [s]", size=9)
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper left", ncols=2)
     return figure
