@@ -79,6 +79,18 @@ EXPERIMENTS = (
         "ReducedModelTracking",
     ),
     Entry(
+        "added-mass",
+        "Where a mass may be added to an arm: what a point, a gripper, a camera and a motor cost on every link",
+        "adaptctl.experiments.added_mass",
+        "AddedMassStudy",
+    ),
+    Entry(
+        "counterweight",
+        "An arm before and after counterweights, in closed loop, with all parameters and with ten components",
+        "adaptctl.experiments.counterweight",
+        "CounterweightedTracking",
+    ),
+    Entry(
         "task-space",
         "A tool follows a path in the world: control of the tool against control of the joints",
         "adaptctl.experiments.task_space",
