@@ -9,7 +9,7 @@ DOCS := docs/_build/html
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test bench check-stability lint types docs format licences audit lock clean
+.PHONY: architecture help demo test bench check-stability lint types docs format licences audit lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-15s %s\n", $$1, $$2}' Makefile
@@ -36,6 +36,9 @@ types: $(STAMP) ## types of the code
 
 docs: $(STAMP) ## the documentation, in docs/_build/html/index.html
 	$(BIN)/sphinx-build -W --keep-going -q -b html docs $(DOCS)
+
+architecture: $(STAMP) ## the picture of what imports what, in docs/images/architecture.svg
+	$(BIN)/python docs/extensions/architecture.py
 
 format: $(STAMP) ## bring the code into style
 	$(BIN)/ruff check --fix .

@@ -18,6 +18,7 @@ from adaptctl.errors import (
     PhysicalConsistencyWarning,
     SimplificationWarning,
 )
+from adaptctl.packages import needed
 
 DONE, FAILED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
 
@@ -67,7 +68,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     with _warnings_as_notes():
         try:
             _require_command(given)
-            return int(app(given) or DONE)
+            with needed(_called(app.parse_commands(given)[0])):
+                return int(app(given) or DONE)
         except CycloptsError as error:
             return _complain(_reason(error), WRONG_INPUT)
         except InputError as error:

@@ -14,6 +14,7 @@ from adaptctl.arrays import Array, frozen_array
 from adaptctl.caching import cached_property
 from adaptctl.control.controller import ReferencePoint
 from adaptctl.errors import InputError
+from adaptctl.packages import needed
 from adaptctl.scalars import Column, Scalar, clip, cos, sin, where
 
 DEGREE = 5
@@ -145,7 +146,8 @@ class Spline:
     @cached_property
     def _curves(self) -> tuple[Callable[[Array], Array], ...]:
         """The spline and its derivatives."""
-        from scipy.interpolate import make_interp_spline
+        with needed("Spline"):
+            from scipy.interpolate import make_interp_spline
 
         spline = make_interp_spline(self.times, self.positions, k=DEGREE)
         return spline, spline.derivative(), spline.derivative(2)

@@ -16,6 +16,7 @@ from adaptctl.arrays import Array, frozen
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.errors import FileError, InputError
 from adaptctl.files import replacing
+from adaptctl.packages import needed
 from adaptctl.simulation.closed_loop import guards
 from adaptctl.simulation.sampled_references import REFERENCE
 
@@ -81,6 +82,7 @@ class Rollout:
         """v - v_d (T, r)."""
         return self.v - self.reference_v
 
+    @needed("Rollout.save")
     def save(self, path: str | Path, joints: Sequence[str] | None = None) -> None:
         """Write the run as Parquet, whole or not at all: a row a control period, columns such as `p.joint1` with their
         units, which `adaptctl identify` reads. `joints` (r,) names them, joint1, joint2, ... by default.
@@ -102,6 +104,7 @@ class Rollout:
             pq.write_table(table, beside, compression="zstd", use_dictionary=False, use_byte_stream_split=True)
 
     @classmethod
+    @needed("Rollout.load")
     def load(cls, path: str | Path) -> Rollout:
         """The run that `save` wrote. Raises `FileError`."""
         import pyarrow as pa
