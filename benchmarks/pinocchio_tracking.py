@@ -51,8 +51,7 @@ class PinocchioTracker:
         self.Y = np.zeros((model.nv, 10 * model.nv))
 
     def step(self, p: Array, v: Array, p_d: Array, v_d: Array, a_d: Array) -> Array:
-        """One tick: learn from the period that has passed, by the backward rule and no more than damping takes out, then
-        the torque (r,)."""
+        """One tick: learn from the period that has passed, as `Gradient` does, then the torque (r,)."""
         v_r = v_d - self.bandwidth * (p - p_d)
         a_r = a_d - self.bandwidth * (v - v_d)
         s = v - v_r
