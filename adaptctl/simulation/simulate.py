@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Callable, Mapping
 from time import perf_counter
@@ -98,7 +99,8 @@ class _NativeRun:
         self.steps, self.period = steps, period
         self.arms = self.loop.compiled().ensemble(1)
         self.loop.begin(self.arms, episode.state, controller.init(*_measured(episode.state)))
-        self.sample = Sample(*(np.empty((steps, *shape)) for shape in self.arms.stepper.outputs))
+        self.room = self.arms.room(steps)
+        self.sample = Sample(*map(self.room.view, self.room.columns))
         self.reference = ReferencePoint(*np.empty((3, steps, controller.reference_size)))
         self.reward, self.payload = np.empty((2, steps))
         self.count, self.end, self.terminated = 0, episode.state, False
@@ -121,13 +123,13 @@ class _NativeRun:
             sample = self._taken(count, reference)
             if not over:
                 self._fail(time[count], ReferencePoint(*(part[count] for part in reference)))
-        self._keep(time[: count + 1], sample, reference, reward)
+        self._keep(time[: count + 1], reference, reward)
         self.count, self.end, self.terminated = self.count + count, self._reached(time[count], sample), over
 
-    def _keep(self, time: Array, sample: Sample, reference: ReferencePoint, reward: Array) -> None:
-        """Put samples at all times but the last in their place."""
+    def _keep(self, time: Array, reference: ReferencePoint, reward: Array) -> None:
+        """Put what belongs to the samples at all times but the last in its place."""
         new, plant = slice(self.count, self.count + len(reward)), self.episode.plant
-        for kept, part in zip((*self.sample, *self.reference), (*sample, *reference), strict=True):
+        for kept, part in zip(self.reference, reference, strict=True):
             kept[new] = part[: len(reward)]
         self.reward[new], self.payload[new] = reward, plant.payload(time[0])
         self.payload[new.stop - 1] = plant.payload(time[-1])
@@ -142,10 +144,16 @@ class _NativeRun:
         """The rewards of the control periods until the environment ends the run, which is then told, or until
         something is not finite."""
         q, v = (np.concatenate((getattr(sample, name)[1:], self.arms.state[name])) for name in ("q", "v"))
-        sound = _finite(sample.torque, q, v)
+        sound = len(q) if self._sound(len(q)) else _finite(sample.torque, q, v)
         ahead = ReferencePoint(*(part[1 : sound + 1] for part in reference))
         reward, over = self.episode.judge(q[:sound], v[:sound], ahead, sample.applied[:sound])
         return (reward[: int(over.argmax()) + 1], True) if over.any() else (reward, False)
+
+    def _sound(self, count: int) -> bool:
+        """Whether all that was just recorded, and the state after it, is finite for certain."""
+        numbers = self.room.blocks[self.count : self.count + count].ravel(), self.arms.state.blocks.ravel()
+        with np.errstate(over="ignore", invalid="ignore"):
+            return all(math.isfinite(x @ x) for x in numbers)
 
     def _times(self) -> Array:
         """The times of the next stretch and its end: as long as nothing changes, in one call's length."""
@@ -162,7 +170,8 @@ class _NativeRun:
         """So many control periods."""
         noise = self.episode.rng.standard_normal((count, self.loop.noise["noise"]))
         signals = {name: part[:count] for name, part in zip(REFERENCE, reference, strict=True)} | {"noise": noise}
-        return Sample(*(values[:, 0] for values in self.arms.run(count, signals, record=True)))
+        self.arms.record_into(self.room, self.count, count, signals)
+        return Sample(*(part[self.count : self.count + count] for part in self.sample))
 
     def _place(self) -> tuple[Array, Any]:
         """Where the run is, to return there."""
