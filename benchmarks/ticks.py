@@ -69,6 +69,11 @@ def adaptations(model: ReducedModel) -> Iterator[tuple[str, Any, ReducedModel]]:
     yield "Subspace of 10", control.Subspace(np.ones(10), np.random.default_rng(0).normal(size=(k, 10))), model
     for filtering in (control.Composite, control.BoundedGainForgetting, control.CushionedFloor):
         yield filtering.__name__, filtering(gain), model
+    for learning in (control.CompositeLearning, control.ConcurrentLearning):
+        yield learning.__name__, learning(gain), model
+    first = np.asarray(model.mechanism.inertial_parameters)
+    yield "ConsistentLift", control.ConsistentLift(0.01, first), model
+    yield "ConsistentLift, predicting", control.ConsistentLift(0.01, first, 1.0), model
     yield "Natural, 60", control.Natural(0.01), ReducedModel.full(model.mechanism)
 
 

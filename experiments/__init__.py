@@ -103,6 +103,12 @@ EXPERIMENTS = (
         "NoiseAndDelay",
     ),
     Entry(
+        "stable-bandwidth",
+        "Elastic joints: up to which bandwidth each law stays stable, over their stiffness",
+        "adaptctl.experiments.stable_bandwidth",
+        "StableBandwidth",
+    ),
+    Entry(
         "adaptive",
         "The same for any arm: a built-in robot or a file of yours",
         "adaptctl.experiments.adaptive",

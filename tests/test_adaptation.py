@@ -16,6 +16,8 @@ from adaptctl.control import (
     AdaptationLaw,
     BoundedGainForgetting,
     Composite,
+    CompositeLearning,
+    ConcurrentLearning,
     CushionedFloor,
     DeadZone,
     EModification,
@@ -65,6 +67,8 @@ LAWS: dict[str, Callable[[str], AdaptationLaw]] = {
     "subspace": lambda name: Subspace(np.ones(4), np.eye(len(gain(name)))[:, 1:5]),
     "bounded-gain forgetting": lambda name: BoundedGainForgetting(gain(name), 0.1),
     "cushioned floor": lambda name: CushionedFloor(gain(name), 0.1),
+    "composite learning": lambda name: CompositeLearning(gain(name), 0.1, alarm=1.0),
+    "concurrent learning": lambda name: ConcurrentLearning(gain(name), 0.1, samples=3, threshold=1e-3),
 }
 
 

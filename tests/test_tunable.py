@@ -15,7 +15,10 @@ from adaptctl.control import (
     AdaptiveComputedTorque,
     BoundedGainForgetting,
     Composite,
+    CompositeLearning,
     ComputedTorque,
+    ConcurrentLearning,
+    ConsistentLift,
     Controller,
     CushionedFloor,
     DeadZone,
@@ -64,6 +67,9 @@ LAWS: dict[str, Controller[Any]] = {
     "composite": slotine_li(Composite(GAIN, 0.3, 15.0)),
     "forgetting": slotine_li(BoundedGainForgetting(GAIN, 0.3, 15.0, 1.5, 3.0)),
     "floor": slotine_li(CushionedFloor(GAIN, 0.3, 15.0, 1.5)),
+    "composite learning": slotine_li(CompositeLearning(GAIN, 0.3, 15.0, 1.5, 2.0, 1e-9, 1.0)),
+    "concurrent learning": slotine_li(ConcurrentLearning(GAIN, 0.3, 15.0, 3, 1e-9)),
+    "lift": slotine_li(ConsistentLift(0.2, 0.9 * TRUE, 0.3, 15.0)),
     "natural": slotine_li(Natural(0.2)),
     "projection": slotine_li(Projection(Gradient(GAIN), -WIDE, WIDE)),
     "subspace": slotine_li(Subspace(GAIN[:4], np.eye(K)[:, :4])),
@@ -79,7 +85,9 @@ LAWS: dict[str, Controller[Any]] = {
 def changed(law: Controller[Any]) -> Controller[Any]:
     """The law with every number a little greater, each array by a share of its own."""
     rng = np.random.default_rng(0)
-    return law.tuned({name: (1.0 + 0.1 * rng.random()) * array for name, array in law.numbers.items()})
+    shares = {name: 1.0 + 0.1 * rng.random() for name in law.numbers}
+    shares["adaptation.lift"] = shares.get("initial", 1.0)  # a lift has the first estimate
+    return law.tuned({name: shares[name] * array for name, array in law.numbers.items()})
 
 
 def ticks(law: Controller[Any], count: int = 4) -> list[Array]:

@@ -98,7 +98,7 @@ class ClosedLoop:
         next_measured = (outcome.measured_p, outcome.measured_v) if self._senses else _NOTHING
         marks = Column((*outcome.marks, *(mark[0] for mark in guards(after))))
         estimate = Column(getattr(after, "estimate", ()))
-        energy = Column((self.plant.energy_equation(q, v, columns["parameters"]),))
+        energy = Column((self.plant.energy_equation(q, v, columns["parameters"], columns["drives"]),))
         done = torque, outcome.applied, outcome.clipped, estimate, marks
         return [*outcome[:4], *next_measured, *leaves(after)], Sample(q, v, *measured, energy, *done)
 
