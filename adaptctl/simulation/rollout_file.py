@@ -79,7 +79,7 @@ class RolloutFile:
         return self._held.__exit__(kind, error, trace)
 
 
-def read_rollout(path: str | Path) -> tuple[dict[str, Array], Mapping[str, Array], dict[str, Any]]:
+def read_rollout(path: str | Path) -> tuple[dict[str, Any], Mapping[str, Array], dict[str, Any]]:
     """A run's arrays, its marks, and what its file says of the whole. Raises `FileError`."""
     import pyarrow as pa
     import pyarrow.parquet as pq

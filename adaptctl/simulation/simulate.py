@@ -161,7 +161,7 @@ class _NativeRun:
         self.clips += int(sample.clipped[:count].sum())
         if self.file is not None:
             marks = columns.pop("marks"), columns.pop("payload")
-            self.file.append({"measured_p": None, "measured_v": None} | columns, self._marks(*marks))
+            self.file.append({"measured_p": None, "measured_v": None, **columns}, self._marks(*marks))
 
     def _nothing(self) -> tuple[Array, Sample, ReferencePoint, Array]:
         """What there is to keep of no control periods."""
