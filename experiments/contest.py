@@ -17,12 +17,15 @@ from adaptctl.control.controller import leaves
 from adaptctl.dynamics import Mechanism
 from adaptctl.recording import ControllerRun, Progress, TickCost
 from adaptctl.simulation import Rollout, simulate
+from adaptctl.simulation.rollout import known_steps
 
 if TYPE_CHECKING:
     import gymnasium
 
 TIMED_TICKS, REPETITIONS = 1000, 10
 """control ticks that are timed to find out how long one takes"""
+MANY, FEW = 600_000, 200_000
+"""samples of all runs: so many are kept as they are, and of more than these so few, which fit into 500 MB"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,9 +60,10 @@ def contest(
     Ctrl-C ends the contest and keeps what was run; before anything was run it passes.
     """
     runs: list[ControllerRun] = []
+    every = thinning((known_steps(env) or 0) * len(contenders))
     try:
         for contender in contenders:
-            runs.append(_run(env, mechanism, contender, seed, options, partial(progress, contender.label)))
+            runs.append(_run(env, mechanism, contender, seed, options, partial(progress, contender.label), every))
             if not runs[-1].rollout.complete:
                 break
     except KeyboardInterrupt:
@@ -71,6 +75,11 @@ def contest(
     return Outcome(mechanism, begun, complete=len(begun) == len(contenders) and begun[-1].rollout.complete)
 
 
+def thinning(samples: int) -> int:
+    """How many control periods a sample that is kept stands for, of so many that all runs together would have."""
+    return -(-samples // FEW) if samples > MANY else 1
+
+
 def _run(
     env: gymnasium.Env[Any, Any],
     mechanism: Mechanism,
@@ -78,10 +87,11 @@ def _run(
     seed: int,
     options: Mapping[str, Any],
     progress: Callable[[float], object],
+    every: int,
 ) -> ControllerRun:
     controller = contender.controller
     progress(0.0)
-    result = simulate(env, controller, seed=seed, options=dict(options), progress=progress)
+    result = simulate(env, controller, seed=seed, options=dict(options), progress=progress, every=every)
     run = ControllerRun(name=contender.name, label=contender.label, knows=contender.knows, rollout=result)
     try:
         cost = tick_cost(controller, result) if result.complete else None

@@ -87,10 +87,14 @@ class Controller(Tunable, ABC, Generic[Memory]):
         """The state before the first tick, from measured positions and velocities (..., r).
 
         Leading axes are arms, and each has its own state: leaves (..., n), all in one array. `gains` by their names in
-        `numbers`, with the same leading axes, are those of arms that have their own; they are not checked.
+        `numbers`, with the same leading axes, are those of arms that have their own; they are not checked. Raises
+        `NonFiniteError` where the state would not be finite.
         """
         positions, velocities = self._measured(p, "p"), self._measured(v, "v")
-        started = (self.having(gains) if gains else self).start(positions, velocities)
+        with np.errstate(over="ignore", invalid="ignore"):
+            started = (self.having(gains) if gains else self).start(positions, velocities)
+        if not all(np.isfinite(part).all() for part in leaves(started)):
+            raise NonFiniteError(f"{type(self).__name__}: the first state is not finite, though all it was given is")
         return self._remembering(self._array_of(started, positions.shape[:-1]))
 
     def restart(self, state: Memory, arms: ArrayLike, p: ArrayLike, v: ArrayLike) -> Memory:
