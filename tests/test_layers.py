@@ -29,6 +29,7 @@ ORDER = (
     "simulation",
     "identification",
     "tuning",
+    "codegen",
     "recording",
     "envs",
     "experiments",
