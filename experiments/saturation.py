@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, ClassVar
 
@@ -80,9 +80,14 @@ class Saturation(OnRealPlant):
         return self.strength * super().torque_limits(mechanism)
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Contenders in the order in which they drive; the first is the subject."""
+        """Contenders in the order in which they drive; the first is the subject.
+
+        The guards hold the torques back, not the law, which would stop learning of itself.
+        """
         model = ReducedModel(mechanism, basis)
-        law, off = self.from_rough(model), self.from_rough(model, adapting=False)
+        law, off = (
+            replace(self.from_rough(model, adapting=adapting), torque_limits=np.inf) for adapting in (True, False)
+        )
         limits, knows = self.torque_limits(mechanism), f"links within {100 * self.parameter_error:.0f} %"
         return [
             Contender(ADAPTIVE, "Frozen while saturated", knows, Guarded(law, limits, self.rate_limit)),

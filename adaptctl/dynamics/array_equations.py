@@ -3,20 +3,52 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
+from typing import Protocol
 
+from numpy.typing import ArrayLike
+
+from adaptctl.arrays import Array
+from adaptctl.description import Description
 from adaptctl.dynamics.array_equation import LINEAR, QUADRATIC, ArrayEquation
+from adaptctl.dynamics.equations import Equations
 from adaptctl.scalars import Column
 
-if TYPE_CHECKING:
-    from adaptctl.dynamics.mechanism import Mechanism
+
+class ArrayMechanism(Protocol):
+    """What the equations on arrays ask of a `Mechanism`."""
+
+    @property
+    def description(self) -> Description:
+        """What it is made of."""
+
+    @property
+    def equations(self) -> Equations:
+        """Its equations over scalars of any kind."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+
+    @property
+    def dof(self) -> int:
+        """Number of primary joints r."""
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """The P parameters' names."""
+
+    def configuration(self, p: ArrayLike) -> Array:
+        """The tree's joints (..., n) at positions (..., r)."""
+
+    def require_mass(self) -> None:
+        """Raise `InputError` where links have no mass to be accelerated."""
 
 
 class ArrayEquations:
     """A mechanism's equations on arrays, as attributes, so that a call finds them at once. None is traced before it is
     called."""
 
-    def __init__(self, mechanism: Mechanism) -> None:
+    def __init__(self, mechanism: ArrayMechanism) -> None:
         self._mechanism = mechanism
         self._on_columns: dict[tuple[str, tuple[int, ...]], ArrayEquation] = {}
         self.energy_regressor = self.of(lambda q, v: mechanism.equations.energy_regressor(q, v), "v")
@@ -61,7 +93,7 @@ class ArrayEquations:
             return {name: known.get(name, mechanism.dof) for name in ("p", *arguments)}
 
         return ArrayEquation(
-            mechanism.name, function, lengths, len(mechanism.links), longest=longest, configured=configured
+            mechanism.name, function, lengths, len(mechanism.description.links), longest=longest, configured=configured
         )
 
     def _regressor(self, name: str, columns: tuple[int, ...] | None) -> ArrayEquation:

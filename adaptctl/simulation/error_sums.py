@@ -82,14 +82,15 @@ class ErrorSummary(NamedTuple):
 def summary(sums: ErrorSums, count: int, final: int, period: float, beyond: Array) -> ErrorSummary:
     """Summaries after `count` control periods (s), of which those from `final` on are final, of sums (M, n).
 
-    Where no bound was asked for, the errors of runs that diverged are NaN.
+    Where no bound was asked for, the errors of runs that diverged are NaN; so are final ones of runs too short to have
+    a beginning besides.
     """
     joint = sums.joint[:, 0].astype(np.int64) - 1
     lost = joint >= 0
     counted = np.where(lost, sums.diverged[:, 0] - 1.0, count)
     rms = np.sqrt(sums.squares / np.maximum(counted, 1.0)[:, None])
     last = np.sqrt(sums.final_squares / np.maximum(counted - final, 1.0)[:, None])
-    last[counted <= final] = np.nan
+    last[(counted <= final) | (count < round(SETTLED / period))] = np.nan
     largest = sums.largest.copy()
     if np.isinf(beyond).all():
         rms[lost], largest[lost] = np.nan, np.nan

@@ -68,7 +68,7 @@ class Rollouts:
     largest_error: Array
     """(M, r) its largest magnitude"""
     final_rms_error: Array
-    """(M, r) root mean square over the last SETTLED seconds"""
+    """(M, r) root mean square over the last SETTLED seconds; NaN in shorter runs"""
     return_time: Array
     """(M,) s after which every error stayed within the bounds asked for; NaN where one was beyond them at the end"""
     diverged_at: Array

@@ -45,7 +45,12 @@ class Cluster:
         with dask.config.set({"distributed.comm.timeouts.connect": PATIENCE, "logging.distributed": "error"}):
             if self.scheduler is None and self.scheduler_file is None:
                 workers = self.jobs or len(os.sched_getaffinity(0))
-                options = {"n_workers": workers, "threads_per_worker": 1, "dashboard_address": None}
+                options = {
+                    "n_workers": workers,
+                    "threads_per_worker": 1,
+                    "host": "127.0.0.1",
+                    "dashboard_address": "127.0.0.1:0",
+                }
                 with distributed.LocalCluster(**options) as local, distributed.Client(local) as client:
                     yield client
                 return

@@ -11,7 +11,8 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.control import Sinusoids, SlotineLi, typical_inertia
-from adaptctl.control.gains.gains import sampled_configurations, sampled_gain
+from adaptctl.control.gains.hold import hold_number
+from adaptctl.control.gains.workspace import sampled_configurations
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import AdaptctlError
 from adaptctl.experiments.experiment import setting
@@ -59,7 +60,7 @@ def _arm(robot: str, period: float) -> tuple[Mechanism, SlotineLi, Plant]:
     """The robot, a law that knows it, and its plant."""
     mechanism = load(robot)
     inertia, true = typical_inertia(mechanism), np.asarray(mechanism.inertial_parameters)
-    damping = SMALL / sampled_gain(mechanism, inertia, period) * inertia
+    damping = SMALL / hold_number(mechanism, inertia, period).value * inertia
     law = SlotineLi(ReducedModel.full(mechanism), np.ones(mechanism.dof), damping, None, true, period)
     return mechanism, law, Plant(mechanism, period, torque_limits=np.inf)
 

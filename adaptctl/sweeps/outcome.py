@@ -47,7 +47,7 @@ OUTCOME = {
     "status": ("string", "done, diverged, or failed"),
     "reason": ("string", "why, where it is not done"),
     "rms_error": ("double", "root mean square of the errors of all joints, rad or m; until it diverged"),
-    "rms_error_last": ("double", "the same over the last two seconds, rad or m"),
+    "rms_error_last": ("double", "the same over the last two seconds, rad or m; None of shorter runs"),
     "largest_error": ("double", "of any joint, rad or m"),
     "diverged_at": ("double", "s"),
     "diverged_joint": ("int64", "from 1"),

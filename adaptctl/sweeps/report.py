@@ -74,7 +74,7 @@ class SweepReport:
 
         def badness(row: dict[str, Any]) -> tuple[float, float]:
             gone = row["diverged_at"] if row["status"] == "diverged" else np.inf
-            return gone, -(row["rms_error_last"] or row["rms_error"] or 0.0)
+            return gone, -(_error(row) or row["rms_error"] or 0.0)
 
         return sorted((row for row in self.of_controller(name) if row["status"] != "failed"), key=badness)[:WORST]
 
@@ -99,7 +99,7 @@ class SweepReport:
             for i in range(len(down)):
                 for j in range(len(across)):
                     cell = [row for row in rows if _bin(row[y], down) == i and _bin(row[x], across) == j]
-                    kept = [row["rms_error_last"] for row in cell if row["rms_error_last"] is not None]
+                    kept = [size for row in cell if (size := _error(row)) is not None]
                     error[i, j] = np.mean(kept) if kept else np.nan
                     stable[i, j] = np.mean([row["status"] == "done" for row in cell]) if cell else np.nan
             yield SettingsMap(x, y, across, down, error, stable)
@@ -121,7 +121,7 @@ class SweepReport:
         lines = [f"{self.study.experiment}: {len(self.rows)} rows of {self.study.runs} runs"]
         for name in self.controllers:
             rows = self.of_controller(name)
-            errors = [row["rms_error_last"] for row in rows if row["rms_error_last"] is not None]
+            errors = [size for row in rows if (size := _error(row)) is not None]
             told = f"median error at the end {np.median(errors):.3g}, largest {max(errors):.3g}" if errors else ""
             counts = ", ".join(f"{count} {status}" for status, count in self.counts(rows).items() if count)
             lines.append(f"  {name or 'runs'}: {counts}; {told}".rstrip("; "))
@@ -132,6 +132,14 @@ class SweepReport:
             whose = "" if len(idle) == len(self.controllers) else f" of {', '.join(idle)}"
             lines.append(f"  {setting} changes no result{whose}")
         return "\n".join(lines)
+
+
+def _error(row: dict[str, Any]) -> float | None:
+    """A run's error over its last two seconds, over all of a shorter one; None where it was not done."""
+    if row["status"] != "done":
+        return None
+    found: float | None = row["rms_error" if row["rms_error_last"] is None else "rms_error_last"]
+    return found
 
 
 def write_report(path: Path) -> Path:

@@ -63,7 +63,10 @@ def search(
                 best = BestSettings(chosen, row["controller"], float(value), trials)
         progress(min(1.0, (first + TOGETHER) / trials))
     if best is None:
-        raise InputError(f"search: none of {trials} runs of {study.experiment} was done: widen the ranges")
+        raise InputError(
+            f"search: none of {trials} runs of {study.experiment} was done and has {minimise}: widen the ranges, or "
+            "minimise rms_error where runs are shorter than two seconds"
+        )
     return best
 
 
