@@ -16,11 +16,13 @@ from adaptctl.codegen.c_program import CProgram, Signature, helpers
 from adaptctl.codegen.c_sine import sine_source
 from adaptctl.codegen.gain_rules import GainRule, gain_rules
 from adaptctl.codegen.interface import Field, Interface
+from adaptctl.codegen.loop_precision import OPEN
 from adaptctl.codegen.recorded import RecordedTick
 from adaptctl.codegen.starting import start_of
 from adaptctl.codegen.statuses import status_bits
 from adaptctl.compilation.graph import Op
 from adaptctl.control import Guarded
+from adaptctl.dynamics.loops.continuation import LOST
 from adaptctl.version import __version__
 
 SPDX = "BSD-3-Clause"
@@ -34,7 +36,7 @@ class CPackage:
     def __init__(self, interface: Interface, name: str, kind: Kind) -> None:
         self.interface, self.name, self.kind = interface, name, kind
         self.number = CNumber(kind, interface.names_of_constants())
-        self.start = start_of(interface)
+        self.start = start_of(interface, LOST if kind == "double" else OPEN)
         self.program = CProgram(name, self.number)
         self.memory = tuple(field for field in interface.memory if field.size)
         self.stack = 0

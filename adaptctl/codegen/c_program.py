@@ -106,7 +106,7 @@ class CProgram:
             code.compute(x, named=bool(places))
             for place in places:
                 code.store(place, x)
-        used = {name for name in signature.arguments if any(re.search(rf"\b{name}\b", line) for line in code.lines)}
+        used = {name for name in signature.arguments if any(re.search(rf"(?<![\w>.]){name}\b", line) for line in code.lines)}
         alive = most_alive(piece.expressions, routine.outputs) + code.arrays
         called = max((self._stacks[x.detail] for x in piece.expressions if x.op is Op.CALL), default=0)
         return _function(signature, code.lines, used), alive * self.number.size + called + RETURN_ADDRESSES

@@ -47,8 +47,11 @@ class Start:
     walk: Walk | None
 
 
-def start_of(interface: Interface) -> Start:
-    """How a controller's memory begins. Raises `InputError` where it depends on positions in another way."""
+def start_of(interface: Interface, open_by: float) -> Start:
+    """How a controller's memory begins, its loops left open by at most `open_by` (m or rad).
+
+    Raises `InputError` where it depends on positions in another way.
+    """
     law, mechanism = interface.controller, interface.mechanism
     p = law.home + ASIDE * np.linspace(0.5, 1.0, law.dof)
     aside = interface.memory_of(law.start(p, np.zeros(law.dof)))
@@ -57,7 +60,7 @@ def start_of(interface: Interface) -> Start:
     configurations = tuple(k for k in moved if np.array_equal(aside[k], p if q is None else q))
     computed = tuple(k for k in moved if k not in configurations)
     more = _computed(interface, computed) if computed else None
-    walk = _walk(mechanism) if mechanism is not None and mechanism.continuation is not None else None
+    walk = _walk(mechanism, open_by) if mechanism is not None and mechanism.continuation is not None else None
     return Start(configurations, computed, more, walk)
 
 
@@ -80,7 +83,7 @@ def _computed(interface: Interface, fields: tuple[int, ...]) -> Routine:
     return routine
 
 
-def _walk(mechanism: Mechanism) -> Walk:
+def _walk(mechanism: Mechanism, open_by: float) -> Walk:
     continuation: Any = mechanism.continuation
     equations, primary = continuation.equations, tuple(continuation.primary)
 
@@ -89,7 +92,7 @@ def _walk(mechanism: Mechanism) -> Walk:
         return equations.closed(p, q + ahead)
 
     def regular(q: Column) -> Any:
-        return continuation.surely_regular(q)
+        return continuation.surely_regular(q, open_by)
 
     tracers: dict[str, tuple[Callable[..., Any], dict[str, int]]] = {
         "closed": (step, {"p": len(primary), "q": equations.joints}),
