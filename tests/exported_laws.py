@@ -43,10 +43,12 @@ def slotine_li(adaptation: Any = None, kind: type[SlotineLi] = SlotineLi, **more
     return kind(MODEL, 6.0, [3.0, 4.0, 2.0], adaptation, 0.9 * TRUE, **more)  # type: ignore[arg-type]
 
 
-def guarded(law: Controller[Any], **more: Any) -> Guarded:
+def guarded(law: Controller[Any], torque: float = 50.0, **more: Any) -> Guarded:
     r = law.dof
     wide = (np.full(r, -6.0), np.full(r, 6.0))
-    return Guarded(law, np.full(r, 50.0), np.full(r, 1e4), position_limits=wide, velocity_limits=np.full(r, 30.0), **more)
+    return Guarded(
+        law, np.full(r, torque), np.full(r, 1e4), position_limits=wide, velocity_limits=np.full(r, 30.0), **more
+    )
 
 
 LAWS: dict[str, Controller[Any]] = {

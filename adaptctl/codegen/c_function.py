@@ -25,7 +25,9 @@ Given = Callable[[int, int], str]
 class CStatements:
     """The statements of one piece of a routine, in order."""
 
-    def __init__(self, prefix: str, number: CNumber, piece: Piece, symbols: Mapping[Routine, str], given: Given) -> None:
+    def __init__(
+        self, prefix: str, number: CNumber, piece: Piece, symbols: Mapping[Routine, str], given: Given
+    ) -> None:
         self.lines: list[str] = []
         self.arrays = 0
         self._prefix, self._number, self._symbols, self._given = prefix, number, symbols, given

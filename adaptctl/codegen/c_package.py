@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from typing import Any, NamedTuple
 
 import jinja2
@@ -128,9 +129,7 @@ class CPackage:
             "brake": Field("brake", _per_joint(guard.stop_damping, law.dof)) if guard else None,
             "brake_limit": Field("limit", _finite(_per_joint(guard.torque_limits, law.dof))) if guard else None,
             "brake_text": "the guards' braking" if guard else "zero",
-            "marks": [_Mark(f.name, f.name.split("_marks_")[-1].removeprefix("marks_").upper()) for f in fields[-len(marks) :]]
-            if marks
-            else [],
+            "marks": list(map(_Mark, (f.name for f in fields[len(fields) - len(marks) :]), map(str.upper, marks))),
             "configurations": [fields[k] for k in self.start.configurations],
             "computed": [fields[k] for k in self.start.computed],
             "more": self.start.more,
@@ -241,15 +240,19 @@ def title(interface: Interface) -> str:
 
 def filled(template: str, **content: object) -> str:
     """A template of this package, filled."""
-    environment = jinja2.Environment(
+    return _environment().get_template(f"{template}.jinja").render(**content)
+
+
+@cache
+def _environment() -> jinja2.Environment:
+    return jinja2.Environment(
         loader=jinja2.PackageLoader("adaptctl.codegen", "templates"),
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
         keep_trailing_newline=True,
-        autoescape=False,  # noqa: S701  # C, not HTML
+        autoescape=False,  # C, not HTML
     )
-    return environment.get_template(f"{template}.jinja").render(**content)
 
 
 def _comment(label: str) -> str:

@@ -106,7 +106,7 @@ class CProgram:
             code.compute(x, named=bool(places))
             for place in places:
                 code.store(place, x)
-        used = {name for name in signature.arguments if any(re.search(rf"(?<![\w>.]){name}\b", line) for line in code.lines)}
+        used = set(re.findall(r"(?<![\w>.])[a-z]\w*", "\n".join(code.lines)))
         alive = most_alive(piece.expressions, routine.outputs) + code.arrays
         called = max((self._stacks[x.detail] for x in piece.expressions if x.op is Op.CALL), default=0)
         return _function(signature, code.lines, used), alive * self.number.size + called + RETURN_ADDRESSES
@@ -143,5 +143,3 @@ def _callees(routine: Routine) -> list[Routine]:
 
     visit(routine)
     return list(found)
-
-

@@ -18,7 +18,7 @@ from adaptctl.codegen.loop_precision import require_single_precision
 from adaptctl.codegen.recorded import default_reference, record
 from adaptctl.control import Controller, Reference
 from adaptctl.errors import FileError, InputError, printable
-from adaptctl.files import write_json
+from adaptctl.files import hashed, write_json
 from adaptctl.folders import replacing_folder
 from adaptctl.version import __version__
 
@@ -27,10 +27,70 @@ SCHEMA = "adaptctl/export/1"
 MOST_STACK = 16 * 1024
 """bytes, about, that a tick may take unless more is asked for"""
 RESERVED = frozenset(
-    "auto break case char const continue default do double else enum extern float for goto if inline int long register "
-    "restrict return short signed sizeof static struct switch typedef union unsigned void volatile while bool class "
-    "namespace new delete this template true false and or not xor asm catch private public protected operator throw try "
-    "typename using virtual export friend mutable explicit".split()
+    [
+        "auto",
+        "break",
+        "case",
+        "char",
+        "const",
+        "continue",
+        "default",
+        "do",
+        "double",
+        "else",
+        "enum",
+        "extern",
+        "float",
+        "for",
+        "goto",
+        "if",
+        "inline",
+        "int",
+        "long",
+        "register",
+        "restrict",
+        "return",
+        "short",
+        "signed",
+        "sizeof",
+        "static",
+        "struct",
+        "switch",
+        "typedef",
+        "union",
+        "unsigned",
+        "void",
+        "volatile",
+        "while",
+        "bool",
+        "class",
+        "namespace",
+        "new",
+        "delete",
+        "this",
+        "template",
+        "true",
+        "false",
+        "and",
+        "or",
+        "not",
+        "xor",
+        "asm",
+        "catch",
+        "private",
+        "public",
+        "protected",
+        "operator",
+        "throw",
+        "try",
+        "typename",
+        "using",
+        "virtual",
+        "export",
+        "friend",
+        "mutable",
+        "explicit",
+    ]
 )
 LONGEST_NAME = 40
 
@@ -94,7 +154,9 @@ def export(
         files, facts = wasm_files(interface, chosen, scalar)
     else:
         files, facts = _c_files(interface, chosen, scalar, followed, large_stack)
-    return _written(target, interface, chosen, files, facts | {"scalar": scalar, "language": language, "check": outcome})
+    return _written(
+        target, interface, chosen, files, facts | {"scalar": scalar, "language": language, "check": outcome}
+    )
 
 
 def _c_files(
@@ -153,10 +215,10 @@ def _manifest(interface: Interface, name: str, facts: dict[str, Any]) -> dict[st
         "guarded": interface.guarded,
         "period": interface.period,
         "mechanism": {"name": mechanism.name, "sha256": mechanism.description.sha256} if mechanism else None,
-        "basis": {"names": columns, "sha256": _digest(columns)} if columns else None,
+        "basis": {"names": columns, "sha256": hashed(columns)} if columns else None,
         "joints": list(interface.joints),
         "gains": gains,
-        "gains_sha256": _digest(gains),
+        "gains_sha256": hashed(gains),
         "flops": interface.law.operations.flops,
         "operations": {str(op): count for op, count in sorted(interface.law.operations.items())},
         "state_numbers": sum(law._memory_sizes.values()),
@@ -168,10 +230,6 @@ def _jsonable(values: Any) -> Any:
     """Numbers in JSON, which has no infinity."""
     plain = np.asarray(values).tolist()
     return json.loads(json.dumps(plain).replace("-Infinity", '"-infinity"').replace("Infinity", '"infinity"'))
-
-
-def _digest(content: Any) -> str:
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def _bytes(content: str | bytes) -> bytes:
@@ -190,7 +248,11 @@ def _name(interface: Interface, name: str | None) -> str:
         name = re.sub(r"[^a-z0-9_]", "_", own.lower()).strip("_")[:LONGEST_NAME]
         name = name if re.match(r"[a-z]", name) else f"arm_{name}"
         return f"{name}_" if name in RESERVED else name
-    if not isinstance(name, str) or not re.fullmatch(rf"[A-Za-z][A-Za-z0-9_]{{0,{LONGEST_NAME - 1}}}", name, re.ASCII) or name in RESERVED:
+    if (
+        not isinstance(name, str)
+        or not re.fullmatch(rf"[A-Za-z][A-Za-z0-9_]{{0,{LONGEST_NAME - 1}}}", name, re.ASCII)
+        or name in RESERVED
+    ):
         raise InputError(
             f"name: expected a C identifier of at most {LONGEST_NAME} letters, digits and underscores, a letter first "
             f"and no word of C, got {printable(repr(name))}"

@@ -12,7 +12,7 @@ from adaptctl.codegen.interface import Field
 from adaptctl.control import Controller
 from adaptctl.errors import AdaptctlError, GainError
 
-LARGEST_FACTOR = 64.0
+LARGEST_FACTOR = 1e4
 """A gain that may be this many times as large is taken to have no bound."""
 HALVINGS = 6
 

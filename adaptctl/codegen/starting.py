@@ -69,7 +69,9 @@ def _computed(interface: Interface, fields: tuple[int, ...]) -> Routine:
     law: Any = interface.innermost
     names = [interface.memory[k].name for k in fields]
     if not isinstance(law, AdaptiveController) or law.adaptation_law is None:
-        raise InputError(f"{type(law).__name__}: its memory's {', '.join(names)} begins with positions in an unknown way")
+        raise InputError(
+            f"{type(law).__name__}: its memory's {', '.join(names)} begins with positions in an unknown way"
+        )
     adaptation, sizes = law.adaptation_law, [interface.memory[k].size for k in fields]
     initial, rest = np.array(law.initial), Column.zeros(law.dof)
 

@@ -17,7 +17,9 @@ class StatusBit(NamedTuple):
 
 
 FAULTS = (
-    StatusBit("NOT_FINITE", 1, "a measurement, a reference or the outcome is not finite, or an angle is too far to turn"),
+    StatusBit(
+        "NOT_FINITE", 1, "a measurement, a reference or the outcome is not finite, or an angle is too far to turn"
+    ),
     StatusBit("WRONG_STATE", 2, "the state did not begin, or is another code's"),
     StatusBit("NOT_CLOSED", 4, "the loops cannot be closed there, or nearly lock"),
 )

@@ -73,7 +73,9 @@ def _first(interface: Interface, reference: Reference) -> Array:
 
 def _require_sound(interface: Interface, loop: ClosedLoop, sample: Sample, time: Array) -> None:
     """Refuse what is not finite or was stopped, with the time of it."""
-    finite = np.isfinite(sample.torque).all(axis=1) & np.isfinite(sample.q).all(axis=1) & np.isfinite(sample.v).all(axis=1)
+    finite = (
+        np.isfinite(sample.torque).all(axis=1) & np.isfinite(sample.q).all(axis=1) & np.isfinite(sample.v).all(axis=1)
+    )
     if not finite.all():
         when = time[int(finite.argmin())]
         raise InputError(
@@ -82,4 +84,6 @@ def _require_sound(interface: Interface, loop: ClosedLoop, sample: Sample, time:
         )
     if "stopped" in loop.marks and (stopped := sample.marks[:, loop.marks.index("stopped")] > 0.5).any():
         when = time[int(stopped.argmax())]
-        raise InputError(f"check: in simulation the guards stop the arm after {when:g} s: use smaller gains, or wider limits")
+        raise InputError(
+            f"check: in simulation the guards stop the arm after {when:g} s: use smaller gains, or wider limits"
+        )

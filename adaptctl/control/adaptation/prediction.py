@@ -50,8 +50,8 @@ class TorqueFilter:
     period: float
 
     def start(self, model: ReducedModel, q: Array | Column, v: Array | Column) -> Filtered:
-        """The memory before the first tick, at configurations q (..., n) and velocities v (..., r), arrays or columns: W
-        is zero there."""
+        """The memory before the first tick, at configurations q (..., n) and velocities v (..., r), arrays or columns:
+        W is zero there."""
         momentum, forces = momentum_terms(model.mechanism.equations, column(q), column(v), model.columns)
         kept: list[Any] = []
         for row, change, places in zip(momentum, forces, felt(model), strict=True):
