@@ -41,7 +41,8 @@ class CNumber:
         """C's text for a number, without the name of what it stands for: hexadecimal unless it is short, since not
         every compiler reads decimal digits alike."""
         if math.isinf(x):
-            return "(-INFINITY)" if x < 0.0 else "INFINITY"
+            huge = f"HUGE_VAL{self.suffix.upper()}"  # INFINITY is a float
+            return f"(-{huge})" if x < 0.0 else huge
         rounded = self.rounded(x)
         short = rounded == int(rounded) and abs(rounded) < 1e6
         text = f"{repr(rounded) if short else rounded.hex()}{self.suffix}"

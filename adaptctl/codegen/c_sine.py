@@ -44,8 +44,8 @@ static void {prefix}_sincos({prefix}_real x, {prefix}_real *{prefix.upper()}_RES
     *s = ((quarter & 2u) != 0u) ? -first : first;
     *c = (((quarter + 1u) & 2u) != 0u) ? -second : second;
     if (!(fabs{number.suffix}(x) <= {number.constant(far)})) {{
-        *s = NAN;
-        *c = NAN;
+        *s = ({prefix}_real)NAN;
+        *c = ({prefix}_real)NAN;
     }}
 }}
 """

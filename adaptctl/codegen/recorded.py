@@ -43,7 +43,7 @@ def default_reference(interface: Interface) -> Reference:
         center, amplitude = np.array(x.of), 0.5 * AMPLITUDE
     elif not interface.follows_joints:
         center = np.zeros(size)
-    return Sinusoids(center, np.full(size, amplitude), SLOWEST + SPREAD * np.arange(size))
+    return Sinusoids(center, np.full(size, amplitude), np.asarray(SLOWEST + SPREAD * np.arange(size)))
 
 
 def centre(interface: Interface) -> Array:
@@ -59,7 +59,7 @@ def centre(interface: Interface) -> Array:
 def record(interface: Interface, reference: Reference, ticks: int = TICKS) -> tuple[list[RecordedTick], Any]:
     """Ticks of the controller itself on a motion near the reference, and its state after them."""
     controller, rows = interface.controller, []
-    time = interface.period * np.arange(ticks)
+    time = np.asarray(interface.period * np.arange(ticks), dtype=np.float64)
     p, v = _motion(interface, reference, time)
     points = reference(time)
     state = controller.init(p[0], np.zeros(controller.dof))
@@ -73,7 +73,7 @@ def record(interface: Interface, reference: Reference, ticks: int = TICKS) -> tu
 def _motion(interface: Interface, reference: Reference, time: Array) -> tuple[Array, Array]:
     """Positions and velocities (T, r): along the reference where it is one of joints, a little off."""
     r = interface.controller.dof
-    rate = 2.0 * np.pi * (3.0 + np.arange(r))
+    rate = np.asarray(2.0 * np.pi * (3.0 + np.arange(r)), dtype=np.float64)
     off, slope = OFF * np.sin(rate * time[:, None] + 1.0), OFF * rate * np.cos(rate * time[:, None] + 1.0)
     if not interface.follows_joints:
         return centre(interface) + off, slope

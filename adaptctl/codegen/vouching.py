@@ -39,7 +39,7 @@ def vouched(interface: Interface, reference: Reference, duration: float = DURATI
     arms.held["parameters"] = mechanism.inertial_parameters
     squares: list[Array] = []
     for first in range(0, steps, STRETCH):
-        time = period * np.arange(first, min(first + STRETCH, steps))
+        time = np.asarray(period * np.arange(first, min(first + STRETCH, steps)), dtype=np.float64)
         points = sampled(reference, time, controller.reference_size)
         signals = dict(zip(REFERENCE, points, strict=True)) | {"noise": np.zeros((len(time), 0))}
         sample = Sample(*(values[:, 0] for values in arms.run(len(time), signals, record=True)))
