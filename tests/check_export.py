@@ -42,10 +42,10 @@ from benchmarks.tasks import puma, semi_direct_drive
 
 HARNESS = Path(__file__).parent / "export_harness"
 TICKS, BLOCK, BLOCKS = 20_000, 500, 400
-STRICT = "-std=c99 -Wall -Wextra -Wpedantic -Wdouble-promotion -Werror".split()
+STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wdouble-promotion", "-Werror"]
 UNFUSED = ["-ffp-contract=off"]
 GNU = [*UNFUSED, "-fno-tree-slp-vectorize"]
-CORTEX = "-mthumb -ffunction-sections -nostartfiles --specs=nosys.specs -Wl,--gc-sections".split()
+CORTEX = ["-mthumb", "-ffunction-sections", "-nostartfiles", "--specs=nosys.specs", "-Wl,--gc-sections"]
 M4F = ["-mcpu=cortex-m4", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"]
 
 
@@ -368,7 +368,7 @@ def on_cortex_m(folder: Path, name: str, joints: int) -> dict[str, Any]:
     run([*compiler, *STRICT, *GNU, *given, "-c", str(folder / f"{name}.c"), "-o", str(folder / "m4f.o")])
     script = ["-T", str(HARNESS / "cortex_m.ld")]
     run([*compiler, *given, str(folder / f"{name}.c"), str(HARNESS / "cortex_m.c"), *script, "-lm", "-o", str(out)])
-    machine = "qemu-system-arm -M mps2-an386 -nographic -semihosting -icount shift=0".split()
+    machine = ["qemu-system-arm", "-M", "mps2-an386", "-nographic", "-semihosting", "-icount", "shift=0"]
     told = run(["sh", "-c", f"{' '.join(machine)} -kernel {out} 2>&1"]).decode()
     symbols = run(["arm-none-eabi-nm", "-S", str(out)]).decode()
     flash = sum(int(size, 16) for size in re.findall(rf"^\w+ (\w+) [tTrR] {name}_", symbols, re.MULTILINE))

@@ -116,6 +116,8 @@ class CPackage:
             "values": self._values,
             "bits_type": f"uint{8 * self.number.size}_t",
             "exponent": "UINT64_C(0x7FF0000000000000)" if self.kind == "double" else "UINT32_C(0x7F800000)",
+            "exponent_one": "UINT64_C(0x0010000000000000)" if self.kind == "double" else "UINT32_C(0x00800000)",
+            "last_bit": 8 * self.number.size - 1,
             "joints": interface.joints,
             "reference_size": law.reference_size,
             "reference_in_joints": interface.follows_joints,
