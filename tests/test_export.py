@@ -131,7 +131,19 @@ def test_the_code_says_what_numbers_are() -> None:
 def test_nothing_but_math_and_mem_is_called_and_nothing_is_global(tmp_path: Path) -> None:
     done = exported(tmp_path, LAWS["guarded"])
     source = re.sub(r"/\*.*?\*/", "", (done.directory / "a.c").read_text(), flags=re.DOTALL)
-    allowed = {"if", "for", "return", "sizeof", "fabs", "sqrt", "memcpy", "defined", "UINT64_C", "__attribute__", "optimize"}
+    allowed = {
+        "if",
+        "for",
+        "return",
+        "sizeof",
+        "fabs",
+        "sqrt",
+        "memcpy",
+        "defined",
+        "UINT64_C",
+        "__attribute__",
+        "optimize",
+    }
     assert {name for name in re.findall(r"\b(\w+)\(", source) if not name.startswith("a_")} <= allowed
     outside = [line for line in source.splitlines() if re.match(r"(static|extern|const|double|int)\b", line)]
     functions_and_constants = r"(static (void|int|a_real) a_\w+\(|static const |const a_gains )"
