@@ -18,7 +18,7 @@ import adaptctl
 from adaptctl.codegen.interface import Interface
 from adaptctl.codegen.recorded import default_reference, record
 from adaptctl.codegen.wasm_encoding import unsigned
-from adaptctl.codegen.wasm_module import Places, WasmModule
+from adaptctl.codegen.wasm_module import WasmPlaces, WasmModule
 from adaptctl.compilation import outlined, trace
 from adaptctl.compilation.sine import FARTHEST
 from adaptctl.control.controller import leaves
@@ -26,7 +26,7 @@ from adaptctl.errors import InputError
 from adaptctl.scalars import Column, absolute, cos, maximum, minimum, sin, sqrt, where
 
 
-def ready(function: Any, arguments: dict[str, int]) -> tuple[Machine, Places]:
+def ready(function: Any, arguments: dict[str, int]) -> tuple[Machine, WasmPlaces]:
     module = WasmModule()
     places = module.export("run", trace(function, arguments))
     return Machine(module.binary()), places

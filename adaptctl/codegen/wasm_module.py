@@ -18,7 +18,7 @@ FIRST = 64
 
 
 @dataclass(frozen=True)
-class Places:
+class WasmPlaces:
     """Where a function's arguments and results are: the first byte of each in the module's memory."""
 
     inputs: tuple[int, ...]
@@ -36,11 +36,11 @@ class WasmModule:
         self._memory = FIRST
         self._turning: int | None = None
 
-    def export(self, name: str, routine: Routine) -> Places:
+    def export(self, name: str, routine: Routine) -> WasmPlaces:
         """A function without arguments, which reads and writes at the places returned."""
         called = self._function(routine)
         self._exports[name] = called.index
-        return Places(tuple(called.inputs), tuple(called.outputs))
+        return WasmPlaces(tuple(called.inputs), tuple(called.outputs))
 
     def binary(self) -> bytes:
         """The module."""
@@ -116,5 +116,5 @@ def _integer(n: int) -> bytes:
 
 
 def memory_of(places: Mapping[str, int]) -> dict[str, int]:
-    """Places by name as numbers of 8 bytes, which is how JavaScript's Float64Array counts."""
+    """WasmPlaces by name as numbers of 8 bytes, which is how JavaScript's Float64Array counts."""
     return {name: at // 8 for name, at in places.items()}

@@ -48,13 +48,9 @@ def wasm_files(interface: Interface, name: str, scalar: Kind) -> tuple[dict[str,
         if walk
         else None,
         "estimate": interface.memory.index(interface.estimate) if interface.estimate else None,
-        "marks": [
-            [len(interface.memory) - len(interface.marks) + k, bit.value] for k, bit in enumerate(_bits(interface))
-        ],
+        "marks": [[k, bit.value] for k, bit in enumerate(bits, start=len(interface.memory) - len(bits))],
         "guarded": interface.guarded,
-        "brake": _plain(
-            np.broadcast_to(np.asarray(getattr(interface.controller, "stop_damping", 0.0)), interface.controller.dof)
-        ),
+        "brake": _plain(np.broadcast_to(brake, interface.controller.dof)),
     }
     text = base64.b64encode(binary).decode("ascii")
     script = filled("controller.js", name=name, title=title(interface), version=__version__, facts=facts, binary=text)
