@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from adaptctl.arrays import Array
+from adaptctl.codegen.live_arm import LiveArm, live_arm
 from adaptctl.control import Controller, ReferencePoint, SlotineLi, lyapunov
 from adaptctl.control.controller import leaves
 from adaptctl.dynamics import Mechanism
@@ -69,6 +70,17 @@ def contest(
     if not begun:
         raise KeyboardInterrupt
     return Outcome(mechanism, begun, complete=len(begun) == len(contenders) and begun[-1].rollout.complete)
+
+
+def live_subject(
+    env: gymnasium.Env[Any, Any], controller: Controller[Any], seed: int, options: Mapping[str, Any]
+) -> LiveArm | str:
+    """The closed loop of a contest's subject for a page, from where it began; or why there is none."""
+    if not hasattr(env.unwrapped, "hand_over"):
+        return f"{type(env.unwrapped).__name__} does not tell what it is made of"
+    env.reset(seed=seed, options=dict(options))
+    episode = env.unwrapped.hand_over()
+    return live_arm(episode.plant, controller, episode.reference, episode.state, episode.parameters)
 
 
 def _run(

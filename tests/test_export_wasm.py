@@ -18,7 +18,7 @@ import adaptctl
 from adaptctl.codegen.interface import Interface
 from adaptctl.codegen.recorded import default_reference, record
 from adaptctl.codegen.wasm_encoding import unsigned
-from adaptctl.codegen.wasm_module import WasmPlaces, WasmModule
+from adaptctl.codegen.wasm_module import WasmModule, WasmPlaces
 from adaptctl.compilation import outlined, trace
 from adaptctl.compilation.sine import FARTHEST
 from adaptctl.control.controller import leaves

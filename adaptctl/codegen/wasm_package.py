@@ -25,7 +25,9 @@ def wasm_files(interface: Interface, name: str, scalar: Kind) -> tuple[dict[str,
         raise InputError("scalar: WebAssembly is exported in double; choose the language c for float")
     module, start = WasmModule(), start_of(interface, LOST)
     law = module.export("law", interface.law)
-    more = {"begun": start.more, "closed": start.walk and start.walk.step, "regular": start.walk and start.walk.regular}
+    more = {"begun": start.more}
+    if start.walk is not None:
+        more |= {"closed": start.walk.step, "regular": start.walk.regular}
     places = {key: module.export(key, routine) for key, routine in more.items() if routine is not None}
     binary, walk, bits = module.binary(), start.walk, status_bits(interface)[len(FAULTS) :]
     brake = np.asarray(getattr(interface.controller, "stop_damping", 0.0), dtype=np.float64)

@@ -59,9 +59,9 @@ def named_law(law: str, tuning: Tuning, model: ReducedModel) -> Controller[Any]:
         case "passivity-integral":
             return PassivityIntegral(model, gains.bandwidth, gains.damping, gain, **shared)
         case "task-space":
-            return TaskSpaceSlotineLi(
-                model, gains.bandwidth, gains.damping, gain, reference_in_joints=True, singularity=0.05, **shared
-            )
+            slowest = float(np.min(gains.bandwidth))
+            joints: dict[str, Any] = {"reference_in_joints": True, "singularity": 0.05}
+            return TaskSpaceSlotineLi(model, slowest, gains.damping, gain, **joints, **shared)  # type: ignore[arg-type]
         case "adaptive-computed-torque":
             limits = tuning.torque_limits
             return AdaptiveComputedTorque(model, gains.bandwidth, true, gain, period=period, torque_limits=limits)
