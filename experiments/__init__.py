@@ -127,6 +127,12 @@ EXPERIMENTS = (
         "EnergyDifferences",
     ),
     Entry(
+        "export-check",
+        "Every law exported as C, built by the compilers that are here, and run on ticks recorded from Python",
+        "adaptctl.experiments.export_check",
+        "ExportCheck",
+    ),
+    Entry(
         "sheu-walker-1991",
         "Every table and figure of the paper behind all this, computed again, with a verdict",
         "adaptctl.experiments.sheu_walker_1991",

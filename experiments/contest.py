@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from adaptctl.arrays import Array
+from adaptctl.codegen.live_arm import LiveArm, live_arm
 from adaptctl.control import Controller, ReferencePoint, SlotineLi, lyapunov
 from adaptctl.control.controller import leaves
 from adaptctl.dynamics import Mechanism
@@ -78,6 +79,17 @@ def contest(
 def thinning(samples: int) -> int:
     """How many control periods a sample that is kept stands for, of so many that all runs together would have."""
     return -(-samples // FEW) if samples > MANY else 1
+
+
+def live_subject(
+    env: gymnasium.Env[Any, Any], controller: Controller[Any], seed: int, options: Mapping[str, Any]
+) -> LiveArm | str:
+    """The closed loop of a contest's subject for a page, from where it began; or why there is none."""
+    if not hasattr(env.unwrapped, "hand_over"):
+        return f"{type(env.unwrapped).__name__} does not tell what it is made of"
+    env.reset(seed=seed, options=dict(options))
+    episode = env.unwrapped.hand_over()
+    return live_arm(episode.plant, controller, episode.reference, episode.state, episode.parameters)
 
 
 def _run(

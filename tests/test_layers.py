@@ -34,6 +34,7 @@ ORDER = (
     "identification",
     "tuning",
     "design",
+    "codegen",
     "recording",
     "envs",
     "experiments",

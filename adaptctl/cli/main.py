@@ -57,6 +57,7 @@ app.command("adaptctl.cli.identify:identify", name="identify", help="A robot's p
 app.command("adaptctl.cli.excite:excite", name="excite", help="Motions for a robot that tell of its parameters.")
 app.command("adaptctl.cli.tune:tune", name="tune", help="A reference and gains for a robot, verified in closed loop.")
 app.command("adaptctl.cli.design:design", name="design", help="What masses and counterweights do to a robot.")
+app.command("adaptctl.cli.export:export", name="export", help="A robot's controller as C or WebAssembly.")
 app.command("adaptctl.cli.experiment:app", name="experiment", help="List experiments and run them.")
 app.command("adaptctl.cli.sweep:app", name="sweep", help="Many runs of an experiment, on this machine or a cluster.")
 

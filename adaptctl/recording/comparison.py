@@ -10,6 +10,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.caching import cached_property
+from adaptctl.codegen.live_arm import LiveArm
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identifiability import EssentialSpace, FundamentalBasis, ReducedModel
@@ -143,6 +144,8 @@ class Comparison:
     """the outcome in a sentence or two, where it is not how much adaptation is worth"""
     expected: Mapping[Failure, str] = field(default_factory=dict)
     """the failures that the experiment expects of its subject, and why: they are its question"""
+    live: LiveArm | str = ""
+    """the subject's closed loop for the report to run, or why there is none"""
 
     def __post_init__(self) -> None:
         if not self.runs or len(self.runs[0].rollout.time) == 0:
