@@ -97,6 +97,12 @@ EXPERIMENTS = (
         "AdaptiveTracking",
     ),
     Entry(
+        "two-plants",
+        "One law on two plants, adaptctl's and MuJoCo: how far they are apart, and why",
+        "adaptctl.experiments.two_plants",
+        "TwoPlants",
+    ),
+    Entry(
         "identify-then-adapt",
         "A real arm's log gives the first estimate: adaptation from it, from the URDF and from zero",
         "adaptctl.experiments.identify_then_adapt",

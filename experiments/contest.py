@@ -16,7 +16,7 @@ from adaptctl.control import Controller, ReferencePoint, SlotineLi, lyapunov
 from adaptctl.control.controller import leaves
 from adaptctl.dynamics import Mechanism
 from adaptctl.recording import ControllerRun, Progress, TickCost
-from adaptctl.simulation import Rollout, simulate
+from adaptctl.simulation import Plant, Rollout, rollout, simulate
 
 if TYPE_CHECKING:
     import gymnasium
@@ -81,7 +81,9 @@ def _run(
 ) -> ControllerRun:
     controller = contender.controller
     progress(0.0)
-    result = simulate(env, controller, seed=seed, options=dict(options), progress=progress)
+    compiled = type(getattr(env.unwrapped, "plant", None)).__dict__.get("step", Plant.step) is Plant.step
+    drive = simulate if compiled else rollout
+    result = drive(env, controller, seed=seed, options=dict(options), progress=progress)
     run = ControllerRun(name=contender.name, label=contender.label, knows=contender.knows, rollout=result)
     try:
         cost = tick_cost(controller, result) if result.complete else None

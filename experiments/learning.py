@@ -101,7 +101,7 @@ class Learning(ClosedLoopExperiment):
         space = essential_space(mechanism, seed=self.seed)
         basis = fundamental_basis(space)
         progress(OFFLINE, 1.0)
-        outcome = contest(env, mechanism, self.contenders(mechanism, basis), self.seed, progress, self.options)
+        outcome = self.outcome(env, mechanism, basis, progress)
         findings = tuple(self.findings(outcome, basis))
         return Comparison(
             experiment=self.name,
@@ -122,6 +122,12 @@ class Learning(ClosedLoopExperiment):
             answer=self.answer(outcome, Found(findings)) if outcome.complete else None,
             expected=self.expected,
         )
+
+    def outcome(
+        self, env: gymnasium.Env[Any, Any], mechanism: Mechanism, basis: FundamentalBasis, progress: Progress
+    ) -> Outcome:
+        """Runs of all contenders."""
+        return contest(env, mechanism, self.contenders(mechanism, basis), self.seed, progress, self.options)
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
         """Findings besides the runs."""
