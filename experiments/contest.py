@@ -81,8 +81,8 @@ def _run(
 ) -> ControllerRun:
     controller = contender.controller
     progress(0.0)
-    compiled = type(getattr(env.unwrapped, "plant", None)).__dict__.get("step", Plant.step) is Plant.step
-    drive = simulate if compiled else rollout
+    step = getattr(type(getattr(env.unwrapped, "plant", None)), "step", Plant.step)
+    drive = simulate if step is Plant.step else rollout  # MuJoCo's steps are not ours to compile
     result = drive(env, controller, seed=seed, options=dict(options), progress=progress)
     run = ControllerRun(name=contender.name, label=contender.label, knows=contender.knows, rollout=result)
     try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -117,8 +117,6 @@ class _Finer(AdaptiveTracking):
 
 
 def _settings(experiment: TwoPlants) -> dict[str, Any]:
-    from dataclasses import fields
-
     return {entry.name: getattr(experiment, entry.name) for entry in fields(experiment)}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import warnings
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import pytest
 from mjcf_files import BODY, chain, mjcf
 
 import adaptctl
+from adaptctl.cli.main import main
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism
 from adaptctl.envs import MuJoCoTrackingEnv
@@ -22,6 +24,7 @@ from adaptctl.errors import (
     PhysicalConsistencyWarning,
     SimplificationWarning,
 )
+from adaptctl.experiments.two_plants import TwoPlants
 from adaptctl.simulation.mujoco_plant import MuJoCoPlant
 
 BOX = '<body name="box" pos="1 0 0.05"><freejoint/><geom type="box" size=".05 .05 .05" density="100"/></body>'
@@ -205,7 +208,7 @@ def test_without_contacts_both_plants_agree_the_better_the_shorter_the_steps() -
         plants = (adaptctl.Plant(arm, 2e-3), MuJoCoPlant.of(arm, 2e-3))
         plants = (plants[0], MuJoCoPlant(arm, 2e-3, model=model))
         states = [plant.init(0.3 * np.ones(6), np.zeros(6)) for plant in plants]
-        for _ in range(100):
+        for _ in range(50):
             states = [
                 plant.step(state, [1.0, 40.0, 8.0, 0.0, 0.0, 0.0]) for plant, state in zip(plants, states, strict=True)
             ]
@@ -302,3 +305,46 @@ def test_the_environment_keeps_gymnasiums_rules_and_controllers_drive_it() -> No
     with pytest.warns(adaptctl.errors.NotCompiledWarning, match="MuJoCoPlant has a step of its own"):
         same = adaptctl.simulate(env, controller, seed=3)
     np.testing.assert_array_equal(same.p, runs[0].p)
+
+
+SCENE = Path("docs/examples/scene.xml")
+
+
+def test_experiments_run_on_mujoco(tmp_path: Path) -> None:
+    run = ["experiment", "run", "adaptive", "--robot", str(SCENE), "--duration", "2.5", "--overwrite"]
+    assert main([*run, "--plant", "mujoco", "--out", str(tmp_path / "one")]) == 0
+    summary = json.loads((tmp_path / "one" / "summary.json").read_text())
+    assert summary["final_rms_error"] < summary["final_rms_error_adaptation_off"]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--plant", "bullet"], "plant: expected adaptctl or mujoco, got 'bullet'"),
+        (["--plant", "mujoco", "--root", "nobody", "--robot", str(SCENE)], "there is no body 'nobody'"),
+        (["--plant", "mujoco", "--robot", "none.xml"], "none.xml: MuJoCo:"),
+        (["--root", "stand"], "only an MJCF scene has a root body"),
+    ],
+)
+def test_command_lines_that_are_refused(
+    options: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["experiment", "run", "adaptive", *options, "--out", str(tmp_path / "out")]) == 2
+    assert message in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_two_plants_differ_by_integration_and_by_contacts() -> None:
+    free = TwoPlants(robot=str(SCENE), root="stand", duration=2.0).compare(lambda *_: None)
+    found = {finding.name: finding.value for finding in free.findings}
+    assert found["plants_apart_fine"] < 0.3 * found["plants_apart"] < 0.3e-2
+    assert free.answer is not None
+    assert "is MuJoCo's integrator's" in free.answer
+
+
+def test_stops_are_no_matter_of_integration(tmp_path: Path) -> None:
+    stopped = SCENE.read_text().replace('range="-100 100"', 'range="-100 100" frictionloss="3"')
+    path = written(tmp_path, stopped)
+    compared = TwoPlants(robot=str(path), root="stand", duration=2.0).compare(lambda *_: None)
+    assert compared.answer is not None
+    assert "integration does not explain it" in compared.answer
