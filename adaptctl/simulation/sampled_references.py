@@ -21,6 +21,11 @@ def sampled(reference: Reference, times: Array, size: int) -> ReferencePoint:
     Raises `InputError` where they are not of that shape, `NonFiniteError` where they are not finite.
     """
     point = reference(times)
+    if not all(hasattr(point, name) for name in ReferencePoint._fields):
+        raise InputError(
+            f"reference: expected it to return ReferencePoint(p, v, a), each of shape (n, {size}) at times (n,), got a "
+            f"{type(point).__name__}"
+        )
     return ReferencePoint(*(_checked(point, name, len(times), size) for name in ReferencePoint._fields))
 
 
