@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, NamedTuple
 from adaptctl.errors import NotFoundError
 
 if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
     from adaptctl.experiments.experiment import Experiment
 
-__all__ = ["EXPERIMENTS", "Entry", "find"]
+__all__ = ["EXPERIMENTS", "GROUP", "Entry", "find", "offered"]
 
 
 class Entry(NamedTuple):
@@ -121,6 +123,17 @@ EXPERIMENTS = (
         "SheuWalker1991",
     ),
 )
+
+
+GROUP = "adaptctl.experiments"
+"""Entry points of this group name classes of experiments."""
+
+
+def offered() -> dict[str, EntryPoint]:
+    """The entry points of experiments that installed packages offer, by name."""
+    from importlib.metadata import entry_points
+
+    return {point.name: point for point in entry_points(group=GROUP)}
 
 
 def find(name: str) -> type[Experiment]:

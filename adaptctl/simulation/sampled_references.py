@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from adaptctl.arrays import Array, checked
 from adaptctl.control.controller import Reference, ReferencePoint
+from adaptctl.control.reference_check import require_point
 from adaptctl.errors import InputError
 
 REFERENCE = ("reference_p", "reference_v", "reference_a")
@@ -21,11 +22,7 @@ def sampled(reference: Reference, times: Array, size: int) -> ReferencePoint:
     Raises `InputError` where they are not of that shape, `NonFiniteError` where they are not finite.
     """
     point = reference(times)
-    if not all(hasattr(point, name) for name in ReferencePoint._fields):
-        raise InputError(
-            f"reference: expected it to return ReferencePoint(p, v, a), each of shape (n, {size}) at times (n,), got a "
-            f"{type(point).__name__}"
-        )
+    require_point(point)
     return ReferencePoint(*(_checked(point, name, len(times), size) for name in ReferencePoint._fields))
 
 

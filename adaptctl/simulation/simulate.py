@@ -18,7 +18,8 @@ from adaptctl.simulation.closed_loop import ClosedLoop, Sample
 from adaptctl.simulation.episode import Episode
 from adaptctl.simulation.plant import Plant
 from adaptctl.simulation.plant_state import PlantState
-from adaptctl.simulation.rollout import Rollout, interface, known_steps, rollout
+from adaptctl.simulation.rollout import interface, known_steps, rollout
+from adaptctl.simulation.run import Rollout
 from adaptctl.simulation.sampled_references import REFERENCE, sampled
 
 if TYPE_CHECKING:
