@@ -193,7 +193,7 @@ def test_runs_without_estimates_are_shown_too(arm: adaptctl.Mechanism, tmp_path:
 def test_runs_that_are_refused(arm: adaptctl.Mechanism) -> None:
     with pytest.raises(InputError, match="at least one run"):
         compared_runs(arm, {})
-    with pytest.raises(InputError, match="expected estimates of .* parameters or none, got 7"):
+    with pytest.raises(InputError, match=r"expected estimates of .* parameters or none, got 7"):
         compared_runs(arm, runs_of(arm, 7))
     with pytest.raises(NotFoundError, match="there is no run 'none'"):
         compared_runs(arm, runs_of(arm, 0), adaptation_off="none")

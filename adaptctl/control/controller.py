@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import lru_cache
 from math import prod
-from typing import Any, ClassVar, Generic, NamedTuple, NoReturn, Protocol, TypeVar
+from typing import Any, ClassVar, Generic, NamedTuple, NoReturn, Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -129,6 +129,11 @@ class Controller(Tunable, ABC, Generic[Memory]):
             return self._step_one(state, p, v, reference)
         except NonFiniteError:
             self._blame(p, v, reference)
+
+    def compile(self, many: bool = False) -> Self:
+        """The controller itself, compiled now instead of at its first step, for one arm or for `many`."""
+        _ = self._many if many else self._step_one
+        return self
 
     @cached_property
     def _step_one(self) -> Callable[..., tuple[Array, Memory]]:
