@@ -256,6 +256,24 @@ class Mechanism:
 
         return cls(from_pinocchio(model))
 
+    def write_into(self, original: str | Path, path: str | Path, root: str | None = None) -> None:
+        """Write at `path` the URDF or MJCF file `original` with this mechanism's links' inertias; the rest stays byte
+        for byte, and joints' drives are not written. `root` is the body of an MJCF scene that it begins with.
+
+        Raises `FileError` for a file of another mechanism, and where no rigid bodies have the inertias: see
+        `identifiability.nearest_consistent`.
+        """
+        from adaptctl.description.writers.robot_file import write_robot
+
+        write_robot(path, original, self.description, root)
+
+    def in_pinocchio(self, model: pinocchio.Model) -> pinocchio.Model:
+        """A copy of a Pinocchio model of this mechanism with this mechanism's inertias and drives; its frames, limits
+        and all else are as they were. Pinocchio's inverse dynamics has rotors, as armature, and leaves friction out."""
+        from adaptctl.description.readers.pinocchio_model import with_inertias
+
+        return with_inertias(model, self.description)
+
     def to_mujoco(self) -> mujoco.MjModel:
         """The same tree as a MuJoCo model, a body a link and a motor a joint. Raises `InputError` for what MuJoCo's
         bodies and joints cannot be: loops, inertias of no rigid body, friction beyond viscous and Coulomb's."""

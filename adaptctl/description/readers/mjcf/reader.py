@@ -79,6 +79,39 @@ def read_mjcf(path: str | Path, *, root: str | None = None) -> Description:
         raise FileError(f"{path}: {error}") from error
 
 
+@dataclass(frozen=True, eq=False)
+class MjcfBody:
+    """A body of a file: its place among the file's <body> elements, None where it is included; its ten (10,), alone and
+    in its frame, and that frame in the link that carries it."""
+
+    number: int | None
+    ten: Array
+    place: Pose
+
+
+@dataclass(frozen=True, eq=False)
+class MjcfBodies:
+    """What a writer of inertias needs to know of a file: the body at the joint of each link, and whether inertials do
+    not count."""
+
+    of_links: dict[int, MjcfBody]
+    from_geoms: bool
+
+
+def mjcf_bodies(path: str | Path, root: str | None = None) -> MjcfBodies:
+    """The bodies at the joints of the links that `read_mjcf` reads. Raises as it does."""
+    scene = parsed(read_text(path), "mujoco")
+    numbers_of = {id(body): k for k, body in enumerate(scene.iter("body"))}
+    reader = _Reader(included(scene, path), path, root)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SimplificationWarning)
+        reader.description()
+    found = {
+        link: MjcfBody(numbers_of.get(id(element)), ten, place) for link, (element, ten, place) in reader.own.items()
+    }
+    return MjcfBodies(found, reader.settings.inertia_from_geoms == "true")
+
+
 @dataclass
 class _Unread:
     """A body yet to be read: its element, the link that carries it and its parent's place there and in the world."""
@@ -102,6 +135,8 @@ class _Reader:
     sums: list[Array] = field(default_factory=list)
     bodies: list[Element] = field(default_factory=list)
     """Of each link, the body that it belongs to."""
+    own: dict[int, tuple[Element, Array, Pose]] = field(default_factory=dict)
+    """Of each link with mass, the body at its joint, its ten alone, and its frame in the link."""
     places: Places = field(default_factory=Places)
     sprung: list[str] = field(default_factory=list)
     lifted: list[str] = field(default_factory=list)
@@ -209,6 +244,8 @@ class _Reader:
         if carrier != GROUND:
             ten = body_inertia(only(element, "inertial", where), geoms, self.settings, where)
             self.sums[carrier] = self.sums[carrier] + transformed(ten, place)
+            if joints:
+                self.own[carrier] = element, ten, place
         self.places.bodies[name] = Standing(carrier, place, home)
         self._note_sites(element, name, childclass)
         return [_Unread(x, carrier, place @ at, home @ at, cls) for x, at, cls in inside if x.tag == "body"]
