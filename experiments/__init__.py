@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, NamedTuple
 from adaptctl.errors import NotFoundError
 
 if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
     from adaptctl.experiments.experiment import Experiment
 
-__all__ = ["EXPERIMENTS", "Entry", "find"]
+__all__ = ["EXPERIMENTS", "GROUP", "Entry", "find", "offered"]
 
 
 class Entry(NamedTuple):
@@ -115,6 +117,12 @@ EXPERIMENTS = (
         "AdaptiveTracking",
     ),
     Entry(
+        "two-plants",
+        "One law on two plants, adaptctl's and MuJoCo: how far they are apart, and why",
+        "adaptctl.experiments.two_plants",
+        "TwoPlants",
+    ),
+    Entry(
         "identify-then-adapt",
         "A real arm's log gives the first estimate: adaptation from it, from the URDF and from zero",
         "adaptctl.experiments.identify_then_adapt",
@@ -139,6 +147,17 @@ EXPERIMENTS = (
         "SheuWalker1991",
     ),
 )
+
+
+GROUP = "adaptctl.experiments"
+"""Entry points of this group name classes of experiments."""
+
+
+def offered() -> dict[str, EntryPoint]:
+    """The entry points of experiments that installed packages offer, by name."""
+    from importlib.metadata import entry_points
+
+    return {point.name: point for point in entry_points(group=GROUP)}
 
 
 def find(name: str) -> type[Experiment]:

@@ -17,7 +17,7 @@ from adaptctl.control import Controller, ReferencePoint, SlotineLi, lyapunov
 from adaptctl.control.controller import leaves
 from adaptctl.dynamics import Mechanism
 from adaptctl.recording import ControllerRun, Progress, TickCost
-from adaptctl.simulation import Rollout, simulate
+from adaptctl.simulation import Plant, Rollout, rollout, simulate
 from adaptctl.simulation.rollout import known_steps
 
 if TYPE_CHECKING:
@@ -87,6 +87,8 @@ def live_subject(
     """The closed loop of a contest's subject for a page, from where it began; or why there is none."""
     if not hasattr(env.unwrapped, "hand_over"):
         return f"{type(env.unwrapped).__name__} does not tell what it is made of"
+    if type(env.unwrapped.plant).step is not Plant.step:  # type: ignore[attr-defined]
+        return f"{type(env.unwrapped).__name__} has physics of its own"
     env.reset(seed=seed, options=dict(options))
     episode = env.unwrapped.hand_over()
     return live_arm(episode.plant, controller, episode.reference, episode.state, episode.parameters)
@@ -103,7 +105,9 @@ def _run(
 ) -> ControllerRun:
     controller = contender.controller
     progress(0.0)
-    result = simulate(env, controller, seed=seed, options=dict(options), progress=progress, every=every)
+    step = getattr(type(getattr(env.unwrapped, "plant", None)), "step", Plant.step)
+    drive = simulate if step is Plant.step else rollout  # MuJoCo's steps are not ours to compile
+    result = drive(env, controller, seed=seed, options=dict(options), progress=progress, every=every)
     run = ControllerRun(name=contender.name, label=contender.label, knows=contender.knows, rollout=result)
     try:
         cost = tick_cost(controller, result) if result.complete else None

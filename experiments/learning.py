@@ -101,8 +101,8 @@ class Learning(ClosedLoopExperiment):
         space = essential_space(mechanism, seed=self.seed)
         basis = fundamental_basis(space)
         progress(OFFLINE, 1.0)
-        contenders = self.contenders(mechanism, basis)
-        outcome = contest(env, mechanism, contenders, self.seed, progress, self.options)
+        outcome = self.outcome(env, mechanism, basis, progress)
+        subject = self.contenders(mechanism, basis)[0].controller
         findings = tuple(self.findings(outcome, basis))
         return Comparison(
             experiment=self.name,
@@ -122,8 +122,14 @@ class Learning(ClosedLoopExperiment):
             more_drawings=tuple(self.drawings(outcome, basis)),
             answer=self.answer(outcome, Found(findings)) if outcome.complete else None,
             expected=self.expected,
-            live=live_subject(env, contenders[0].controller, self.seed, self.options) if outcome.complete else "",
+            live=live_subject(env, subject, self.seed, self.options) if outcome.complete else "",
         )
+
+    def outcome(
+        self, env: gymnasium.Env[Any, Any], mechanism: Mechanism, basis: FundamentalBasis, progress: Progress
+    ) -> Outcome:
+        """Runs of all contenders."""
+        return contest(env, mechanism, self.contenders(mechanism, basis), self.seed, progress, self.options)
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
         """Findings besides the runs."""

@@ -89,7 +89,7 @@ def test_help_answers_at_once() -> None:
     [
         (
             (),
-            "a command is missing: basis, gains, identify, excite, tune, design, export, experiment, sweep; see adaptctl",
+            "a command is missing: basis, gains, identify, excite, tune, design, export, experiment, sweep; see",
         ),
         (
             ("bases",),

@@ -68,6 +68,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     given = list(sys.argv[1:] if argv is None else argv)
     with _warnings_as_notes():
         try:
+            if given[:2] == ["experiment", "run"]:
+                from adaptctl.cli.experiment import offer_own
+
+                offer_own(given)
             _require_command(given)
             with needed(_called(app.parse_commands(given)[0])):
                 return int(app(given) or DONE)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache
 from itertools import chain, islice
 from math import prod
-from typing import Any, ClassVar, Generic, NamedTuple, NoReturn, Protocol
+from typing import Any, ClassVar, Generic, NamedTuple, NoReturn, Protocol, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,7 +21,7 @@ from adaptctl.compilation.kernel import Given
 from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.control.many_arms import ManyArms
 from adaptctl.control.memory import InOneArray, Memory, in_one_array, leaves, like, paths
-from adaptctl.errors import InputError, NonFiniteError
+from adaptctl.errors import InputError, NonFiniteError, TraceError
 from adaptctl.scalars import Column, Structure, Tunable
 
 
@@ -123,6 +123,11 @@ class Controller(Tunable, ABC, Generic[Memory]):
         the arm that is named can be dealt with, or all arms wrapped in `Guarded`, which brakes that one alone.
         """
         return self._step_one(state, p, v, reference)
+
+    def compile(self, many: bool = False) -> Self:
+        """The controller itself, compiled now instead of at its first step, for one arm or for `many`."""
+        _ = self._many if many else self._step_one
+        return self
 
     @cached_property
     def _step_one(self) -> Callable[..., tuple[Array, Memory]]:
@@ -282,7 +287,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
         ) -> tuple[Column, ...]:
             law = self.substituted(kept.pop(GAINS)) if GAINS in kept else self
             reference = ReferencePoint(reference_p, reference_v, reference_a)
-            torque, after = law.law(p, v, reference, like(self._blank, kept.values()))
+            torque, after = require_tick(self, _ticked(law, p, v, reference, like(self._blank, kept.values())))
             return (torque, *leaves(after))
 
         return equation
@@ -300,6 +305,34 @@ class Controller(Tunable, ABC, Generic[Memory]):
         arm = np.argwhere(~np.isfinite(np.atleast_1d(made)))[:1, :-1].ravel().tolist()
         whose = f" of arm {', '.join(map(str, arm))}" if arm else ""
         raise NonFiniteError(f"{type(self).__name__}: the {what}{whose} is not finite, though all it was given is")
+
+
+def _ticked(law: Any, *given: Any) -> Any:
+    """What a law returns, an error of NumPy's told as one of the law."""
+    try:
+        return law.law(*given)
+    except TypeError as error:
+        if "operand 'Column' does not support ufuncs" not in str(error):
+            raise
+        raise TraceError(
+            f"{type(law).__name__}.law: NumPy's functions take no column: apply those of adaptctl.scalars to each of "
+            "its scalars, as in Column(tanh(x) for x in e)"
+        ) from error
+
+
+def require_tick(law: Any, returned: Any) -> tuple[Column, Any]:
+    """What a law returned, refused (`InputError`) where it is not a torque of r scalars and the memory after it."""
+    what = f"{type(law).__name__}.law: expected it to return the torque, a Column of {law.dof}, and the memory after it"
+    if not isinstance(returned, tuple) or len(returned) != 2:
+        raise InputError(f"{what}, got {type(returned).__name__}")
+    torque, after = returned
+    if not isinstance(torque, Column) or len(torque) != law.dof:
+        got = f"a column of {len(torque)}" if isinstance(torque, Column) else type(torque).__name__
+        raise InputError(f"{what}, got {got} for the torque")
+    sizes = [len(part) for part in leaves(after)] if isinstance(after, tuple) else None
+    if sizes != list(law._memory_sizes.values()):
+        raise InputError(f"{what}, got another memory than `start` gives: {after!r:.80}")
+    return torque, after
 
 
 @lru_cache(maxsize=64)

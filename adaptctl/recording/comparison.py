@@ -15,7 +15,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identifiability import EssentialSpace, FundamentalBasis, ReducedModel
 from adaptctl.recording.verdict import Failure
-from adaptctl.simulation.rollout import Rollout
+from adaptctl.simulation.run import Rollout
 
 if TYPE_CHECKING:
     from adaptctl.recording.drawing import Drawing
@@ -142,6 +142,8 @@ class Comparison:
     """figures besides those of every comparison: what this one is about"""
     answer: str | None = None
     """the outcome in a sentence or two, where it is not how much adaptation is worth"""
+    truth_known: bool = True
+    """whether the mechanism's own parameters are the arm's: those of a real arm are not known"""
     expected: Mapping[Failure, str] = field(default_factory=dict)
     """the failures that the experiment expects of its subject, and why: they are its question"""
     live: LiveArm | str = ""
@@ -168,8 +170,9 @@ class Comparison:
 
     @property
     def true_parameters(self) -> Array:
-        """The true values (k,) of the model's parameters."""
-        return self.model.fundamental_parameters
+        """The true values (k,) of the model's parameters; NaN where the truth is not known."""
+        own = self.model.fundamental_parameters
+        return own if self.truth_known else np.full_like(own, np.nan)
 
     @property
     def joint_names(self) -> tuple[str, ...]:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
+from collections.abc import Callable, Mapping
 from time import perf_counter
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -13,109 +11,14 @@ import numpy as np
 
 from adaptctl.arrays import Array, frozen
 from adaptctl.control.controller import Controller, ReferencePoint
-from adaptctl.errors import FileError, InputError
-from adaptctl.packages import needed
+from adaptctl.errors import InputError
 from adaptctl.simulation.closed_loop import guards
 from adaptctl.simulation.kept_samples import KeptSamples
-from adaptctl.simulation.rollout_file import KEPT, OF_JOINTS, OF_TIME, WHOLE, RolloutFile, read_rollout
+from adaptctl.simulation.run import Rollout
 from adaptctl.simulation.sampled_references import REFERENCE
 
 if TYPE_CHECKING:
     import gymnasium
-
-
-@dataclass(frozen=True, eq=False)
-class Rollout:
-    """What happened in one closed-loop run of r joints; every array is read-only.
-
-    Sample k is the state at `time[k]` and the torque commanded on it; T samples, one a control period unless fewer were
-    asked for.
-    """
-
-    time: Array
-    """(T,) s"""
-    p: Array
-    """(T, r) positions, rad or m: the true ones, where the environment tells them besides what it measures"""
-    v: Array
-    """(T, r) velocities, likewise"""
-    reference_p: Array
-    """(T, r)"""
-    reference_v: Array
-    """(T, r)"""
-    reference_a: Array
-    """(T, r)"""
-    torque: Array
-    """(T, r) commanded, N m"""
-    applied: Array
-    """(T, r) after the limits, N m"""
-    clipped: Array
-    """(T,) whether a torque was clipped, as 0 and 1"""
-    energy: Array
-    """(T,) J; NaN where the environment does not tell"""
-    reward: Array
-    """(T,)"""
-    estimate: Array
-    """(T, k) the controller's parameter estimates, k = 0 where it has none"""
-    control_period: float
-    """s"""
-    wall_time: float
-    """s"""
-    complete: bool = True
-    """False when the run was interrupted: what was computed is kept."""
-    terminated: bool = False
-    """True when the environment ended the run early, an error bound having been passed."""
-    info: dict[str, object] = field(default_factory=dict)
-    """The environment's last info."""
-    measured_p: Array | None = None
-    """(T, r) positions as the controller was told them; None where those are the true ones"""
-    measured_v: Array | None = None
-    """(T, r) velocities, likewise"""
-    marks: Mapping[str, Array] = field(default_factory=dict)
-    """(T,) each: what happened, by name, as the environment and the controller's guards tell"""
-    every: int = 1
-    """control periods from one sample to the next"""
-
-    @property
-    def spacing(self) -> float:
-        """Time from one sample to the next, s."""
-        return self.every * self.control_period
-
-    @property
-    def duration(self) -> float:
-        """Time in closed loop, s, to a sample."""
-        first = round(float(self.time[0]) / self.control_period) if len(self.time) else 0
-        return (first + len(self.time) * self.every) * self.control_period
-
-    @property
-    def error(self) -> Array:
-        """Tracking errors p - p_d (T, r)."""
-        return self.p - self.reference_p
-
-    @property
-    def velocity_error(self) -> Array:
-        """v - v_d (T, r)."""
-        return self.v - self.reference_v
-
-    @needed("Rollout.save")
-    def save(self, path: str | Path, joints: Sequence[str] | None = None) -> None:
-        """Write the run as Parquet, whole or not at all: a row a sample, columns such as `p.joint1` with their
-        units, which `adaptctl identify` reads. `joints` (r,) names them, joint1, joint2, ... by default.
-
-        The environment's last `info` is not kept.
-        """
-        with RolloutFile(path, self.p.shape[1], joints) as file:
-            file.append({name: getattr(self, name) for name in (*OF_TIME, *OF_JOINTS, "estimate")}, self.marks)
-            file.about = {name: getattr(self, name) for name in KEPT}
-
-    @classmethod
-    @needed("Rollout.load")
-    def load(cls, path: str | Path) -> Rollout:
-        """The run that `save` wrote. Raises `FileError`."""
-        columns, marks, about = read_rollout(path)
-        try:
-            return cls(**columns, marks=marks, **{name: about[name] for name in KEPT if name in about or name in WHOLE})
-        except (KeyError, TypeError, ValueError) as error:
-            raise FileError(f"{path}: {type(error).__name__}: {error}; it is not whole") from error
 
 
 PARTS = ("p", "v", *REFERENCE)

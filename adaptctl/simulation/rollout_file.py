@@ -7,13 +7,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import MappingProxyType, TracebackType
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from adaptctl.arrays import Array, frozen
 from adaptctl.errors import FileError, InputError
 from adaptctl.files import replacing
+
+if TYPE_CHECKING:
+    import pyarrow
 
 SCHEMA = "adaptctl/rollout/1"
 WHOLE = ("control_period", "wall_time", "complete", "terminated")
@@ -43,9 +46,7 @@ class RolloutFile:
     """
 
     def __init__(self, path: str | Path, dof: int, joints: Sequence[str] | None = None) -> None:
-        self._names = [f"joint{j + 1}" for j in range(dof)] if joints is None else list(joints)
-        if len(self._names) != dof:
-            raise InputError(f"joints: expected {dof} names, got {len(self._names)}")
+        self._names = joint_names(dof, joints)
         self._path, self._held = path, ExitStack()
         self._writer: Any = None
         self.about: dict[str, object] = {}
@@ -56,20 +57,15 @@ class RolloutFile:
 
     def append(self, columns: Mapping[str, Array | None], marks: Mapping[str, Array]) -> None:
         """Samples (T, ...) by the names of a run's arrays, always the same."""
-        import pyarrow as pa
         import pyarrow.parquet as pq
 
-        told = dict(_file_columns(columns, marks, self._names))
         if self._writer is not None and not len(columns["time"]):  # type: ignore[arg-type]
             return
+        table = rollout_table(columns, marks, self._names)
         if self._writer is None:
-            fields = [pa.field(name, pa.float64(), metadata={"unit": unit}) for name, (unit, _) in told.items()]
             style = {"compression": "zstd", "use_dictionary": False, "use_byte_stream_split": True}
-            schema = pa.schema(fields, metadata={"schema": SCHEMA})
-            self._writer = self._held.enter_context(pq.ParquetWriter(self._beside, schema, **style))
-        self._writer.write_table(
-            pa.Table.from_arrays([pa.array(x) for _, x in told.values()], schema=self._writer.schema)
-        )
+            self._writer = self._held.enter_context(pq.ParquetWriter(self._beside, table.schema, **style))
+        self._writer.write_table(table)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -77,6 +73,29 @@ class RolloutFile:
         if kind is None and self._writer is not None:
             self._writer.add_key_value_metadata({name: json.dumps(value) for name, value in self.about.items()})
         return self._held.__exit__(kind, error, trace)
+
+
+def joint_names(dof: int, given: Sequence[str] | None) -> list[str]:
+    """Names of r joints, joint1, joint2, ... unless given. Raises `InputError` on another number of them."""
+    names = [f"joint{j + 1}" for j in range(dof)] if given is None else list(given)
+    if len(names) != dof:
+        raise InputError(f"joints: expected {dof} names, got {len(names)}")
+    return names
+
+
+def rollout_table(
+    columns: Mapping[str, Array | None],
+    marks: Mapping[str, Array],
+    joints: Sequence[str],
+    about: Mapping[str, object] = MappingProxyType({}),
+) -> pyarrow.Table:
+    """Samples as a table of Arrow, with units, and with what is said `about` the whole run."""
+    import pyarrow as pa
+
+    told = dict(_file_columns(columns, marks, joints))
+    fields = [pa.field(name, pa.float64(), metadata={"unit": unit}) for name, (unit, _) in told.items()]
+    said = {"schema": SCHEMA, **{name: json.dumps(value) for name, value in about.items()}}
+    return pa.Table.from_arrays([pa.array(x) for _, x in told.values()], schema=pa.schema(fields, metadata=said))
 
 
 def read_rollout(path: str | Path) -> tuple[dict[str, Any], Mapping[str, Array], dict[str, Any]]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from adaptctl.arrays import Array, checked
 from adaptctl.compilation import Kernel, compile_function
 from adaptctl.control.controller import Reference, ReferencePoint
+from adaptctl.control.reference_check import require_point
 from adaptctl.control.references import SinusoidNumbers, Sinusoids, sinusoids_at
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column
@@ -26,6 +27,7 @@ def sampled(reference: Reference, times: Array, size: int) -> ReferencePoint:
     Raises `InputError` where they are not of that shape, `NonFiniteError` where they are not finite.
     """
     point = _sinusoids(reference, times) if isinstance(reference, Sinusoids) else reference(times)
+    require_point(point)
     return ReferencePoint(*(_checked(point, name, len(times), size) for name in ReferencePoint._fields))
 
 

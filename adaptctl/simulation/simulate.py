@@ -19,9 +19,11 @@ from adaptctl.errors import NonFiniteError, NotCompiledWarning
 from adaptctl.simulation.closed_loop import ClosedLoop, Sample
 from adaptctl.simulation.episode import Episode
 from adaptctl.simulation.kept_samples import KeptSamples
+from adaptctl.simulation.plant import Plant
 from adaptctl.simulation.plant_state import PlantState
-from adaptctl.simulation.rollout import Rollout, interface, known_steps, rollout
+from adaptctl.simulation.rollout import interface, known_steps, rollout
 from adaptctl.simulation.rollout_file import KEPT, RolloutFile
+from adaptctl.simulation.run import Rollout
 from adaptctl.simulation.sampled_references import REFERENCE, sampled
 
 if TYPE_CHECKING:
@@ -94,6 +96,8 @@ def _obstacle(env: gymnasium.Env[Any, Any], controller: Controller[Any]) -> str:
         return f"{type(controller).__name__} has a step of its own"
     if _home_of(inner, "step") is not _home_of(inner, "hand_over"):
         return f"{type(inner).__name__} has a step of its own"
+    if type(inner.plant).step is not Plant.step:  # type: ignore[attr-defined]
+        return f"{type(inner.plant).__name__} has a step of its own"  # type: ignore[attr-defined]
     links = len(inner.plant.mechanism.links)  # type: ignore[attr-defined]
     return f"{links} links are too many to compile" if links > LARGEST_COMPILED else ""
 
