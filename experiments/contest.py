@@ -14,7 +14,7 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.codegen.live_arm import LiveArm, live_arm
 from adaptctl.control import Controller, ReferencePoint, SlotineLi, lyapunov
-from adaptctl.control.controller import leaves
+from adaptctl.control.memory import leaves
 from adaptctl.dynamics import Mechanism
 from adaptctl.recording import ControllerRun, Progress, TickCost
 from adaptctl.simulation import Plant, Rollout, rollout, simulate

@@ -33,7 +33,7 @@ from adaptctl.codegen.recorded import default_reference
 from adaptctl.compilation import compile_step
 from adaptctl.compilation.processor import Processor
 from adaptctl.control import Controller, ReferencePoint
-from adaptctl.control.controller import leaves
+from adaptctl.control.memory import leaves
 from adaptctl.simulation import Plant
 from adaptctl.simulation.closed_loop import ClosedLoop, Sample
 from adaptctl.simulation.sampled_references import REFERENCE

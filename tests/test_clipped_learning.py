@@ -12,7 +12,7 @@ from random_trees import random_chain
 
 from adaptctl.arrays import Array
 from adaptctl.control import CushionedFloor, Guarded, ReferencePoint, SlotineLi
-from adaptctl.control.controller import leaves
+from adaptctl.control.memory import leaves
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.identifiability import ReducedModel
 

@@ -25,7 +25,7 @@ from adaptctl.codegen.loop_precision import require_single_precision
 from adaptctl.codegen.recorded import default_reference, record
 from adaptctl.codegen.vouching import vouched
 from adaptctl.control import ComputedTorque, Controller, Guarded, ReferencePoint, SlotineLi
-from adaptctl.control.controller import leaves
+from adaptctl.control.memory import leaves
 from adaptctl.errors import FileError, InputError
 
 ALL = [*LAWS, *LOOPED]

@@ -21,7 +21,7 @@ from adaptctl.codegen.wasm_encoding import unsigned
 from adaptctl.codegen.wasm_module import WasmModule, WasmPlaces
 from adaptctl.compilation import outlined, trace
 from adaptctl.compilation.sine import FARTHEST
-from adaptctl.control.controller import leaves
+from adaptctl.control.memory import leaves
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column, absolute, cos, maximum, minimum, sin, sqrt, where
 

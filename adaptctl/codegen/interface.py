@@ -13,7 +13,8 @@ from adaptctl.caching import cached_property
 from adaptctl.compilation.graph import Op
 from adaptctl.compilation.routine import Routine, trace
 from adaptctl.control import Controller, Guarded, TaskSpaceSlotineLi
-from adaptctl.control.controller import ReferencePoint, leaves
+from adaptctl.control.controller import ReferencePoint
+from adaptctl.control.memory import leaves
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel

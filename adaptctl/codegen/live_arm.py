@@ -15,8 +15,9 @@ from adaptctl.compilation import trace
 from adaptctl.compilation.layout import Layout
 from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.control import Controller, Reference, Sinusoids
-from adaptctl.control.controller import GAINS, leaves, like
+from adaptctl.control.controller import GAINS
 from adaptctl.control.gains.workspace import sampled_configurations
+from adaptctl.control.memory import leaves, like
 from adaptctl.control.references import SinusoidNumbers, sinusoids_at
 from adaptctl.dynamics.recursion.kinematics import frames, link_poses
 from adaptctl.scalars import Column, clip
