@@ -1,3 +1,5 @@
+from adaptctl.codegen import Exported as Exported
+from adaptctl.codegen import export as export
 from adaptctl.control import ComputedTorque as ComputedTorque
 from adaptctl.control import Gains as Gains
 from adaptctl.control import MinimumJerk as MinimumJerk
@@ -26,6 +28,7 @@ from adaptctl.identification import Identification as Identification
 from adaptctl.identification import identify as identify
 from adaptctl.simulation import Plant as Plant
 from adaptctl.simulation import Rollout as Rollout
+from adaptctl.simulation import RunLogger as RunLogger
 from adaptctl.simulation import rollout as rollout
 from adaptctl.simulation import simulate as simulate
 from adaptctl.simulation import simulate_many as simulate_many

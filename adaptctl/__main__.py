@@ -22,8 +22,7 @@ INTERRUPTED = 130
 def run() -> NoReturn:
     """Run the command line and exit with its code."""
     _on_signals(_leave)  # while packages are imported, there is nothing to keep
-    from adaptctl.cli.main import main
-
+    main = _main()
     code = INTERRUPTED
     with suppress(KeyboardInterrupt):  # between two commands' own ways to take it
         _on_signals(_interrupt)
@@ -45,6 +44,19 @@ def _exit_at_once() -> NoReturn:
         with suppress(OSError, ValueError):
             stream.flush()
     os._exit(INTERRUPTED)
+
+
+def _main() -> Callable[[], int]:
+    """The command line, which needs packages that a robot's computer may not have."""
+    from adaptctl.errors import MissingExtraError
+    from adaptctl.packages import needed
+
+    try:
+        with needed("the command line"):
+            from adaptctl.cli.main import main
+    except MissingExtraError as error:
+        sys.exit(f"adaptctl: {error}")
+    return main
 
 
 def _on_signals(handler: Handler) -> None:

@@ -85,3 +85,7 @@ class SingularityError(AdaptctlError):
 
 class MissingExtraError(AdaptctlError, ImportError):
     """Something needs packages that are not installed: the message has the command that installs them."""
+
+
+class LostSamplesWarning(UserWarning):
+    """A log has not kept all samples it was given."""

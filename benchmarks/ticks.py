@@ -20,7 +20,7 @@ import numpy as np
 from adaptctl import control
 from adaptctl.compilation import Ensemble, compile_step
 from adaptctl.control import Controller, ReferencePoint
-from adaptctl.control.controller import leaves, like
+from adaptctl.control.memory import leaves, like
 from adaptctl.dynamics import load
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.scalars import Column

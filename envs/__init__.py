@@ -7,6 +7,7 @@ from adaptctl.envs.many.vector_tracking import (
     SemiDirectDriveVectorTrackingEnv,
     VectorTrackingEnv,
 )
+from adaptctl.envs.mujoco_tracking import MuJoCoTrackingEnv
 from adaptctl.envs.puma560 import Puma560TrackingEnv
 from adaptctl.envs.random_reference import random_sinusoids
 from adaptctl.envs.reward import RewardWeights
@@ -15,6 +16,7 @@ from adaptctl.envs.tracking import TrackingEnv
 from adaptctl.simulation.effects import Payload
 
 __all__ = [
+    "MuJoCoTrackingEnv",
     "Payload",
     "Puma560TrackingEnv",
     "Puma560VectorTrackingEnv",
@@ -40,3 +42,10 @@ for _id, _kind, _module in (
         order_enforce=False,
         disable_env_checker=True,
     )
+
+register(
+    "adaptctl/MuJoCoTracking-v0",
+    "adaptctl.envs.mujoco_tracking:MuJoCoTrackingEnv",
+    order_enforce=False,
+    disable_env_checker=True,
+)

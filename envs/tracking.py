@@ -177,16 +177,30 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         effects: Iterable[Effect] = (),
         render_mode: str | None = None,
     ) -> None:
-        self.mechanism = robot if isinstance(robot, Mechanism) else load(robot)
-        own = finite_torque_limits(self.mechanism) if torque_limits is None else torque_limits
-        limits, period = per_joint(own, self.mechanism.dof, "torque_limits"), _period(control_period)
+        mechanism = robot if isinstance(robot, Mechanism) else load(robot)
+        own = finite_torque_limits(mechanism) if torque_limits is None else torque_limits
+        limits, period = per_joint(own, mechanism.dof, "torque_limits"), control_period_of(control_period)
         placed = PlantEffects.of(effects := tuple(effects))
-        placed.require(self.mechanism.dof, self.mechanism.description.body_names, period)
-        springs = None if placed.elastic is None else Transmission.of(self.mechanism, placed.elastic)
+        placed.require(mechanism.dof, mechanism.description.body_names, period)
+        springs = None if placed.elastic is None else Transmission.of(mechanism, placed.elastic)
         if substeps is None:
-            substeps, integrator = integration(self.mechanism, placed.joints, period, integrator, springs)
-        self.plant = Plant(self.mechanism, period, substeps, integrator or RungeKutta4(), limits, effects=effects)
-        self.control_period = self.plant.control_period
+            substeps, integrator = integration(mechanism, placed.joints, period, integrator, springs)
+        plant = Plant(mechanism, period, substeps, integrator or RungeKutta4(), limits, effects=effects)
+        self._set_task(plant, reference, duration, look_ahead, error_bound, reward_weights, initial_error, render_mode)
+
+    def _set_task(
+        self,
+        plant: Plant,
+        reference: Trajectory = None,
+        duration: float = 20.0,
+        look_ahead: Sequence[float] = (0.05, 0.2),
+        error_bound: ArrayLike = 1.0,
+        reward_weights: RewardWeights | None = None,
+        initial_error: ArrayLike = 0.0,
+        render_mode: str | None = None,
+    ) -> None:
+        """What is to be done with a plant."""
+        self.plant, self.mechanism, self.control_period = plant, plant.mechanism, plant.control_period
         self.steps = _steps(duration, self.control_period)
         self.look_ahead = _times_ahead(look_ahead)
         self.error_bound = per_joint(error_bound, self.mechanism.dof, "error_bound")
@@ -196,7 +210,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         self.initial_error = per_joint(initial_error, self.mechanism.dof, "initial_error")
         self.trajectory = reference
         if callable(reference):
-            warn_of_derivatives(reference, [joint.name for joint in self.mechanism.primary_joints], duration, 3)
+            warn_of_derivatives(reference, [joint.name for joint in self.mechanism.primary_joints], duration, 4)
         self._set_spaces()
         self._set_render_mode(render_mode)
         self._episode: _Episode | None = None
@@ -362,7 +376,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         self.metadata = self.metadata | {"render_fps": 1.0 / self.control_period}
 
 
-def _period(given: object) -> float:
+def control_period_of(given: object) -> float:
+    """A control period in s. Raises `InputError` for what is none."""
     return positive_number(given, "control_period: expected a positive time in s")
 
 

@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, NamedTuple
 from adaptctl.errors import NotFoundError
 
 if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
     from adaptctl.experiments.experiment import Experiment
 
-__all__ = ["EXPERIMENTS", "Entry", "find"]
+__all__ = ["EXPERIMENTS", "GROUP", "Entry", "find", "offered"]
 
 
 class Entry(NamedTuple):
@@ -79,6 +81,18 @@ EXPERIMENTS = (
         "ReducedModelTracking",
     ),
     Entry(
+        "added-mass",
+        "Where a mass may be added to an arm: what a point, a gripper, a camera and a motor cost on every link",
+        "adaptctl.experiments.added_mass",
+        "AddedMassStudy",
+    ),
+    Entry(
+        "counterweight",
+        "An arm before and after counterweights, in closed loop, with all parameters and with ten components",
+        "adaptctl.experiments.counterweight",
+        "CounterweightedTracking",
+    ),
+    Entry(
         "task-space",
         "A tool follows a path in the world: control of the tool against control of the joints",
         "adaptctl.experiments.task_space",
@@ -103,6 +117,12 @@ EXPERIMENTS = (
         "AdaptiveTracking",
     ),
     Entry(
+        "two-plants",
+        "One law on two plants, adaptctl's and MuJoCo: how far they are apart, and why",
+        "adaptctl.experiments.two_plants",
+        "TwoPlants",
+    ),
+    Entry(
         "identify-then-adapt",
         "A real arm's log gives the first estimate: adaptation from it, from the URDF and from zero",
         "adaptctl.experiments.identify_then_adapt",
@@ -115,12 +135,29 @@ EXPERIMENTS = (
         "EnergyDifferences",
     ),
     Entry(
+        "export-check",
+        "Every law exported as C, built by the compilers that are here, and run on ticks recorded from Python",
+        "adaptctl.experiments.export_check",
+        "ExportCheck",
+    ),
+    Entry(
         "sheu-walker-1991",
         "Every table and figure of the paper behind all this, computed again, with a verdict",
         "adaptctl.experiments.sheu_walker_1991",
         "SheuWalker1991",
     ),
 )
+
+
+GROUP = "adaptctl.experiments"
+"""Entry points of this group name classes of experiments."""
+
+
+def offered() -> dict[str, EntryPoint]:
+    """The entry points of experiments that installed packages offer, by name."""
+    from importlib.metadata import entry_points
+
+    return {point.name: point for point in entry_points(group=GROUP)}
 
 
 def find(name: str) -> type[Experiment]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -12,16 +13,21 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.control import AdaptationLaw, Gains, SlotineLi
 from adaptctl.dynamics import Mechanism, load
+from adaptctl.errors import InputError
 from adaptctl.experiments.contest import Contender, Outcome
 from adaptctl.experiments.experiment import setting
 from adaptctl.experiments.learning import ADAPTIVE, MAPPED, Learning, numbers, one_controller
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
 from adaptctl.recording import Finding, Setting
+from adaptctl.simulation.mujoco_plant import as_mujoco
 from adaptctl.tuning import Tuning, tune
 from adaptctl.tuning.motion_range import motion_ranges
 
 if TYPE_CHECKING:
     import gymnasium
+
+
+PLANTS = ("adaptctl", "mujoco")
 
 
 @dataclass(frozen=True)
@@ -49,6 +55,9 @@ class AdaptiveTracking(Learning):
     initial_error: float = setting(
         0.1, "initial error of every joint, rad or m; a tenth of its range where that is less", low=-1.0, high=1.0
     )
+    plant: str = setting("adaptctl", "what moves the arm: adaptctl, or mujoco with all of the scene")
+    root: str = setting("", "body of a scene that the arm begins with, where more than one moves")
+    servos_off: bool = setting(False, "switch off actuators of a scene's arm that are no torques")
     search: int = setting(0, "settings that are tried in closed loop besides those by rule", low=0, high=48)
 
     @property
@@ -61,9 +70,19 @@ class AdaptiveTracking(Learning):
             "adapts only those."
         )
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.plant not in PLANTS:
+            raise InputError(f"plant: expected {' or '.join(PLANTS)}, got {self.plant!r}")
+        if self.plant == "mujoco" and self.floating_base:
+            raise InputError("plant: floating bases are moved by adaptctl only, whose joints they have")
+
     def mechanism(self) -> Mechanism:
-        """Mechanism that is driven, its base fixed or floating."""
-        return load(self.robot, floating_base=self.floating_base)
+        """Mechanism that is driven, its base fixed or floating; of a scene that MuJoCo moves, as MuJoCo reads it."""
+        root = self.root or None
+        if self.plant == "mujoco" and Path(self.robot).suffix.lower() in (".xml", ".mjcf"):
+            return Mechanism.from_mujoco(as_mujoco(self.robot), root)
+        return load(self.robot, floating_base=self.floating_base, root=root)
 
     def tuning(self, mechanism: Mechanism) -> Tuning:
         """Reference, gains and integration for a mechanism."""
@@ -74,17 +93,27 @@ class AdaptiveTracking(Learning):
         import gymnasium
 
         tuning = self.tuning(mechanism)
+        name, own = "Tracking", {"robot": mechanism, "substeps": tuning.substeps, "integrator": tuning.integrator}
+        if self.plant == "mujoco":
+            name, own = "MuJoCoTracking", {"robot": self.scene(mechanism), **self.scene_settings}
         return gymnasium.make(
-            "adaptctl.envs:adaptctl/Tracking-v0",
-            robot=mechanism,
+            f"adaptctl.envs:adaptctl/{name}-v0",
+            **own,
             reference=tuning.reference,
             duration=self.duration,
             control_period=self.control_period,
-            substeps=tuning.substeps,
-            integrator=tuning.integrator,
             torque_limits=tuning.torque_limits,
             initial_error=tuning.initial_error,
         )
+
+    def scene(self, mechanism: Mechanism) -> Any:
+        """What MuJoCo moves: the scene of a file, or a model made of the links of another robot."""
+        return self.robot if Path(self.robot).suffix.lower() in (".xml", ".mjcf") else mechanism
+
+    @property
+    def scene_settings(self) -> dict[str, Any]:
+        """Settings of MuJoCo's environment."""
+        return {"body": self.root or None, "servos_off": self.servos_off}
 
     def gains(self, mechanism: Mechanism) -> Gains:
         """Gains Lambda and K as tuned."""

@@ -37,7 +37,7 @@ from adaptctl.control import (
 from adaptctl.control.adaptation.law import NoMemory
 from adaptctl.control.adaptation.natural import moved_body
 from adaptctl.control.adaptation.prediction import Filtered, TorqueFilter
-from adaptctl.control.controller import leaves
+from adaptctl.control.memory import leaves
 from adaptctl.description.inertia import from_pseudo_inertia, pseudo_inertia
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.identifiability import ReducedModel

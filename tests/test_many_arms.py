@@ -31,7 +31,7 @@ from adaptctl.control import (
     TaskSpaceSlotineLi,
     adaptation_gain,
 )
-from adaptctl.control.controller import leaves, like
+from adaptctl.control.memory import leaves, like
 from adaptctl.errors import InputError, NonFiniteError
 
 PUMA, LOOP = "puma560_arm3", "semi_direct_drive"
@@ -253,7 +253,7 @@ def test_arms_that_do_not_fit_are_refused(controller: SlotineLi, change: dict[st
 
 def test_states_of_other_arms_are_refused(controller: SlotineLi) -> None:
     p, v, goal = situations(PUMA, 5)[0]
-    with pytest.raises(InputError, match=r"state\.estimate: expected shape \(5, \d+\) or \(\d+,\), got \(4, \d+\)"):
+    with pytest.raises(InputError, match=r"state: expected shape \(5, \d+\) or \(\d+,\), got \(4, \d+\)"):
         controller.step(controller.init(p[:4], v[:4]), p, v, goal)
     state = controller.init(p[0], v[0])._replace(elapsed=np.zeros(2))
     with pytest.raises(InputError, match=r"SlotineLi: argument 'state\.elapsed': expected shape \(1,\), got \(2,\)"):

@@ -143,7 +143,8 @@ def test_names_kinds_limits_and_drives(tmp_path: Path) -> None:
     actuators = (
         '<actuator><motor joint="j1" gear="-2" ctrlrange="-5 4"/><position joint="j2" forcerange="-3 3"/></actuator>'
     )
-    robot = reading(tmp_path, mjcf(world, actuators))
+    with pytest.warns(SimplificationWarning, match="actuators that are no torques.*position of joint 'j2'"):
+        robot = reading(tmp_path, mjcf(world, actuators))
     one, two = (link.joint for link in robot.links)
     assert (robot.name, robot.source) == ("some", "MJCF file robot.xml")
     assert [link.name for link in robot.links] == ["a", "b"]

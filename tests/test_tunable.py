@@ -37,7 +37,7 @@ from adaptctl.control import (
     TaskSpaceSlotineLi,
 )
 from adaptctl.control.adaptation.prediction import decayed
-from adaptctl.control.controller import leaves
+from adaptctl.control.memory import leaves
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import GainError, InputError, NotFoundError
 from adaptctl.identifiability import ReducedModel

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import App, Parameter
 
 from adaptctl.cli.interruption import Interruption, interruptible
-from adaptctl.experiments import EXPERIMENTS, find
+from adaptctl.errors import InputError
+from adaptctl.experiments import EXPERIMENTS, find, offered
 
 if TYPE_CHECKING:
     from adaptctl.experiments.experiment import Experiment
@@ -32,16 +33,41 @@ def list_experiments() -> None:
     width = max(len(entry.name) for entry in EXPERIMENTS)
     for entry in EXPERIMENTS:
         print(f"{entry.name:<{width}}  {entry.summary}")
+    for name, point in offered().items():
+        print(f"{name:<{width}}  of {point.value}")
+
+
+def offer_own(given: Sequence[str]) -> None:
+    """Make a command of the experiment that `experiment run` names, where it is a file or an installed package's."""
+    name = given[2] if list(given[:2]) == ["experiment", "run"] and len(given) > 2 else "-"
+    if name.startswith("-") or name in (entry.name for entry in EXPERIMENTS):
+        return
+    from adaptctl.experiments import own
+
+    if name.endswith(".py"):
+        kind = own.from_file(name)
+    elif (point := offered().get(name)) is not None:
+        kind = own.from_entry_point(point)
+    else:
+        return
+    run.command(_command(kind, kind.name), name=name, help=f"{kind.title}.")
 
 
 def __getattr__(name: str) -> Callable[..., int]:
     """Command that runs the experiment of that name, which is imported only now."""
     if name not in (entry.name for entry in EXPERIMENTS):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return _command(find(name), name)
+
+
+def _command(kind: type[Experiment], name: str) -> Callable[..., int]:
+    """Command that runs experiments of a kind."""
     from adaptctl.experiments.experiment import text
 
-    kind = find(name)
-    default = kind()
+    try:
+        default = kind()
+    except TypeError as error:
+        raise InputError(f"experiment {name!r}: every setting needs a default: {error}") from error
 
     def command(*, settings: Any = default, out: Path = Path("results") / name, overwrite: bool = False) -> int:
         return run_experiment(settings, out, overwrite)
@@ -108,4 +134,7 @@ def _tell(result: Result, folder: Path) -> None:
     answers = result.facts
     width = max(len(question) for question, _ in answers)
     print("\n".join(f"  {question:<{width}}  {answer}" for question, answer in answers))
-    print(f"\nLook at it:  rerun {folder / 'recording.rrd'}\nRead it:     {folder / 'report.html'}")
+    print()
+    if (folder / "recording.rrd").exists():
+        print(f"Look at it:  rerun {folder / 'recording.rrd'}")
+    print(f"Read it:     {folder / 'report.html'}")

@@ -10,6 +10,7 @@ import numpy as np
 from adaptctl.compilation import folding
 from adaptctl.compilation.graph import Expression, Op
 from adaptctl.compilation.refusal import untraceable
+from adaptctl.scalars import elementary
 
 
 class _Traced(Expression):
@@ -27,7 +28,9 @@ class _Traced(Expression):
         )
 
     def __float__(self) -> float:
-        raise untraceable("a traced value is no float: use sin, cos, sqrt of adaptctl.scalars or numpy, not of math")
+        raise untraceable(
+            "a traced value is no float: use sin, exp, sqrt, ... of adaptctl.scalars or numpy, not of math"
+        )
 
     def __index__(self) -> int:
         raise untraceable("a traced value is no whole number: it can count nothing, but choose, with where")
@@ -137,6 +140,10 @@ _RULES: dict[np.ufunc, Callable[..., Any]] = {
     np.sin: folding.elementary(Op.SIN),
     np.cos: folding.elementary(Op.COS),
     np.sqrt: folding.elementary(Op.SQRT),
+    np.exp: elementary.exponential,
+    np.log: elementary.logarithm,
+    np.tanh: elementary.hyperbolic_tangent,
+    np.arctan2: elementary.arc_tangent,
     np.absolute: folding.absolute,
     np.minimum: folding.minimum,
     np.maximum: folding.maximum,

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from functools import reduce
 from typing import Any
+
+from adaptctl.scalars.elementary import polynomial
 
 FARTHEST = 2.0**20
 """rad; up to here `reduced` holds."""
@@ -41,8 +41,4 @@ def reduced(x: Any) -> tuple[Any, Any, Any]:
     k = shifted - _SHIFT
     r = ((x - k * first) - k * second) - k * third
     z = r * r
-    return r + r * z * _polynomial(_SINE, z), (1.0 - 0.5 * z) + z * z * _polynomial(_COSINE, z), shifted
-
-
-def _polynomial(coefficients: Sequence[float], z: Any) -> Any:
-    return reduce(lambda higher, c: c + z * higher, reversed(coefficients))
+    return r + r * z * polynomial(_SINE, z), (1.0 - 0.5 * z) + z * z * polynomial(_COSINE, z), shifted

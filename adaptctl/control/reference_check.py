@@ -8,13 +8,22 @@ from collections.abc import Sequence
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.control.controller import Reference
-from adaptctl.errors import ReferenceWarning
+from adaptctl.control.controller import Reference, ReferencePoint
+from adaptctl.errors import InputError, ReferenceWarning
 
 TIMES, STEP = 41, 1e-4
 """how many times are looked at, and the step of central differences, s"""
 ALLOWED = 0.05
 """of the largest derivative, at the median: a corner of a path here and there is none"""
+
+
+def require_point(point: object) -> None:
+    """Refuse (`InputError`) what a reference returned where it is no reference point."""
+    if not all(hasattr(point, name) for name in ReferencePoint._fields):
+        raise InputError(
+            f"reference: expected it to return ReferencePoint(p, v, a), each (n, r) at times (n,), got a "
+            f"{type(point).__name__}"
+        )
 
 
 def warn_of_derivatives(reference: Reference, names: Sequence[str], duration: float, stacklevel: int = 2) -> None:
@@ -23,7 +32,9 @@ def warn_of_derivatives(reference: Reference, names: Sequence[str], duration: fl
     time = STEP + (duration - 2.0 * STEP) * (np.arange(TIMES) + 0.382) / TIMES
     if not time[0] < time[-1]:
         return
-    before, now, after = (reference(time + shift) for shift in (-STEP, 0.0, STEP))
+    before, now, after = points = [reference(time + shift) for shift in (-STEP, 0.0, STEP)]
+    for point in points:
+        require_point(point)
     for what, of, told, low, high in (
         ("velocity", "position", now.v, before.p, after.p),
         ("acceleration", "velocity", now.a, before.v, after.v),

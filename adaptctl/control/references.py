@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,8 +14,10 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array
 from adaptctl.caching import cached_property
+from adaptctl.compilation import compile_function
 from adaptctl.control.controller import Reference, ReferencePoint
 from adaptctl.errors import InputError
+from adaptctl.packages import needed
 from adaptctl.scalars import Column, Scalar, clip, cos, sin, where
 
 DEGREE = 5
@@ -74,6 +78,48 @@ def _faded_in(time: Scalar, length: Any) -> tuple[Scalar, Scalar, Scalar]:
     return fade, slope / whole, bend / (whole * whole)
 
 
+@lru_cache(maxsize=32)
+def sinusoid_kernel(*sizes: int) -> Callable[..., ReferencePoint]:
+    """`sinusoids_at` as native code of a time (1,) and of `SinusoidNumbers` of these lengths."""
+
+    def equation(time: Column, **numbers: Column) -> ReferencePoint:
+        return sinusoids_at(time[0], SinusoidNumbers(**numbers))
+
+    lengths = dict(zip(SinusoidNumbers._fields, sizes, strict=True))
+    return compile_function(equation, {"time": 1} | lengths, name="sinusoids").call
+
+
+@lru_cache(maxsize=32)
+def power_kernel(size: int) -> Callable[..., ReferencePoint]:
+    """Polynomials of r joints and their derivatives as native code of how far into them and whether they move (2,), and
+    of their coefficients (size,), the highest power of all joints first."""
+    joints = size // (DEGREE + 1)
+
+    def equation(given: Column, powers: Column) -> ReferencePoint:
+        u, moves = given
+        p = v = a = Column.zeros(joints)
+        for k in range(DEGREE + 1):
+            a = u * a + 2.0 * v
+            v = u * v + p
+            p = u * p + Column(powers.of[k * joints : (k + 1) * joints])
+        return ReferencePoint(p, moves * v, moves * a)
+
+    return compile_function(equation, {"given": 2, "powers": size}, name="spline").call
+
+
+@lru_cache(maxsize=32)
+def quintic_kernel(joints: int) -> Callable[..., ReferencePoint]:
+    """A minimum-jerk stretch as native code of how far into it and how long it is (2,), s, from where to where (r,)."""
+
+    def equation(given: Column, start: Column, end: Column) -> ReferencePoint:
+        passed, length = given
+        fade, slope, bend = quintic(passed / length)
+        way = end - start
+        return ReferencePoint(start + fade * way, (slope / length) * way, (bend / (length * length)) * way)
+
+    return compile_function(equation, {"given": 2, "start": joints, "end": joints}, name="minimum_jerk").call
+
+
 @dataclass(frozen=True, eq=False)
 class Sinusoids:
     """Sums of sinusoids about a centre, faded in from rest.
@@ -106,6 +152,18 @@ class Sinusoids:
         numbers = SinusoidNumbers(*(Column(values.tolist()) for values in self.numbers))
         point = sinusoids_at(np.asarray(t, dtype=np.float64), numbers)
         return ReferencePoint(*(np.stack(column.of, axis=-1) for column in point))
+
+    def at(self, t: float) -> ReferencePoint:
+        """The reference (r,) at one time (s), in a microsecond: for loops that ask each period."""
+        return self._kernel(np.array((t,)), *self._flat)
+
+    @cached_property
+    def _kernel(self) -> Callable[..., ReferencePoint]:
+        return sinusoid_kernel(*(part.size for part in self._flat))
+
+    @cached_property
+    def _flat(self) -> SinusoidNumbers:
+        return SinusoidNumbers(*map(np.ascontiguousarray, self.numbers))
 
     @property
     def numbers(self) -> SinusoidNumbers:
@@ -142,10 +200,37 @@ class Spline:
         p, v, a = (curve(inside) for curve in self._curves)
         return ReferencePoint(p, np.where(moving, v, 0.0), np.where(moving, a, 0.0))
 
+    def at(self, t: float) -> ReferencePoint:
+        """The reference (r,) at one time (s), in microseconds: for loops that ask each period."""
+        inside = min(max(t, self._starts[0]), float(self.times[-1]))
+        k = max(bisect_right(self._starts, inside) - 1, 0)
+        return self._kernel(np.array((inside - self._starts[k], float(inside == t))), self._coefficients[k])
+
     @cached_property
-    def _curves(self) -> tuple[Callable[[Array], Array], ...]:
+    def _kernel(self) -> Callable[..., ReferencePoint]:
+        return power_kernel(self._coefficients.shape[1])
+
+    @cached_property
+    def _starts(self) -> list[float]:
+        return self._pieces[0]
+
+    @property
+    def _coefficients(self) -> Array:
+        return self._pieces[1]
+
+    @cached_property
+    def _pieces(self) -> tuple[list[float], Array]:
+        """Where each polynomial starts, s, and its coefficients (m, 6 r), the highest power of all joints first."""
+        spline = self._curves[0]
+        starts = np.unique(spline.t)[:-1]
+        rows = [spline.derivative(k)(starts) / math.factorial(k) for k in range(DEGREE, -1, -1)]
+        return starts.tolist(), np.concatenate(rows, axis=1)
+
+    @cached_property
+    def _curves(self) -> tuple[Any, Any, Any]:
         """The spline and its derivatives."""
-        from scipy.interpolate import make_interp_spline
+        with needed("Spline"):
+            from scipy.interpolate import make_interp_spline
 
         spline = make_interp_spline(self.times, self.positions, k=DEGREE)
         return spline, spline.derivative(), spline.derivative(2)
@@ -177,6 +262,21 @@ class MinimumJerk:
         fade, slope, bend = quintic((time - start)[..., None] / length)
         way = np.diff(self.waypoints, axis=0)[stretch]
         return ReferencePoint(self.waypoints[stretch] + fade * way, slope * way / length, bend * way / length**2)
+
+    def at(self, t: float) -> ReferencePoint:
+        """The reference (r,) at one time (s), in microseconds: for loops that ask each period."""
+        starts = self._starts
+        k = min(max(bisect_right(starts, t) - 1, 0), len(starts) - 2)
+        given = np.array((t - starts[k], starts[k + 1] - starts[k]))
+        return self._kernel(given, self.waypoints[k], self.waypoints[k + 1])
+
+    @cached_property
+    def _kernel(self) -> Callable[..., ReferencePoint]:
+        return quintic_kernel(self.waypoints.shape[1])
+
+    @cached_property
+    def _starts(self) -> list[float]:
+        return self.times.tolist()
 
 
 @dataclass(frozen=True, eq=False)

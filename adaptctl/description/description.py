@@ -17,6 +17,7 @@ from adaptctl.caching import cached_property
 from adaptctl.description.drive import Drive, DriveParameter
 from adaptctl.description.inertia import is_physically_consistent, parameter_names
 from adaptctl.description.loops import Loops
+from adaptctl.description.named_frame import NamedFrame
 from adaptctl.description.pose import Pose
 from adaptctl.description.visual import Visual
 from adaptctl.errors import InputError
@@ -122,6 +123,8 @@ class Description:
     """None for a tree, whose joints are all primary."""
     visuals: tuple[Visual, ...] = ()
     """Shapes to draw it by, where a file has some. No hash counts them."""
+    frames: tuple[NamedFrame, ...] = ()
+    """Named frames besides the joints' and the links', where a Pinocchio model has some. No hash counts them."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "links", tuple(self.links))
@@ -136,6 +139,7 @@ class Description:
         _require_unique([link.joint.name for link in self.links], f"{self.name}: joint")
         _require_depth_first(self.name, self.parents)
         object.__setattr__(self, "visuals", tuple(self.visuals))
+        object.__setattr__(self, "frames", tuple(self.frames))
         for visual in self.visuals:
             if not GROUND <= visual.link < len(self.links):
                 raise InputError(f"{self.name}: a visual is fixed to link {visual.link} of {len(self.links)}")

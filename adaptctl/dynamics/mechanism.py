@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,8 +18,10 @@ from adaptctl.dynamics.equations import Equations
 from adaptctl.dynamics.recursion.segment import segments
 from adaptctl.dynamics.tree_equations import TreeEquations
 from adaptctl.errors import InputError, LoopError
+from adaptctl.packages import needed
 
 if TYPE_CHECKING:
+    import mujoco
     import pinocchio
 
     from adaptctl.dynamics.array_equation import ArrayEquation
@@ -233,12 +235,14 @@ class Mechanism:
             return self._arrays.mass_matrix.call(p, self.inertial_parameters)
         return self._arrays.mass_matrix.into(out, p, self.inertial_parameters)
 
+    @needed("Mechanism.to_pinocchio")
     def to_pinocchio(self) -> pinocchio.Model:
         """The same mechanism as a Pinocchio model, built depth first; with loops, its tree's, loops left open."""
         from adaptctl.description.readers.pinocchio_model import to_pinocchio
 
         return to_pinocchio(self.description)
 
+    @needed("Mechanism.to_pinocchio_constraints")
     def to_pinocchio_constraints(self) -> list[pinocchio.RigidConstraintModel]:
         """The loops as Pinocchio's constraint models, for `to_pinocchio()`'s model; none for a tree.
 
@@ -249,11 +253,45 @@ class Mechanism:
         return to_pinocchio_constraints(self.description, self.to_pinocchio())
 
     @classmethod
+    @needed("Mechanism.from_pinocchio")
     def from_pinocchio(cls, model: pinocchio.Model) -> Mechanism:
         """A mechanism from a Pinocchio model, whatever order it was built in."""
         from adaptctl.description.readers.pinocchio_model import from_pinocchio
 
         return cls(from_pinocchio(model))
+
+    def write_into(self, original: str | Path, path: str | Path, root: str | None = None) -> None:
+        """Write at `path` the URDF or MJCF file `original` with this mechanism's links' inertias; the rest stays byte
+        for byte, and joints' drives are not written. `root` is the body of an MJCF scene that it begins with.
+
+        Raises `FileError` for a file of another mechanism, and where no rigid bodies have the inertias: see
+        `identifiability.nearest_consistent`.
+        """
+        from adaptctl.description.writers.robot_file import write_robot
+
+        write_robot(path, original, self.description, root)
+
+    def in_pinocchio(self, model: pinocchio.Model) -> pinocchio.Model:
+        """A copy of a Pinocchio model of this mechanism with this mechanism's inertias and drives; its frames, limits
+        and all else are as they were. Pinocchio's inverse dynamics has rotors, as armature, and leaves friction out."""
+        from adaptctl.description.readers.pinocchio_model import with_inertias
+
+        return with_inertias(model, self.description)
+
+    def to_mujoco(self) -> mujoco.MjModel:
+        """The same tree as a MuJoCo model, a body a link and a motor a joint. Raises `InputError` for what MuJoCo's
+        bodies and joints cannot be: loops, inertias of no rigid body, friction beyond viscous and Coulomb's."""
+        from adaptctl.description.writers.mujoco_model import to_mujoco
+
+        return to_mujoco(self.description)
+
+    @classmethod
+    def from_mujoco(cls, model: mujoco.MjModel, body: str | None = None) -> Mechanism:
+        """A mechanism from a MuJoCo model, which may hold a whole scene: a body and all that hangs on it, the one root
+        body on which joints turn or slide unless named."""
+        from adaptctl.description.readers.mujoco_model import from_mujoco
+
+        return cls(from_mujoco(model, body))
 
     def _joints(self, **given: ArrayLike) -> tuple[list[Array], tuple[int, ...]]:
         """Checked arrays (..., r) and the sample axes they share."""
@@ -271,19 +309,28 @@ class Mechanism:
 
 
 def load(
-    source: str | Path, *, floating_base: bool = False, snap: bool = False, mesh_folders: Sequence[str | Path] = ()
+    source: str | Path | pinocchio.Model | mujoco.MjModel,
+    *,
+    floating_base: bool = False,
+    snap: bool = False,
+    mesh_folders: Sequence[str | Path] = (),
+    root: str | None = None,
 ) -> Mechanism:
-    """A mechanism by a built-in's name (`puma560`, ...) or from a file (.toml, .urdf, .xml).
+    """A mechanism by a built-in's name (`puma560`, ...), from a file (.toml, .urdf, .xml), or from a Pinocchio or
+    MuJoCo model.
 
     With `floating_base`, a URDF file's root link floats instead of being fixed to the ground; its meshes are shown from
     its package and from `mesh_folders`. With `snap`, angles between joint axes that are within 1e-3 rad of right ones
-    are made exact.
+    are made exact. `root` names the body of an MJCF scene, or of a MuJoCo model, that the mechanism begins with.
     Raises `FileError` or `NotFoundError` with what was wrong and what would be right, `LoopError` where loops do
     not fit together.
     """
-    from adaptctl.description.readers.registry import read
+    from adaptctl.description.readers.registry import read, read_model
 
-    mechanism = Mechanism(read(source, floating_base=floating_base, snap=snap, mesh_folders=mesh_folders))
+    if not isinstance(source, str | Path):
+        return Mechanism(read_model(source, root=root, snap=snap))
+    options: dict[str, Any] = {"floating_base": floating_base, "snap": snap, "mesh_folders": mesh_folders, "root": root}
+    mechanism = Mechanism(read(source, **options))
     try:
         _ = mechanism.continuation  # Closes the loops, so that a wrong file is named here and not later.
     except LoopError as error:

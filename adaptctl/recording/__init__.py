@@ -1,6 +1,7 @@
 """A finished comparison made visible: recording, figures, report, table and summary."""
 
 from adaptctl.recording.artifacts import shown, write_artifacts
+from adaptctl.recording.compared_runs import compared_runs
 from adaptctl.recording.comparison import Comparison, ControllerRun, Finding, Setting, TickCost
 from adaptctl.recording.judgement import judged
 from adaptctl.recording.result import Progress, Result
@@ -17,6 +18,7 @@ __all__ = [
     "Setting",
     "TickCost",
     "Verdict",
+    "compared_runs",
     "judged",
     "shown",
     "write_artifacts",

@@ -30,6 +30,12 @@ class ScreenContents:
     labels: tuple[str, ...]
     """what those runs are called"""
     has_lyapunov: bool
+    truth_known: bool = True
+
+    @property
+    def truth(self) -> str:
+        """What estimates' titles say of true values."""
+        return "true values pale" if self.truth_known else "true values unknown"
 
 
 def blueprint(shown: ScreenContents) -> rrb.Blueprint:
@@ -44,7 +50,7 @@ def _overview(shown: ScreenContents) -> rrb.Container:
     left = rrb.Vertical(_arm(shown), views.text("summary", "Summary"), row_shares=[11, 9])
     curves = [_error(shown, 0), _error(shown, 1)] if len(shown.runs) > 1 else [_error(shown, 0)]
     curves.append(_lyapunov() if shown.has_lyapunov else _energy())
-    curves += [_torque_share(), views.curves("/estimate/most_learnt", "Estimates that moved most · true values pale")]
+    curves += [_torque_share(), views.curves("/estimate/most_learnt", f"Estimates that moved most · {shown.truth}")]
     right = rrb.Grid(*curves, _spectrum(), grid_columns=2)
     return rrb.Horizontal(left, right, column_shares=[5, 7], name="Overview")
 
@@ -75,8 +81,7 @@ def _torques(shown: ScreenContents) -> rrb.Container:
 
 def _parameters(shown: ScreenContents) -> rrb.Container:
     links = [
-        views.curves(f"/estimate/{name}", f"{name}: estimates, true values pale [kg, kg m, kg m²]")
-        for name in shown.links
+        views.curves(f"/estimate/{name}", f"{name}: estimates, {shown.truth} [kg, kg m, kg m²]") for name in shown.links
     ]
     return rrb.Grid(*links, grid_columns=3 if len(links) > 2 else 1, name="Parameters")
 

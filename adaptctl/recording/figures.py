@@ -214,8 +214,9 @@ def _small_multiples(count: int, columns: int, height: float, bottom: float) -> 
 
 
 def _estimate(axes: Axes, time: Array, values: Array, truth: float) -> None:
-    axes.axhline(truth, color=run_color(1).hex, linestyle=(0, (3, 2)), linewidth=1.2)
+    if not np.isnan(truth):
+        axes.axhline(truth, color=run_color(1).hex, linestyle=(0, (3, 2)), linewidth=1.2)
     axes.plot(time, values, color=run_color(0).hex, linewidth=1.3)
-    low, high = min(values.min(), truth, 0.0), max(values.max(), truth, 0.0)
+    low, high = np.nanmin([values.min(), truth, 0.0]), np.nanmax([values.max(), truth, 0.0])
     margin = 0.12 * (high - low) or 1.0
     axes.set_ylim(low - margin, high + margin)

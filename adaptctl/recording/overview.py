@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from adaptctl.recording.comparison import Comparison
-from adaptctl.recording.wording import CONVERGENCE, INCOMPLETE, error, facts, outcome, told
+from adaptctl.recording.wording import CONVERGENCE, INCOMPLETE, TRUTH_UNKNOWN, error, facts, outcome, told
 
 
 def summary_markdown(comparison: Comparison) -> str:
@@ -11,7 +11,7 @@ def summary_markdown(comparison: Comparison) -> str:
     warning = "" if comparison.complete else f"**{INCOMPLETE}**\n\n"
     unit = comparison.error_unit
     runs = "\n".join(
-        f"| {run.label} | {run.knows} | {error(run.first_rms_error, unit)} | {error(run.final_rms_error, unit)} "
+        f"| {run.label} | {run.knows or '–'} | {error(run.first_rms_error, unit)} | {error(run.final_rms_error, unit)} "
         f"| {outcome(run)} |"
         for run in comparison.runs
     )
@@ -23,7 +23,7 @@ def summary_markdown(comparison: Comparison) -> str:
 |---|---|---|---|---|
 {runs}
 
-{CONVERGENCE}
+{CONVERGENCE if comparison.truth_known else TRUTH_UNKNOWN}
 """
 
 

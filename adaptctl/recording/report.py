@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from adaptctl.description.inertia import PARAMETERS
 from adaptctl.files import write_text
@@ -13,7 +16,7 @@ from adaptctl.recording.figures import drawings
 from adaptctl.recording.page import embedded, rendered
 from adaptctl.recording.palette import run_color
 from adaptctl.recording.trace import parameter_unit
-from adaptctl.recording.wording import CONVERGENCE, INCOMPLETE, error, facts, number, outcome, told
+from adaptctl.recording.wording import CONVERGENCE, INCOMPLETE, TRUTH_UNKNOWN, error, facts, number, outcome, told
 
 
 def write_report(path: str | Path, comparison: Comparison, figures: Mapping[str, Path]) -> None:
@@ -30,7 +33,7 @@ def report(comparison: Comparison, figures: Mapping[str, Path]) -> str:
         comparison=comparison,
         verdict=told(comparison),
         incomplete=INCOMPLETE,
-        convergence=CONVERGENCE,
+        convergence=CONVERGENCE if comparison.truth_known else TRUTH_UNKNOWN,
         facts=list(facts(comparison)),
         runs=[_run_row(i, run, comparison) for i, run in enumerate(comparison.runs)],
         measured=measured(comparison),
@@ -42,7 +45,17 @@ def report(comparison: Comparison, figures: Mapping[str, Path]) -> str:
         robot_source=comparison.mechanism.description.source,
         inconsistent=comparison.mechanism.description.inconsistent_links,
         figures=embedded(drawings(comparison), figures),
+        live=live_content(comparison),
+        no_live=comparison.live if isinstance(comparison.live, str) else "",
     )
+
+
+def live_content(comparison: Comparison) -> dict[str, Any] | None:
+    """What a page shows of a live arm; None where there is none."""
+    if isinstance(comparison.live, str):
+        return None
+    binary = base64.b64encode(comparison.live.binary).decode("ascii")
+    return {"binary": binary, "facts": comparison.live.facts, "label": comparison.runs[0].label}
 
 
 class Measured(NamedTuple):
@@ -94,6 +107,8 @@ def _run_row(index: int, run: ControllerRun, comparison: Comparison) -> dict[str
 
 def _parameter_rows(comparison: Comparison) -> list[tuple[str, str, str, str, str]]:
     final = comparison.subject.rollout.estimate[-1]
+    if not len(final):
+        return []
     rows = zip(comparison.model.names, comparison.true_parameters, final, strict=True)
     return [
         (name, _typeset(parameter_unit(name)), _fixed(true), _fixed(est), _fixed(est - true))
@@ -106,7 +121,7 @@ def _typeset(unit: str) -> str:
 
 
 def _fixed(value: float) -> str:
-    return f"{value + 0.0:+.4f}".replace("-", "−")
+    return "–" if np.isnan(value) else f"{value + 0.0:+.4f}".replace("-", "−")
 
 
 def _grid(comparison: Comparison) -> list[tuple[str, list[bool]]]:

@@ -97,7 +97,8 @@ def _log_group(
     colors = [joint_color(i) for i in range(len(indices))]
     time, values = rollout.time[every], rollout.estimate[every][:, indices]
     pale = Style(["true"] * len(names), [c.faded(0.55, DARK) for c in colors], width=1.0)
-    log_levels(recording, f"estimate/{path}/truth", time, comparison.true_parameters[indices], pale)
+    if comparison.truth_known:
+        log_levels(recording, f"estimate/{path}/truth", time, comparison.true_parameters[indices], pale)
     log_series(recording, f"estimate/{path}/estimate", time, values, Style(names, colors))
 
 
@@ -123,6 +124,7 @@ def _contents(comparison: Comparison) -> ScreenContents:
         runs=tuple(run.name for run in shown),
         labels=tuple(run.label for run in shown),
         has_lyapunov=comparison.subject.lyapunov is not None,
+        truth_known=comparison.truth_known,
     )
 
 

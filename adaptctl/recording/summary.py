@@ -47,6 +47,7 @@ def summary(comparison: Comparison) -> dict[str, Any]:
         "lyapunov_max_increase": subject.lyapunov_max_increase,
         "peak_torque_share": float(comparison.peak_torque_shares.max()),
         "clipped_steps": comparison.limited_steps(subject),
+        "truth_known": comparison.truth_known,
         "rank": comparison.space.rank,
         "parameters": _parameters(comparison),
         "runs": {run.name: _run(run, comparison) for run in comparison.runs},
@@ -62,10 +63,13 @@ def realtime_factor(run: ControllerRun) -> float | None:
     return run.duration / run.rollout.wall_time if run.rollout.wall_time > 0.0 else None
 
 
-def _parameters(comparison: Comparison) -> dict[str, dict[str, float]]:
+def _parameters(comparison: Comparison) -> dict[str, dict[str, float | None]]:
     final = comparison.subject.rollout.estimate[-1]
+    if not len(final):
+        return {}
     rows = zip(comparison.model.names, comparison.true_parameters, final, strict=True)
-    return {name: {"true": float(true), "estimate": float(estimate)} for name, true, estimate in rows}
+    known = comparison.truth_known
+    return {name: {"true": float(true) if known else None, "estimate": float(found)} for name, true, found in rows}
 
 
 def _run(run: ControllerRun, comparison: Comparison) -> dict[str, Any]:

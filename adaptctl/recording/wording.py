@@ -39,7 +39,7 @@ def _worth(comparison: Comparison) -> str:
     """What adaptation is worth, in a sentence or two."""
     subject, unit = comparison.subject, comparison.error_unit
     first, final = subject.first_rms_error, subject.final_rms_error
-    knowing = f"Knowing {subject.knows} of its inertial parameters, the arm"
+    knowing = f"Knowing {subject.knows} of its inertial parameters, the arm" if subject.knows else "The arm"
     if first is None or final is None:
         return f"{knowing} has {error(subject.rms_error(), unit)} of tracking error in {subject.duration:.2f} s."
     went = (
@@ -90,10 +90,16 @@ def facts(comparison: Comparison) -> Iterator[tuple[str, str]]:
     yield "Peak torque", f"{100 * peak:.0f} % of the limit"
     yield "Steps at a torque limit", f"{comparison.limited_steps(subject):,} of {len(subject.rollout.time):,}"
     yield "Parameters", f"{comparison.space.rank} independent among {len(comparison.mechanism.parameter_names)}"
-    yield "Simulated", f"{number(realtime_factor(subject))} times faster than real time"
+    if (factor := realtime_factor(subject)) is not None:
+        yield "Simulated", f"{number(factor)} times faster than real time"
 
 
 INCOMPLETE = "This run was interrupted. What was computed until then is shown; it is not the whole experiment."
+
+TRUTH_UNKNOWN = (
+    "The true values are not known, so nothing is said of how near the estimates are: a small tracking error does not "
+    "say that they are near."
+)
 
 CONVERGENCE = (
     "The tracking error converges; the estimates need not: they reach the true values only as far as the "

@@ -2,11 +2,26 @@
 
 from adaptctl.scalars.column import Column, column, each, spread
 from adaptctl.scalars.dual import Dual
-from adaptctl.scalars.scalar import Scalar, absolute, clip, cos, maximum, minimum, sin, sqrt, where
+from adaptctl.scalars.scalar import (
+    Scalar,
+    absolute,
+    atan2,
+    clip,
+    cos,
+    exp,
+    log,
+    maximum,
+    minimum,
+    sin,
+    sqrt,
+    tanh,
+    where,
+)
 from adaptctl.scalars.tunable import Structure, Tunable
 from adaptctl.scalars.vector import ZERO, Mat, Vec, cross, dot, product
 
 __all__ = [
-    "ZERO", "Column", "Dual", "Mat", "Scalar", "Structure", "Tunable", "Vec", "absolute", "clip", "column", "cos",
-    "cross", "dot", "each", "maximum", "minimum", "product", "sin", "spread", "sqrt", "where",
+    "ZERO", "Column", "Dual", "Mat", "Scalar", "Structure", "Tunable", "Vec", "absolute", "atan2", "clip",
+    "column", "cos", "cross", "dot", "each", "exp", "log", "maximum", "minimum", "product", "sin", "spread", "sqrt",
+    "tanh", "where",
 ]  # fmt: skip

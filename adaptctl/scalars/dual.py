@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from adaptctl.scalars.scalar import absolute, cos, maximum, minimum, sin, sqrt, where
+from adaptctl.scalars.scalar import absolute, atan2, cos, exp, log, maximum, minimum, sin, sqrt, tanh, where
 
 
 class Dual:
@@ -108,6 +108,16 @@ def _sqrt(a: Dual) -> Dual:
     return Dual(root, a.slope / (2.0 * root))
 
 
+def _tanh(a: Dual) -> Dual:
+    value = tanh(a.value)
+    return Dual(value, (1.0 - value * value) * a.slope)
+
+
+def _atan2(y: Dual, x: Dual) -> Dual:
+    square = x.value * x.value + y.value * y.value
+    return Dual(atan2(y.value, x.value), (x.value * y.slope - y.value * x.slope) / square)
+
+
 def _minimum(a: Dual, b: Dual) -> Dual:
     return Dual(minimum(a.value, b.value), where(a.value <= b.value, a.slope, b.slope))
 
@@ -125,6 +135,10 @@ _RULES: dict[np.ufunc, Callable[..., Any]] = {
     np.sin: lambda a: Dual(sin(a.value), cos(a.value) * a.slope),
     np.cos: lambda a: Dual(cos(a.value), -sin(a.value) * a.slope),
     np.sqrt: _sqrt,
+    np.exp: lambda a: Dual(exp(a.value), exp(a.value) * a.slope),
+    np.log: lambda a: Dual(log(a.value), a.slope / a.value),
+    np.tanh: _tanh,
+    np.arctan2: _atan2,
     np.absolute: lambda a: Dual(absolute(a.value), where(a.value < 0.0, -a.slope, a.slope)),
     np.minimum: _minimum,
     np.maximum: _maximum,

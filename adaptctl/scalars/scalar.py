@@ -27,6 +27,9 @@ class Scalar(Protocol):
     def __neg__(self) -> Any: ...
 
 
+LARGEST_EXPONENT = 709.782712893384
+"""ln of the largest double"""
+
 Condition: TypeAlias = Any
 """The outcome of comparing scalars: a bool, an array of bools, a node. Only `where` may branch on it."""
 
@@ -44,6 +47,30 @@ def cos(x: Any) -> Any:
 def sqrt(x: Any) -> Any:
     """Square root."""
     return math.sqrt(x) if isinstance(x, float) else np.sqrt(x)
+
+
+def exp(x: Any) -> Any:
+    """Exponential; infinity where it is larger than doubles go."""
+    if isinstance(x, float):
+        return math.exp(x) if not x > LARGEST_EXPONENT else math.inf
+    return np.exp(x)
+
+
+def log(x: Any) -> Any:
+    """Natural logarithm; minus infinity of zero, NaN of what is negative."""
+    if isinstance(x, float):
+        return math.log(x) if x > 0.0 else -math.inf if x == 0.0 else math.nan
+    return np.log(x)
+
+
+def tanh(x: Any) -> Any:
+    """Hyperbolic tangent."""
+    return math.tanh(x) if isinstance(x, float) else np.tanh(x)
+
+
+def atan2(y: Any, x: Any) -> Any:
+    """Angle of the point x, y from the x axis, in rad, from -pi to pi."""
+    return math.atan2(y, x) if isinstance(x, float) and isinstance(y, float) else np.arctan2(y, x)
 
 
 def absolute(x: Any) -> Any:

@@ -11,7 +11,9 @@ from adaptctl.simulation.integrator import (
 )
 from adaptctl.simulation.plant import Plant
 from adaptctl.simulation.plant_state import PlantState
-from adaptctl.simulation.rollout import Rollout, rollout
+from adaptctl.simulation.rollout import rollout
+from adaptctl.simulation.run import Rollout
+from adaptctl.simulation.run_logger import RunLogger
 from adaptctl.simulation.simulate import simulate
 from adaptctl.simulation.simulate_many import Rollouts, simulate_many
 
@@ -25,6 +27,7 @@ __all__ = [
     "PlantState",
     "Rollout",
     "Rollouts",
+    "RunLogger",
     "RungeKutta4",
     "SemiImplicitEuler",
     "rollout",

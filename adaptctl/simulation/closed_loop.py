@@ -10,7 +10,8 @@ import numpy as np
 
 from adaptctl.caching import cached_property
 from adaptctl.compilation import Ensemble, Stepper, compile_step
-from adaptctl.control.controller import GAINS, Controller, ReferencePoint, leaves, like
+from adaptctl.control.controller import GAINS, Controller, ReferencePoint
+from adaptctl.control.memory import leaves, like
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column, Structure
 from adaptctl.simulation.plant import Plant

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
+from collections.abc import Callable, Mapping
 from time import perf_counter
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -14,128 +11,16 @@ import numpy as np
 
 from adaptctl.arrays import Array, frozen
 from adaptctl.control.controller import Controller, ReferencePoint
-from adaptctl.errors import FileError, InputError
-from adaptctl.files import replacing
+from adaptctl.errors import InputError
 from adaptctl.simulation.closed_loop import guards
+from adaptctl.simulation.kept_samples import KeptSamples
+from adaptctl.simulation.run import Rollout
 from adaptctl.simulation.sampled_references import REFERENCE
 
 if TYPE_CHECKING:
     import gymnasium
 
 
-@dataclass(frozen=True, eq=False)
-class Rollout:
-    """What happened in one closed-loop run of T control periods of r joints; every array is read-only.
-
-    Sample k is the state at `time[k]` and the torque commanded on it; T samples.
-    """
-
-    time: Array
-    """(T,) s"""
-    p: Array
-    """(T, r) positions, rad or m: the true ones, where the environment tells them besides what it measures"""
-    v: Array
-    """(T, r) velocities, likewise"""
-    reference_p: Array
-    """(T, r)"""
-    reference_v: Array
-    """(T, r)"""
-    reference_a: Array
-    """(T, r)"""
-    torque: Array
-    """(T, r) commanded, N m"""
-    applied: Array
-    """(T, r) after the limits, N m"""
-    clipped: Array
-    """(T,) whether a torque was clipped, as 0 and 1"""
-    energy: Array
-    """(T,) J; NaN where the environment does not tell"""
-    reward: Array
-    """(T,)"""
-    estimate: Array
-    """(T, k) the controller's parameter estimates, k = 0 where it has none"""
-    control_period: float
-    """s"""
-    wall_time: float
-    """s"""
-    complete: bool = True
-    """False when the run was interrupted: what was computed is kept."""
-    terminated: bool = False
-    """True when the environment ended the run early, an error bound having been passed."""
-    info: dict[str, object] = field(default_factory=dict)
-    """The environment's last info."""
-    measured_p: Array | None = None
-    """(T, r) positions as the controller was told them; None where those are the true ones"""
-    measured_v: Array | None = None
-    """(T, r) velocities, likewise"""
-    marks: Mapping[str, Array] = field(default_factory=dict)
-    """(T,) each: what happened, by name, as the environment and the controller's guards tell"""
-
-    @property
-    def error(self) -> Array:
-        """Tracking errors p - p_d (T, r)."""
-        return self.p - self.reference_p
-
-    @property
-    def velocity_error(self) -> Array:
-        """v - v_d (T, r)."""
-        return self.v - self.reference_v
-
-    def save(self, path: str | Path, joints: Sequence[str] | None = None) -> None:
-        """Write the run as Parquet, whole or not at all: a row a control period, columns such as `p.joint1` with their
-        units, which `adaptctl identify` reads. `joints` (r,) names them, joint1, joint2, ... by default.
-
-        The environment's last `info` is not kept.
-        """
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-
-        names = [f"joint{j + 1}" for j in range(self.p.shape[1])] if joints is None else list(joints)
-        if len(names) != self.p.shape[1]:
-            raise InputError(f"joints: expected {self.p.shape[1]} names, got {len(names)}")
-        columns = dict(_file_columns(self, names))
-        fields = [pa.field(name, pa.float64(), metadata={"unit": unit}) for name, (unit, _) in columns.items()]
-        about = {"schema": SCHEMA, **{name: json.dumps(getattr(self, name)) for name in KEPT}}
-        arrays = [pa.array(values) for _, values in columns.values()]
-        table = pa.Table.from_arrays(arrays, schema=pa.schema(fields, metadata=about))
-        with replacing(path) as beside:
-            pq.write_table(table, beside, compression="zstd", use_dictionary=False, use_byte_stream_split=True)
-
-    @classmethod
-    def load(cls, path: str | Path) -> Rollout:
-        """The run that `save` wrote. Raises `FileError`."""
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-
-        try:
-            table = pq.read_table(path)
-        except (OSError, pa.ArrowException) as error:
-            raise FileError(f"{path}: cannot be read as Parquet ({str(error).splitlines()[0]})") from error
-        about = {key.decode(): value.decode() for key, value in (table.schema.metadata or {}).items()}
-        if about.get("schema") != SCHEMA:
-            raise FileError(f"{path}: not a run of ours: expected the schema {SCHEMA!r}, got {about.get('schema')!r}")
-        try:
-            return cls(**_arrays(table), **{name: json.loads(about[name]) for name in KEPT})
-        except (KeyError, TypeError, ValueError) as error:
-            raise FileError(f"{path}: {type(error).__name__}: {error}; it is not whole") from error
-
-
-SCHEMA = "adaptctl/rollout/1"
-KEPT = ("control_period", "wall_time", "complete", "terminated")
-"""What a run's file says of the whole run."""
-OF_JOINTS = {
-    "p": "rad",
-    "v": "rad/s",
-    "reference_p": "rad",
-    "reference_v": "rad/s",
-    "reference_a": "rad/s^2",
-    "torque": "N m",
-    "applied": "N m",
-    "measured_p": "rad",
-    "measured_v": "rad/s",
-}
-"""A run's arrays of a column a joint, in the units that they have where joints turn."""
-OF_TIME = {"time": "s", "clipped": "1", "energy": "J", "reward": "1"}
 PARTS = ("p", "v", *REFERENCE)
 """The parts of an observation that a controller needs; the environment's `observation_slices` say where they are."""
 
@@ -147,6 +32,8 @@ def rollout(
     seed: int | None = None,
     options: dict[str, Any] | None = None,
     progress: Callable[[float], object] | None = None,
+    every: int = 1,
+    last: float | None = None,
 ) -> Rollout:
     """Drive an environment with a controller from reset to termination or truncation.
 
@@ -154,18 +41,19 @@ def rollout(
     `observation_slices` that name PARTS. `info` may tell `applied_torque`, `energy` (J), `clipped` (a count);
     what it does not tell is taken as the torque commanded, NaN, and 0. It may tell true positions `p` and
     velocities `v`, and `marks`, a mapping from names to numbers; so may the controller's state, as a NamedTuple
-    `marks`. `progress` is called about a hundred times with the share done.
+    `marks`. `progress` is called about a hundred times with the share done. A sample of `every` so many control
+    periods is kept, and with `last` only those of the last so many seconds: memory for no more is taken.
 
     Ctrl-C ends the run but keeps what was computed, marked `complete=False`.
     Raises `InputError` for an environment that cannot be driven; what controller and environment raise passes.
     """
-    loop = _SteppedRun(env, controller, seed, options)
-    every = max(1, (loop.steps or 0) // 100)
+    loop = _SteppedRun(env, controller, seed, options, every, last)
+    told = max(1, (loop.steps or 0) // 100)
     complete, started = False, perf_counter()
     try:
         while not (loop.terminated or loop.truncated):
             loop.tick()
-            if progress is not None and loop.steps is not None and loop.count % every == 0:
+            if progress is not None and loop.steps is not None and loop.count % told == 0:
                 progress(min(1.0, loop.count / loop.steps))
         complete = True
     except KeyboardInterrupt:
@@ -182,9 +70,11 @@ class _SteppedRun:
         controller: Controller[Any],
         seed: int | None,
         options: dict[str, Any] | None,
+        every: int,
+        last: float | None,
     ) -> None:
         self._parts, self.control_period = interface(env, controller)
-        self.steps = known_steps(env)
+        self.steps, self._kept_samples = known_steps(env), KeptSamples.of(every, last, self.control_period)
         self._env, self._controller = env, controller
         observation, self._info = env.reset(seed=seed, options=options)
         self._observation = np.asarray(observation, dtype=np.float64)
@@ -196,7 +86,11 @@ class _SteppedRun:
         self._true = "p" in self._info and "v" in self._info
         self._marks = (*self._info.get("marks", ()), *getattr(guards(self._state), "_fields", ()))
         self._samples = _Record(
-            self.steps or 1024, len(self._kept), p.size, _estimate(self._state).size, len(self._marks)
+            self._kept_samples.room(self.steps or 1024),
+            len(self._kept),
+            p.size,
+            _estimate(self._state).size,
+            len(self._marks),
         )
 
     def tick(self) -> None:
@@ -204,44 +98,49 @@ class _SteppedRun:
         p, v, reference = self._read()
         torque, state = self._controller.step(self._state, p, v, reference)
         observation, reward, terminated, truncated, info = self._env.step(torque)
-        before, k = self._info, self.count
-        samples = self._samples.with_room_for(k)
-        np.take(self._observation, self._kept, out=samples.observation[k], mode="clip")
-        if self._true:
-            np.concatenate((before["p"], before["v"]), out=samples.state[k])
-        samples.torque[k] = torque
-        samples.applied[k] = info.get("applied_torque", torque)
-        samples.estimate[k] = _estimate(state)
-        samples.scalars[k] = (
-            before.get("time", k * self.control_period),
-            before.get("energy", np.nan),
-            float(reward),
-            info.get("clipped", 0) != before.get("clipped", 0),
-        )
-        if self._marks:
-            samples.marks[k] = *info.get("marks", {}).values(), *(float(mark[0]) for mark in guards(state))
+        if (row := self._kept_samples.row(self.count)) is not None:
+            self._keep(row, torque, state, float(reward), info)
         self._state, self._info = state, info
         self._observation = np.asarray(observation, dtype=np.float64)
         self.terminated, self.truncated = bool(terminated), bool(truncated)
-        self.count = k + 1  # last, so that an interrupted sample does not count
+        self.count += 1  # last, so that an interrupted sample does not count
+
+    def _keep(self, row: int, torque: Array, state: Any, reward: float, info: dict[str, Any]) -> None:
+        """Put the sample of this control period into a row."""
+        before, samples = self._info, self._samples.with_room_for(row)
+        np.take(self._observation, self._kept, out=samples.observation[row], mode="clip")
+        if self._true:
+            np.concatenate((before["p"], before["v"]), out=samples.state[row])
+        samples.torque[row] = torque
+        samples.applied[row] = info.get("applied_torque", torque)
+        samples.estimate[row] = _estimate(state)
+        samples.scalars[row] = (
+            before.get("time", self.count * self.control_period),
+            before.get("energy", np.nan),
+            reward,
+            info.get("clipped", 0) != before.get("clipped", 0),
+        )
+        if self._marks:
+            samples.marks[row] = *info.get("marks", {}).values(), *(float(mark[0]) for mark in guards(state))
 
     def result(self, wall_time: float, complete: bool) -> Rollout:
         """The run so far."""
-        samples, n, dof = self._samples, self.count, self._samples.torque.shape[1]
-        columns = {name: samples.observation[:n, i * dof : (i + 1) * dof] for i, name in enumerate(PARTS)}
+        samples, n, dof = self._samples, self._kept_samples.order(self.count), self._samples.torque.shape[1]
+        columns = {name: samples.observation[n, i * dof : (i + 1) * dof] for i, name in enumerate(PARTS)}
         if self._true:
             columns["measured_p"], columns["measured_v"] = columns["p"], columns["v"]
-            columns["p"], columns["v"] = samples.state[:n, :dof], samples.state[:n, dof:]
-        columns |= {name: samples.scalars[:n, i] for i, name in enumerate(("time", "energy", "reward", "clipped"))}
-        columns |= {name: getattr(samples, name)[:n] for name in ("torque", "applied", "estimate")}
+            columns["p"], columns["v"] = samples.state[n, :dof], samples.state[n, dof:]
+        columns |= {name: samples.scalars[n, i] for i, name in enumerate(("time", "energy", "reward", "clipped"))}
+        columns |= {name: getattr(samples, name)[n] for name in ("torque", "applied", "estimate")}
         return Rollout(
             **{name: frozen(values.copy()) for name, values in columns.items()},
-            marks=MappingProxyType({name: frozen(samples.marks[:n, i].copy()) for i, name in enumerate(self._marks)}),
+            marks=MappingProxyType({name: frozen(samples.marks[n, i].copy()) for i, name in enumerate(self._marks)}),
             control_period=self.control_period,
             wall_time=wall_time,
             complete=complete,
             terminated=self.terminated,
             info=dict(self._info),
+            every=self._kept_samples.every,
         )
 
     def _read(self) -> tuple[Array, Array, ReferencePoint]:
@@ -298,35 +197,6 @@ def known_steps(env: gymnasium.Env[Any, Any]) -> int | None:
     """The most control periods that an environment runs for; None where it does not tell."""
     limits = (getattr(env.unwrapped, "steps", None), getattr(env.spec, "max_episode_steps", None))
     return min((steps for steps in limits if isinstance(steps, int) and steps > 0), default=None)
-
-
-def _file_columns(run: Rollout, joints: Sequence[str]) -> Iterator[tuple[str, tuple[str, Array]]]:
-    """Names of a file's columns, and their units and values."""
-    yield from ((name, (unit, getattr(run, name))) for name, unit in OF_TIME.items())
-    for name, unit in OF_JOINTS.items():
-        values = getattr(run, name)
-        for joint, column in zip(joints, () if values is None else values.T, strict=False):
-            yield f"{name}.{joint}", (unit, np.ascontiguousarray(column))
-    for i, column in enumerate(run.estimate.T):
-        yield f"estimate.{i}", ("", np.ascontiguousarray(column))
-    yield from ((f"mark.{name}", ("", values)) for name, values in run.marks.items())
-
-
-def _arrays(table: Any) -> dict[str, Any]:
-    """A run's arrays, of the columns of its file."""
-    parts: dict[str, list[Array]] = {name: [] for name in (*OF_JOINTS, "estimate")}
-    marks: dict[str, Array] = {}
-    for name in table.column_names:
-        kind, _, rest = name.partition(".")
-        values = table[name].to_numpy()
-        if kind == "mark":
-            marks[rest] = frozen(values.copy())
-        elif rest:
-            parts[kind].append(values)
-    gathered = {name: frozen(np.stack(columns, axis=-1)) for name, columns in parts.items() if columns}
-    single = {name: frozen(table[name].to_numpy().copy()) for name in OF_TIME}
-    blank = {"estimate": frozen(np.empty((table.num_rows, 0)))}
-    return blank | single | gathered | {"marks": MappingProxyType(marks)}
 
 
 def _estimate(state: object) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 import warnings
+from collections.abc import Iterator
 
 import numpy as np
 import pinocchio
@@ -13,8 +14,9 @@ from adaptctl.arrays import Array
 from adaptctl.description.description import GROUND, Description, Joint, JointKind, Limits, Link, depth_first
 from adaptctl.description.drive import Drive
 from adaptctl.description.inertia import inertia_tensor, transformed
+from adaptctl.description.named_frame import FrameKind, NamedFrame
 from adaptctl.description.pose import Pose
-from adaptctl.errors import InputError, SimplificationWarning
+from adaptctl.errors import InputError, NotFoundError, SimplificationWarning
 
 _ONE_COORDINATE = re.compile(r"JointModel(R[XYZ]|RUB[XYZ]|P[XYZ]|(Revolute|RevoluteUnbounded|Prismatic)Unaligned)")
 _UNLIMITED = 1e300
@@ -26,7 +28,8 @@ def to_pinocchio(description: Description) -> pinocchio.Model:
 
     A rotor is Pinocchio's armature, which its algorithms use; viscous friction is its damping and Coulomb friction
     its dry friction, which it holds but its inverse dynamics leaves out.
-    Joints stand at the joints' frames and carry the links' names as body frames at the links' frames.
+    Joints stand at the joints' frames and carry the links' names as body frames at the links' frames; named frames are
+    there too.
     Continuous joints become revolute ones without limits, so that q keeps one number a joint.
     Raises InputError for a link without mass that has a first moment, which Pinocchio cannot hold, and for a drive
     that turns with other joints. Warns (SimplificationWarning) of friction that Pinocchio has no place for.
@@ -38,6 +41,13 @@ def to_pinocchio(description: Description) -> pinocchio.Model:
     model.gravity.linear = np.array(description.gravity)
     for link in description.links:
         _append(model, link, description.links)
+    types = {kind: found for found, kind in _KINDS.items()}
+    for frame in description.frames:
+        at = frame.pose if frame.link == GROUND else description.links[frame.link].far @ frame.pose
+        parent = 0
+        if frame.link != GROUND:
+            parent = model.getFrameId(description.links[frame.link].joint.name, pinocchio.FrameType.JOINT)
+        model.addFrame(pinocchio.Frame(frame.name, frame.link + 1, parent, _placement(at), types[frame.kind]))
     drives = [link.joint.drive for link in description.links]
     model.armature = np.array([drive.rotor_inertia or 0.0 for drive in drives])
     model.damping = np.array([drive.viscous or 0.0 for drive in drives])
@@ -66,7 +76,50 @@ def from_pinocchio(model: pinocchio.Model, name: str | None = None) -> Descripti
         raise InputError(f"{model.name}: gravity must be linear, got {model.gravity}")
     links = [_link(model, i) for i in range(1, model.njoints)]
     _warn(model, "limits of zero are taken as no limits", _zero_limited(model))
-    return Description(name or model.name or "mechanism", depth_first(links), np.array(model.gravity.linear))
+    ordered = depth_first(links)
+    gravity, frames = np.array(model.gravity.linear), tuple(_frames(model, [link.joint.name for link in ordered]))
+    return Description(name or model.name or "mechanism", ordered, gravity, frames=frames)
+
+
+def _frames(model: pinocchio.Model, joints: list[str]) -> Iterator[NamedFrame]:
+    """The frames that neither joints nor links stand for; links' own frames are the joints'."""
+    own = {(int(frame.parentJoint), str(frame.name)) for frame in model.frames}
+    own = {(i, name) for i, name in own if i and name == _body_name(model, i)}
+    for frame in list(model.frames)[1:]:
+        index, name, at = int(frame.parentJoint), str(frame.name), frame.placement
+        is_own = frame.type == pinocchio.FrameType.BODY and (index, name) in own and at.isIdentity(0.0)
+        if frame.type == pinocchio.FrameType.JOINT or is_own:
+            continue
+        link = joints.index(str(model.names[index])) if index else GROUND
+        yield NamedFrame(name, link, Pose(np.array(at.rotation), np.array(at.translation)), _KINDS[frame.type])
+
+
+_KINDS = {
+    pinocchio.FrameType.OP_FRAME: FrameKind.OPERATIONAL,
+    pinocchio.FrameType.FIXED_JOINT: FrameKind.FIXED_JOINT,
+    pinocchio.FrameType.BODY: FrameKind.BODY,
+    pinocchio.FrameType.SENSOR: FrameKind.SENSOR,
+}
+
+
+def with_inertias(model: pinocchio.Model, description: Description) -> pinocchio.Model:
+    """A copy of a model of the same joints with the description's inertias and drives."""
+    names = {str(name): i for i, name in enumerate(model.names)}
+    changed = model.copy()
+    for link in description.links:
+        if link.joint.name not in names:
+            raise NotFoundError(f"{model.name}: there is no joint {link.joint.name!r}; joints: {', '.join(names)}")
+        index, drive = names[link.joint.name], link.joint.drive
+        v = model.joints[index].idx_v
+        changed.inertias[index] = _inertia(link)
+        own = (drive.rotor_inertia, drive.viscous, drive.coulomb)
+        for numbers, value in zip((changed.armature, changed.damping, changed.friction), own, strict=True):
+            numbers[v] = value or 0.0
+    if len(names) - 1 != len(description.links):
+        raise InputError(
+            f"{model.name}: it has {len(names) - 1} joints, and {description.name} {len(description.links)}"
+        )
+    return changed
 
 
 def _append(model: pinocchio.Model, link: Link, links: tuple[Link, ...]) -> None:

@@ -65,9 +65,15 @@ def read_toml_mechanism(path: str | Path) -> Description:
 
 
 def read(
-    source: str | Path, *, floating_base: bool = False, snap: bool = False, mesh_folders: Sequence[str | Path] = ()
+    source: str | Path,
+    *,
+    floating_base: bool = False,
+    snap: bool = False,
+    mesh_folders: Sequence[str | Path] = (),
+    root: str | None = None,
 ) -> Description:
-    """The mechanism of a built-in's name or of a file, which is read by its suffix.
+    """The mechanism of a built-in's name or of a file, which is read by its suffix; of an MJCF scene, that of the body
+    `root` and all on it.
 
     With `floating_base`, a URDF file's root link floats instead of being fixed to the ground (`floating`); its meshes
     are shown from its package and from `mesh_folders`. With `snap`, angles within 1e-3 rad of right ones are made exact
@@ -77,14 +83,32 @@ def read(
     """
     if floating_base and Path(source).suffix.lower() != ".urdf":
         raise InputError(f"{source}: only a URDF file, which has a root link, can be given a floating base")
+    suffix = Path(source).suffix.lower()
+    if root is not None and suffix not in (".xml", ".mjcf"):
+        raise InputError(f"{source}: only an MJCF scene has a root body that can be named, {root!r}")
     if isinstance(source, str) and source in builtin_names():
         with as_file(_ROBOTS / f"{source}.toml") as path:
             description, remark = read_toml_mechanism(path), _ASSIGNED.get(source, "")
     else:
-        given: dict[str, object] = {"floating_base": floating_base, "mesh_folders": mesh_folders}
-        options = given if Path(source).suffix.lower() == ".urdf" else {}
+        urdf: dict[str, object] = {"floating_base": floating_base, "mesh_folders": mesh_folders}
+        options = urdf if suffix == ".urdf" else {"root": root} if root is not None else {}
         description, remark = _reader(source)(source, **options), ""
     _warn_of_inconsistency(description, remark)
+    return snapped(description) if snap else description
+
+
+def read_model(model: object, *, root: str | None = None, snap: bool = False) -> Description:
+    """The mechanism of a Pinocchio model, or of a body of a MuJoCo model. Raises `InputError` for what is neither."""
+    library = type(model).__module__.partition(".")[0]
+    if library == "pinocchio" and hasattr(model, "njoints"):
+        if root is not None:
+            raise InputError(f"a Pinocchio model has no root body that can be named, {root!r}")
+        description = _imported("pinocchio_model:from_pinocchio")(model)
+    elif library == "mujoco" and hasattr(model, "nbody"):
+        description = _imported("mujoco_model:from_mujoco")(model, root)
+    else:
+        raise InputError(f"expected a robot's name, a file, a pinocchio.Model or a mujoco.MjModel, got {model!r}")
+    _warn_of_inconsistency(description, "")
     return snapped(description) if snap else description
 
 

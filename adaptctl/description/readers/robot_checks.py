@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Iterable, Sequence
+from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
 
 from adaptctl.description.description import Link, weightless_ends
 from adaptctl.description.loops import Loops
-from adaptctl.errors import InputError, SimplificationWarning
+from adaptctl.errors import InputError, SimplificationWarning, printable
 
 MOST_LINKS = 256
 """Links that move, in one file: regressors of more take minutes."""
@@ -19,6 +20,8 @@ MOST_BODIES, MOST_GEOMS = 2_000, 5_000
 """Bodies in one file, those that are fixed to others counted, and geoms."""
 LEAST_DEGREES, MOST_DEGREES = 6.0 * math.pi, 3600.0
 """Limits (rad) between these may be degrees: few joints turn thrice, and limits far beyond stand for none."""
+MOST_NAMED = 20
+"""names that a message lists"""
 A_TURN = 2.02 * math.pi
 """Angle (rad) that no frame needs to be turned by."""
 
@@ -41,6 +44,14 @@ def warn_of_weightless(path: Any, links: Sequence[Link], loops: Loops | None, st
     if loops is None and any(np.any(link.inertia) for link in links) and (names := weightless_ends(links)):
         text = "links move without mass and carry none, so that no torque says how they accelerate"
         warnings.warn(f"{path}: {text}: {', '.join(names)}", SimplificationWarning, stacklevel=stacklevel)
+
+
+def unknown_body(name: str, known: Sequence[str]) -> str:
+    """What to say where a scene has no body of that name."""
+    close = get_close_matches(name, known, n=1)
+    guess = f" (did you mean {close[0]!r}?)" if close else ""
+    listed = ", ".join(repr(other) for other in known[:MOST_NAMED] if other)
+    return f"there is no body {printable(name)!r}{guess}; there are {listed}{', ...' * (len(known) > MOST_NAMED)}"
 
 
 def is_more_than_a_turn(angles: Iterable[float] | float | None) -> bool:

@@ -69,8 +69,8 @@ class _Parser:
         raise InputError("a <!DOCTYPE ...> has no place here, and entities are refused: remove it")
 
 
-def parsed(text: str, tag: str) -> Element:
-    """The root element, which must be <tag>."""
+def parsed(text: str, tag: str, *others: str) -> Element:
+    """The root element, which must be <tag> or one of the others."""
     if "\0" in text:
         raise InputError("holds NUL characters, as UTF-16 text does: save the file as UTF-8 text")
     try:
@@ -79,7 +79,7 @@ def parsed(text: str, tag: str) -> Element:
         if isinstance(error, InputError):
             raise
         raise InputError(f"not well-formed XML ({error})") from error
-    if root.tag != tag:
+    if root.tag not in (tag, *others):
         refuse(root, f"the root element must be <{tag}>, got <{root.tag}>")
     return root
 

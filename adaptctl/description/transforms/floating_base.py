@@ -33,7 +33,8 @@ def with_floating_base(description: Description, name: str, inertia: ArrayLike) 
         closures = tuple(replace(c, first=c.first or name, second=c.second or name) for c in loops.closures)
         primary = (*(link.joint.name for link in links[: len(JOINTS)]), *loops.primary)
         loops = replace(loops, primary=primary, closures=closures)
-    return replace(description, links=links, loops=loops, visuals=above_base(description.visuals))
+    frames = tuple(replace(frame, link=frame.link + len(JOINTS)) for frame in description.frames)
+    return replace(description, links=links, loops=loops, visuals=above_base(description.visuals), frames=frames)
 
 
 def floating(links: Sequence[Link], name: str, inertia: ArrayLike) -> tuple[Link, ...]:

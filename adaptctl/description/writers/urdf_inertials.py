@@ -15,6 +15,7 @@ from adaptctl.description.description import Description
 from adaptctl.description.inertia import from_tensor, inertia_tensor, is_physically_consistent
 from adaptctl.description.readers.urdf import link_inertia
 from adaptctl.description.readers.xml_elements import parsed
+from adaptctl.description.writers.edits import edited, end_of_tag
 from adaptctl.errors import FileError, InputError
 from adaptctl.files import read_bytes, write_bytes
 
@@ -56,10 +57,7 @@ def with_inertials(data: bytes, inertias: Mapping[str, Array | None]) -> bytes:
             edits.append((span.start - 2, span.start, b">\n    " + new + b"\n  </link>"))
         elif ten is not None:
             edits.append((span.start, span.start, b"\n    " + new))
-    out = data
-    for start, end, new in sorted(edits, reverse=True):
-        out = out[:start] + new + out[end:]
-    return out
+    return edited(data, edits)
 
 
 @dataclass
@@ -84,27 +82,17 @@ class _Finder:
         self.path.append(tag)
         if self.path == ["robot", "link"]:
             self.link = attributes["name"]
-            self.spans[self.link] = _Span(self._end_of_tag(at))
+            self.spans[self.link] = _Span(end_of_tag(self.data, at))
         elif self.path == ["robot", "link", "inertial"]:
             self.begun = at
 
     def ended(self, at: int) -> None:
         if self.path == ["robot", "link", "inertial"]:
-            self.spans[self.link].inertial = (self.begun, max(self._end_of_tag(at), self._end_of_tag(self.begun)))
+            self.spans[self.link].inertial = (
+                self.begun,
+                max(end_of_tag(self.data, at), end_of_tag(self.data, self.begun)),
+            )
         self.path.pop()
-
-    def _end_of_tag(self, at: int) -> int:
-        """Behind the '>' of the tag that begins at a place; quoted attributes may hold one too."""
-        quote = 0
-        for i in range(at, len(self.data)):
-            byte = self.data[i]
-            if quote:
-                quote = 0 if byte == quote else quote
-            elif byte in b"\"'":
-                quote = byte
-            elif byte == ord(">"):
-                return i + 1
-        return len(self.data)
 
 
 def _spans(data: bytes) -> dict[str, _Span]:

@@ -51,6 +51,11 @@ class Places:
         still = Pose.identity()
         self.bodies.setdefault("world", Standing(GROUND, still, still))
 
+    def touched(self, element: Element) -> bool:
+        """Whether an equality names anything of these but the world."""
+        known = {"body": self.bodies.keys() - {"world"}, "site": self.sites.keys(), "joint": self.joints.keys()}
+        return any(element.get(f"{kind}{k}") in names for kind, names in known.items() for k in (1, 2))
+
     def body(self, name: str, where: str) -> Standing:
         """A body by name."""
         return _known(self.bodies, name, "body", where)
@@ -66,15 +71,17 @@ class Places:
 
 
 def equalities(
-    root: Element, settings: Settings, places: Places, links: Sequence[str], driven: Sequence[str]
+    root: Element, settings: Settings, places: Places, links: Sequence[str], driven: Sequence[str], part: bool = False
 ) -> Loops | None:
     """The loops that active equalities close; None where there are none. `links` are the links' names, `driven` the
-    joints that actuators drive."""
+    joints that actuators drive. Where the mechanism is a `part` of a scene, equalities of the rest are left out."""
     closures: list[Closure] = []
     couplings: list[Coupling] = []
     for number, element in enumerate(_active(root, settings)):
         name = element.get("name") or f"{element.tag}{number + 1}"
         where = f"equality {name!r}"
+        if part and not places.touched(element):
+            continue
         with located(element):
             if element.tag == "joint":
                 couplings.append(_coupling(element, name, places, driven, where))

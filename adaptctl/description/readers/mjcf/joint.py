@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -98,6 +98,21 @@ def motor_efforts(root: Element, settings: Settings) -> dict[str, float]:
             if joint is not None:
                 efforts[joint] = efforts.get(joint, 0.0) + _effort(full)
     return efforts
+
+
+def no_torques(root: Element, settings: Settings, joints: Container[str]) -> list[str]:
+    """The actuators of joints whose force is not a multiple of their control: servos, muscles and the like."""
+    found = []
+    for actuator in (actuator for section in root.findall("actuator") for actuator in section):
+        full = settings.full(actuator, MAIN)
+        plain = ("none", "fixed", "none")
+        law = tuple(full.get(key, like) for key, like in zip(("dyntype", "gaintype", "biastype"), plain, strict=True))
+        is_torque = actuator.tag == "motor" or (actuator.tag == "general" and law == plain)
+        joint = full.get("joint") or full.get("jointinparent")
+        if joint in joints and not is_torque:
+            own = repr(actuator.get("name")) if actuator.get("name") else f"of joint {joint!r}"
+            found.append(f"{actuator.tag} {own}")
+    return found
 
 
 def _require_known(joint: Element, known: Sequence[str], where: str) -> None:

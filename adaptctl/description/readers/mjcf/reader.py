@@ -20,8 +20,17 @@ from adaptctl.description.inertia import transformed
 from adaptctl.description.pose import Pose
 from adaptctl.description.readers.mjcf.equality import Places, Site, Standing, equalities
 from adaptctl.description.readers.mjcf.frames import placed
+from adaptctl.description.readers.mjcf.includes import included
 from adaptctl.description.readers.mjcf.inertia import body_inertia
-from adaptctl.description.readers.mjcf.joint import is_free, is_sprung, joint_of, motor_efforts, offset_of, unfolded
+from adaptctl.description.readers.mjcf.joint import (
+    is_free,
+    is_sprung,
+    joint_of,
+    motor_efforts,
+    no_torques,
+    offset_of,
+    unfolded,
+)
 from adaptctl.description.readers.mjcf.settings import MAIN, Settings
 from adaptctl.description.readers.robot_checks import (
     MOST_BODIES,
@@ -29,11 +38,12 @@ from adaptctl.description.readers.robot_checks import (
     MOST_LINKS,
     require_at_most,
     require_mass_of_inertia,
+    unknown_body,
     warn_of_degrees,
     warn_of_weightless,
 )
 from adaptctl.description.readers.xml_elements import located, named, numbers, only, parsed, refuse
-from adaptctl.errors import FileError, InputError, SimplificationWarning
+from adaptctl.errors import FileError, InputError, NotFoundError, SimplificationWarning
 from adaptctl.files import read_text
 
 _SECTIONS = (
@@ -44,8 +54,11 @@ _IN_BODIES = ("body", "frame", "joint", "freejoint", "inertial", "geom", "site",
 _BODY = ("name", "childclass", "pos", "quat", "axisangle", "xyaxes", "zaxis", "euler", "mocap", "gravcomp", "user")
 
 
-def read_mjcf(path: str | Path) -> Description:
+def read_mjcf(path: str | Path, *, root: str | None = None) -> Description:
     """The mechanism that moves in an MJCF file, and the loops that its equalities close.
+
+    `root` names the body that it begins with, where the file is a scene: that body, which nothing that moves may
+    carry, and all on it; the rest of the scene is left out. What <include> names is read as part of the file.
 
     Link frames stand at the joints, turned as their bodies; a link is named after its body. Of several joints of
     one body, the links between are massless. Bodies without joints become part of the one that carries them.
@@ -58,11 +71,45 @@ def read_mjcf(path: str | Path) -> Description:
     tendons and gravity compensation, which are left out.
     """
     try:
-        return _Reader(parsed(read_text(path), "mujoco"), path).description()
+        scene = included(parsed(read_text(path), "mujoco"), path)
+        return _Reader(scene, path, root).description()
     except FileError:
         raise
     except InputError as error:
         raise FileError(f"{path}: {error}") from error
+
+
+@dataclass(frozen=True, eq=False)
+class MjcfBody:
+    """A body of a file: its place among the file's <body> elements, None where it is included; its ten (10,), alone and
+    in its frame, and that frame in the link that carries it."""
+
+    number: int | None
+    ten: Array
+    place: Pose
+
+
+@dataclass(frozen=True, eq=False)
+class MjcfBodies:
+    """What a writer of inertias needs to know of a file: the body at the joint of each link, and whether inertials do
+    not count."""
+
+    of_links: dict[int, MjcfBody]
+    from_geoms: bool
+
+
+def mjcf_bodies(path: str | Path, root: str | None = None) -> MjcfBodies:
+    """The bodies at the joints of the links that `read_mjcf` reads. Raises as it does."""
+    scene = parsed(read_text(path), "mujoco")
+    numbers_of = {id(body): k for k, body in enumerate(scene.iter("body"))}
+    reader = _Reader(included(scene, path), path, root)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SimplificationWarning)
+        reader.description()
+    found = {
+        link: MjcfBody(numbers_of.get(id(element)), ten, place) for link, (element, ten, place) in reader.own.items()
+    }
+    return MjcfBodies(found, reader.settings.inertia_from_geoms == "true")
 
 
 @dataclass
@@ -82,19 +129,20 @@ class _Reader:
 
     root: Element
     path: str | Path
+    base: str | None = None
+    """The body that the mechanism begins with; None where nothing else moves."""
     links: list[Link] = field(default_factory=list)
     sums: list[Array] = field(default_factory=list)
     bodies: list[Element] = field(default_factory=list)
     """Of each link, the body that it belongs to."""
+    own: dict[int, tuple[Element, Array, Pose]] = field(default_factory=dict)
+    """Of each link with mass, the body at its joint, its ten alone, and its frame in the link."""
     places: Places = field(default_factory=Places)
     sprung: list[str] = field(default_factory=list)
     lifted: list[str] = field(default_factory=list)
     floating: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        for element in self.root.iter():
-            if element.tag == "include":
-                refuse(element, "<include> is not read: put the other file's content in its place")
         for tag, most in (("body", MOST_BODIES), ("geom", MOST_GEOMS)):
             require_at_most(sum(1 for _ in self.root.iter(tag)), most, f"<{tag}> elements")
         for section in self.root:
@@ -103,10 +151,15 @@ class _Reader:
         self.settings = Settings.of(self.root)
         self.efforts = motor_efforts(self.root, self.settings)
 
+    @property
+    def servos(self) -> list[str]:
+        """The actuators of the joints that make something else of their control than a torque."""
+        return no_torques(self.root, self.settings, self.places.joints)
+
     def description(self) -> Description:
         """The whole mechanism."""
         moving: list[str] = []
-        for element, pose, name in self._roots():
+        for element, pose, name in self._roots() if self.base is None else [self._chosen(self.base)]:
             before, root = len(self.links), len(self.places.bodies)
             pending = [_Unread(element, GROUND, pose, pose, name)]
             while pending:
@@ -120,7 +173,7 @@ class _Reader:
         links = tuple(self._weighed())
         names = [link.name for link in links]
         driven = [*self.floating, *self.efforts] if self.efforts else []
-        loops = equalities(self.root, self.settings, self.places, names, driven)
+        loops = equalities(self.root, self.settings, self.places, names, driven, part=self.base is not None)
         self._warn()
         warn_of_degrees(self.path, links, (), stacklevel=4)
         warn_of_weightless(self.path, links, loops, stacklevel=4)
@@ -139,6 +192,25 @@ class _Reader:
                 raise InputError("<worldbody>: the world has no joint and no inertia")
             self._note_sites(world, "world", MAIN)
             yield from ((x, pose, name) for x, pose, name in self._inside(world, MAIN) if x.tag == "body")
+
+    def _chosen(self, base: str) -> tuple[Element, Pose, str]:
+        """The body of that name, the frame that it stands in, its default class. Nothing that moves may carry it."""
+        pending, known = [(*body, "") for body in self._roots()], list[str]()
+        while pending:
+            element, pose, childclass, moving = pending.pop()
+            name = element.get("name", "")
+            known.append(name)
+            if name == base and moving:
+                raise InputError(f"body {base!r} stands on {moving!r}, which moves: name that one, or a fixed one")
+            if name == base:
+                return element, pose, childclass
+            childclass = element.get("childclass", childclass)
+            place = pose @ placed(element, self.settings, f"body {name!r}")
+            inside = list(self._inside(element, childclass))
+            if any(x.tag in ("joint", "freejoint") for x, _, _ in inside):
+                moving = name
+            pending += [(x, place @ at, cls, moving) for x, at, cls in inside if x.tag == "body"]
+        raise NotFoundError(unknown_body(base, known))
 
     def _inside(self, body: Element, childclass: str) -> Iterator[tuple[Element, Pose, str]]:
         """What stands in a body, also within frames: elements, the frames they stand in, their default class."""
@@ -172,6 +244,8 @@ class _Reader:
         if carrier != GROUND:
             ten = body_inertia(only(element, "inertial", where), geoms, self.settings, where)
             self.sums[carrier] = self.sums[carrier] + transformed(ten, place)
+            if joints:
+                self.own[carrier] = element, ten, place
         self.places.bodies[name] = Standing(carrier, place, home)
         self._note_sites(element, name, childclass)
         return [_Unread(x, carrier, place @ at, home @ at, cls) for x, at, cls in inside if x.tag == "body"]
@@ -233,6 +307,7 @@ class _Reader:
             ("springs of joints are left out", self.sprung),
             ("gravity compensation is left out", self.lifted),
             ("tendons are left out", tendons),
+            ("actuators that are no torques, as the laws here command: a <motor> is", self.servos),
         ):
             if names:
                 warnings.warn(f"{self.path}: {text}: {', '.join(names)}", SimplificationWarning, stacklevel=5)
@@ -244,8 +319,9 @@ def _require_one(moving: Sequence[str]) -> None:
         raise InputError("no joint moves: expected a hinge or a slide")
     if len(moving) > 1:
         raise InputError(
-            f"more than one root body moves, {moving[0]!r} and {moving[1]!r}: each is a mechanism of its own; keep "
-            "them in files of their own, and join them if they hang together"
+            f"more than one root body moves, {moving[0]!r} and {moving[1]!r}: each is a mechanism of its own; name "
+            f"the one that is meant, root={moving[0]!r}, or keep them in files of their own, and join them if they "
+            "hang together"
         )
 
 

@@ -1,0 +1,141 @@
+"""A mechanism as a MuJoCo model, and other inertial parameters for one."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.description.description import GROUND, Description, JointKind, Link
+from adaptctl.description.drive import MAY_BE_NEGATIVE
+from adaptctl.description.inertia import inertia_tensor, transformed
+from adaptctl.description.pose import Pose
+from adaptctl.description.readers.mujoco_model import MujocoArm, body_ten
+from adaptctl.errors import InputError
+
+if TYPE_CHECKING:
+    import mujoco
+
+STEP = 1e-3
+"""s, of MuJoCo's integration"""
+
+
+def to_mujoco(description: Description) -> mujoco.MjModel:
+    """The tree's links as a MuJoCo model: a body at each joint, nothing to collide with, a motor a joint.
+
+    Rotor inertia, damping and dry friction are MuJoCo's armature, damping and frictionloss. Raises `InputError` for
+    loops, shafts that turn with several joints, and inertias that no rigid body has, which MuJoCo refuses.
+    """
+    import mujoco
+
+    if description.loops is not None or description.shafts:
+        raise InputError(f"{description.name}: loops and shared shafts are not written to MuJoCo: only trees are")
+    for link in description.links:
+        if any(link.joint.drive.value(kind) for kind in MAY_BE_NEGATIVE):
+            raise InputError(
+                f"{description.name}: joint {link.joint.name!r}: MuJoCo's joints have viscous and Coulomb friction only"
+            )
+    if description.inconsistent_links:
+        names = ", ".join(description.inconsistent_links)
+        raise InputError(
+            f"{description.name}: no rigid body has the inertia of {names}: MuJoCo moves rigid bodies only"
+        )
+    spec = mujoco.MjSpec()
+    spec.modelname, spec.option.gravity = description.name, description.gravity
+    spec.option.timestep, spec.compiler.degree = STEP, False
+    bodies: list[mujoco.MjsBody] = []
+    for link in description.links:
+        above = spec.worldbody if link.parent == GROUND else bodies[link.parent]
+        bodies.append(_body(above, link, description))
+        _motor(spec, link)
+    try:
+        return spec.compile()
+    except ValueError as error:
+        raise InputError(f"{description.name}: MuJoCo refuses it: {str(error).splitlines()[0]}") from error
+
+
+def _body(above: mujoco.MjsBody, link: Link, description: Description) -> mujoco.MjsBody:
+    import mujoco
+
+    at = link.near if link.parent == GROUND else description.links[link.parent].far @ link.near
+    body = above.add_body(name=link.name, pos=at.translation, quat=_quaternion(at.rotation))
+    mass, center, turn, principal = principal_axes(transformed(link.inertia, link.far), link.name)
+    body.mass, body.ipos, body.iquat, body.inertia = mass, center, turn, principal
+    body.explicitinertial = True
+    joint, drive = link.joint, link.joint.drive
+    kind = mujoco.mjtJoint.mjJNT_HINGE if joint.kind.turns else mujoco.mjtJoint.mjJNT_SLIDE
+    made = body.add_joint(name=joint.name, type=kind, axis=joint.axis)
+    made.armature, made.frictionloss = drive.rotor_inertia or 0.0, drive.coulomb or 0.0
+    made.damping = np.array([drive.viscous or 0.0, *np.zeros(np.size(made.damping) - 1)])
+    if joint.kind is not JointKind.CONTINUOUS and math.isfinite(joint.limits.upper - joint.limits.lower):
+        made.range, made.limited = (joint.limits.lower, joint.limits.upper), 1
+    return body
+
+
+def _motor(spec: mujoco.MjSpec, link: Link) -> None:
+    import mujoco
+
+    effort, joint = link.joint.limits.effort, link.joint.name
+    motor = spec.add_actuator(name=f"{joint} motor", target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    if math.isfinite(effort):
+        motor.ctrlrange, motor.ctrllimited = (-effort, effort), 1
+
+
+def set_parameters(arm: MujocoArm, before: Description, after: Description) -> None:
+    """Give a MuJoCo model the inertias and drives of `after`, which differ from those of `before`, its own.
+
+    The body at a link's last joint gets what the bodies fixed to it leave. Raises `InputError` where no body can.
+    """
+    import mujoco
+
+    model = arm.model
+    for i, (old, new) in enumerate(zip(before.links, after.links, strict=True)):
+        dof = int(model.jnt_dofadr[arm.joints[i]])
+        drive = new.joint.drive
+        model.dof_armature[dof] = drive.rotor_inertia or 0.0
+        model.dof_damping[dof], model.dof_frictionloss[dof] = drive.viscous or 0.0, drive.coulomb or 0.0
+        if not np.array_equal(old.inertia, new.inertia):
+            _set_body(arm, i, new)
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+
+
+def _set_body(arm: MujocoArm, i: int, link: Link) -> None:
+    model, body = arm.model, int(arm.model.jnt_bodyid[arm.joints[i]])
+    fixed = [b for b, carrier in arm.carriers.items() if carrier == i and b != body]
+    rest = transformed(link.inertia, link.far) - sum(
+        (transformed(body_ten(model, b), arm.places[b]) for b in fixed), np.zeros(10)
+    )
+    ten = transformed(rest, arm.places[body].inverse)
+    model.body_mass[body], model.body_ipos[body], model.body_iquat[body], model.body_inertia[body] = principal_axes(
+        ten, link.name
+    )
+
+
+def principal_axes(ten: Array, name: str) -> tuple[float, Array, Array, Array]:
+    """Mass, centre (3,), the quaternion of the principal axes (4,) and the moments about them (3,) of a link's ten."""
+    mass = float(ten[0])
+    if mass == 0.0 and not np.any(ten):
+        return 0.0, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3)
+    if mass <= 0.0:
+        raise InputError(f"link {name!r}: a body needs a positive mass, got {mass:g}")
+    center = ten[1:4] / mass
+    at_center = transformed(ten, Pose(np.eye(3), -center))
+    moments, axes = np.linalg.eigh(inertia_tensor(at_center))
+    axes[:, 0] *= np.sign(np.linalg.det(axes))
+    return mass, center, _quaternion(axes), np.maximum(moments, 0.0)
+
+
+def _quaternion(rotation: Array) -> Array:
+    """The quaternion w, x, y, z of a rotation, its largest part found first (Shepperd 1978)."""
+    r = rotation
+    squares = np.array([1.0 + np.trace(r), *(1.0 - np.trace(r) + 2.0 * np.diag(r))])
+    k = int(np.argmax(squares))
+    first = [r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]]
+    products = np.empty((4, 4))
+    products[0], products[1:, 0] = [squares[0], *first], first
+    products[1:, 1:] = r + r.T
+    np.fill_diagonal(products, squares)
+    row: Array = products[k] / math.sqrt(products[k, k])
+    return 0.5 * row

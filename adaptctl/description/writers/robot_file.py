@@ -1,0 +1,28 @@
+"""Writer of a robot's own file with other inertias, by the file's suffix."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+from adaptctl.description.description import Description
+from adaptctl.description.readers.registry import read
+from adaptctl.description.writers.mjcf_inertials import write_mjcf
+from adaptctl.description.writers.urdf_inertials import write_urdf
+from adaptctl.errors import FileError, InputError
+
+
+def write_robot(path: str | Path, original: str | Path, after: Description, root: str | None = None) -> None:
+    """Write the file `original` at `path` with the links' inertias of `after`. Raises `FileError`."""
+    suffix = Path(original).suffix.lower()
+    if suffix not in (".urdf", ".xml", ".mjcf"):
+        raise InputError(f"{original}: inertias are written into URDF and MJCF files, got {suffix!r}")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # as when it was first read
+        before = read(original, root=root)
+    if before.geometry_sha256 != after.geometry_sha256:
+        raise FileError(f"{original}: it is not the file of {after.name}: its joints, frames or names are others")
+    if suffix == ".urdf":
+        write_urdf(path, original, before, after)
+    else:
+        write_mjcf(path, original, before, after, root)

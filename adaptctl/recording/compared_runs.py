@@ -1,0 +1,78 @@
+"""Comparisons of runs that were made elsewhere: on a bench, in another simulator, in a loop of one's own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.arrays import per_joint
+from adaptctl.control.gains.torque_limits import finite_torque_limits
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError, NotFoundError
+from adaptctl.identifiability import FundamentalBasis, essential_space, fundamental_basis
+from adaptctl.recording.comparison import Comparison, ControllerRun
+from adaptctl.simulation.run import Rollout
+
+NOT_STATED = ""
+
+
+def compared_runs(
+    mechanism: Mechanism,
+    runs: Mapping[str, Rollout],
+    *,
+    title: str = "",
+    purpose: str = "",
+    adaptation_off: str | None = None,
+    basis: FundamentalBasis | None = None,
+    torque_limits: ArrayLike | None = None,
+    truth_known: bool = False,
+) -> Comparison:
+    """A comparison of runs by their labels, the first of them its subject, for `write_artifacts`.
+
+    `adaptation_off` is the label of the run with adaptation off, if there is one. Unless `truth_known`, the mechanism's
+    parameters are not taken for those of the arm: recording and report show estimates without true values. Raises
+    `InputError` where a run is of other joints, or its estimates are not those of the basis.
+    """
+    if not runs:
+        raise InputError("compared_runs: expected at least one run")
+    if adaptation_off is not None and adaptation_off not in runs:
+        raise NotFoundError(f"adaptation_off: there is no run {adaptation_off!r}; runs: {', '.join(runs)}")
+    space = essential_space(mechanism)
+    own = fundamental_basis(space) if basis is None else basis
+    limits = finite_torque_limits(mechanism) if torque_limits is None else torque_limits
+    made = tuple(
+        ControllerRun(name=f"run{k}", label=label, knows=NOT_STATED, rollout=rollout)
+        for k, (label, rollout) in enumerate(runs.items(), 1)
+    )
+    off = next((run.name for run in made if run.label == adaptation_off), "")
+    compared = Comparison(
+        experiment="runs",
+        title=title or f"{mechanism.name}: {made[0].label}",
+        purpose=purpose,
+        mechanism=mechanism,
+        space=space,
+        basis=own,
+        runs=made,
+        torque_limits=per_joint(np.asarray(limits), mechanism.dof, "torque_limits"),
+        settings=(),
+        seed=0,
+        duration=made[0].duration,
+        complete=all(run.rollout.complete for run in made),
+        without_adaptation=off,
+        truth_known=truth_known,
+    )
+    _require_fit(compared)
+    return compared
+
+
+def _require_fit(compared: Comparison) -> None:
+    dof, known = compared.mechanism.dof, len(compared.model.names)
+    for run in compared.runs:
+        if run.rollout.p.shape[1] != dof:
+            raise InputError(f"run {run.label!r}: expected {dof} joints, got {run.rollout.p.shape[1]}")
+    if (given := compared.subject.rollout.estimate.shape[1]) not in (0, known):
+        raise InputError(
+            f"run {compared.subject.label!r}: expected estimates of {known} parameters or none, got {given}"
+        )

@@ -1,0 +1,72 @@
+"""Runs made of arrays that were logged elsewhere: checked, and completed with what follows from them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.arrays import Array, checked, frozen, positive_number
+from adaptctl.errors import InputError
+
+
+def logged_run(
+    p: ArrayLike,
+    torque: ArrayLike,
+    reference_p: ArrayLike,
+    control_period: float,
+    given: Mapping[str, ArrayLike | None],
+    estimate: ArrayLike | None,
+    time: ArrayLike | None,
+    complete: bool,
+) -> dict[str, Any]:
+    """The fields of what `Rollout.from_arrays` returns: `given` has the arrays that may be missing, by name."""
+    period = positive_number(control_period, "control_period: expected a positive time in s")
+    shape = np.shape(p)
+    if len(shape) != 2 or shape[0] < 2 or shape[1] < 1:
+        raise InputError(f"p: expected shape (T, r) with T of at least 2, got {shape}")
+    arrays = {"p": p, "torque": torque, "reference_p": reference_p}
+    arrays |= {name: values for name, values in given.items() if values is not None}
+    known = {name: _table(values, name, shape) for name, values in arrays.items()}
+    known.setdefault("v", _rates(known["p"], period))
+    known.setdefault("reference_v", _rates(known["reference_p"], period))
+    known.setdefault("reference_a", _rates(known["reference_v"], period))
+    known.setdefault("applied", known["torque"])
+    count = shape[0]
+    estimates = (
+        np.empty((count, 0)) if estimate is None else _table(estimate, "estimate", (count, np.shape(estimate)[-1]))
+    )
+    kept = {name: frozen(values.copy()) for name, values in known.items()}
+    return kept | {
+        "time": frozen(_times(time, count, period)),
+        "clipped": frozen((known["applied"] != known["torque"]).any(axis=1).astype(np.float64)),
+        "energy": frozen(np.full(count, np.nan)),
+        "reward": frozen(np.zeros(count)),
+        "estimate": frozen(estimates.copy()),
+        "control_period": period,
+        "wall_time": 0.0,
+        "complete": complete,
+    }
+
+
+def _table(values: ArrayLike, name: str, shape: tuple[int, ...]) -> Array:
+    array = checked(np.atleast_2d(np.asarray(values)), shape[-1], name)
+    if array.shape != shape:
+        raise InputError(f"{name}: expected shape {shape}, got {array.shape}")
+    return np.asarray(array, dtype=np.float64)
+
+
+def _rates(values: Array, period: float) -> Array:
+    """Central differences, one-sided at the ends."""
+    return np.asarray(np.gradient(values, period, axis=0))
+
+
+def _times(time: ArrayLike | None, count: int, period: float) -> Array:
+    if time is None:
+        return period * np.arange(count)
+    times = checked(np.asarray(time), count, "time").astype(np.float64)
+    if times.shape != (count,) or np.any(np.diff(times) <= 0.0):
+        raise InputError(f"time: expected {count} increasing numbers, s")
+    return times

@@ -1,0 +1,181 @@
+"""A closed-loop run of an arm, simulated or real: what happened in it, kept as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from numpy.typing import ArrayLike
+
+from adaptctl.arrays import Array
+from adaptctl.errors import FileError
+from adaptctl.packages import needed
+from adaptctl.simulation.rollout_file import (
+    KEPT,
+    OF_JOINTS,
+    OF_TIME,
+    WHOLE,
+    RolloutFile,
+    joint_names,
+    read_rollout,
+    rollout_table,
+)
+
+if TYPE_CHECKING:
+    import pandas
+    import pyarrow
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, eq=False)
+class Rollout:
+    """What happened in one closed-loop run of r joints; every array is read-only.
+
+    Sample k is the state at `time[k]` and the torque commanded on it; T samples, one a control period unless fewer were
+    asked for.
+    """
+
+    time: Array
+    """(T,) s"""
+    p: Array
+    """(T, r) positions, rad or m: the true ones, where the environment tells them besides what it measures"""
+    v: Array
+    """(T, r) velocities, likewise"""
+    reference_p: Array
+    """(T, r)"""
+    reference_v: Array
+    """(T, r)"""
+    reference_a: Array
+    """(T, r)"""
+    torque: Array
+    """(T, r) commanded, N m"""
+    applied: Array
+    """(T, r) after the limits, N m"""
+    clipped: Array
+    """(T,) whether a torque was clipped, as 0 and 1"""
+    energy: Array
+    """(T,) J; NaN where the environment does not tell"""
+    reward: Array
+    """(T,)"""
+    estimate: Array
+    """(T, k) the controller's parameter estimates, k = 0 where it has none"""
+    control_period: float
+    """s"""
+    wall_time: float
+    """s"""
+    complete: bool = True
+    """False when the run was interrupted: what was computed is kept."""
+    terminated: bool = False
+    """True when the environment ended the run early, an error bound having been passed."""
+    info: dict[str, object] = field(default_factory=dict)
+    """The environment's last info."""
+    measured_p: Array | None = None
+    """(T, r) positions as the controller was told them; None where those are the true ones"""
+    measured_v: Array | None = None
+    """(T, r) velocities, likewise"""
+    marks: Mapping[str, Array] = field(default_factory=dict)
+    """(T,) each: what happened, by name, as the environment and the controller's guards tell"""
+    every: int = 1
+    """control periods from one sample to the next"""
+
+    @property
+    def spacing(self) -> float:
+        """Time from one sample to the next, s."""
+        return self.every * self.control_period
+
+    @property
+    def duration(self) -> float:
+        """Time in closed loop, s, to a sample."""
+        first = round(float(self.time[0]) / self.control_period) if len(self.time) else 0
+        return (first + len(self.time) * self.every) * self.control_period
+
+    @property
+    def error(self) -> Array:
+        """Tracking errors p - p_d (T, r)."""
+        return self.p - self.reference_p
+
+    @property
+    def velocity_error(self) -> Array:
+        """v - v_d (T, r)."""
+        return self.v - self.reference_v
+
+    @needed("Rollout.save")
+    def save(self, path: str | Path, joints: Sequence[str] | None = None) -> None:
+        """Write the run as Parquet, whole or not at all: a row a sample, columns such as `p.joint1` with their
+        units, which `adaptctl identify` reads. `joints` (r,) names them, joint1, joint2, ... by default.
+
+        The environment's last `info` is not kept.
+        """
+        with RolloutFile(path, self.p.shape[1], joints) as file:
+            file.append(self._columns, self.marks)
+            file.about = self._about
+
+    @needed("Rollout.to_arrow")
+    def to_arrow(self, joints: Sequence[str] | None = None) -> pyarrow.Table:
+        """The run as a table of Arrow: a row a sample, columns such as `p.joint1` with their units."""
+        return rollout_table(self._columns, self.marks, joint_names(self.p.shape[1], joints), self._about)
+
+    @property
+    def _columns(self) -> dict[str, Array | None]:
+        return {name: getattr(self, name) for name in (*OF_TIME, *OF_JOINTS, "estimate")}
+
+    @property
+    def _about(self) -> dict[str, object]:
+        return {name: getattr(self, name) for name in KEPT}
+
+    def to_pandas(self, joints: Sequence[str] | None = None) -> pandas.DataFrame:
+        """The run as a frame of pandas, with the columns of `to_arrow`. Raises `MissingExtraError` without pandas."""
+        with needed("Rollout.to_pandas"):
+            return self.to_arrow(joints).to_pandas()
+
+    def plot(self, joints: Sequence[str] | None = None) -> Figure:
+        """A figure of the run: positions on the reference, errors, torques, and estimates where there are any."""
+        from adaptctl.simulation.run_plot import run_figure
+
+        return run_figure(self, joints)
+
+    def _repr_html_(self) -> str:
+        """How a notebook shows the run: its figure, with the numbers that matter."""
+        from adaptctl.simulation.run_plot import run_html
+
+        return run_html(self)
+
+    @classmethod
+    def from_arrays(
+        cls,
+        p: ArrayLike,
+        torque: ArrayLike,
+        reference_p: ArrayLike,
+        control_period: float,
+        *,
+        v: ArrayLike | None = None,
+        reference_v: ArrayLike | None = None,
+        reference_a: ArrayLike | None = None,
+        applied: ArrayLike | None = None,
+        estimate: ArrayLike | None = None,
+        time: ArrayLike | None = None,
+        complete: bool = True,
+    ) -> Rollout:
+        """A run that was not simulated here, from positions, torques and the reference's positions, each (T, r).
+
+        Velocities, and the reference's derivatives, are differences of the positions where they are not given;
+        `applied` is the torque commanded, `time` (T,) counts control periods (s) from zero, unless given. `estimate`
+        (T, k) are the controller's. Energy and reward are not known: NaN, and zero. Raises `InputError` on shapes that
+        do not fit, `NonFiniteError` on NaN and infinity.
+        """
+        from adaptctl.simulation.logged_run import logged_run
+
+        given = {"v": v, "reference_v": reference_v, "reference_a": reference_a, "applied": applied}
+        return cls(**logged_run(p, torque, reference_p, control_period, given, estimate, time, complete))
+
+    @classmethod
+    @needed("Rollout.load")
+    def load(cls, path: str | Path) -> Rollout:
+        """The run that `save` wrote. Raises `FileError`."""
+        columns, marks, about = read_rollout(path)
+        try:
+            return cls(**columns, marks=marks, **{name: about[name] for name in KEPT if name in about or name in WHOLE})
+        except (KeyError, TypeError, ValueError) as error:
+            raise FileError(f"{path}: {type(error).__name__}: {error}; it is not whole") from error

@@ -1,0 +1,126 @@
+"""A logger for a control loop of one's own: bounded memory, a few microseconds a sample, a run at the end."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.arrays import positive_number
+from adaptctl.control.controller import ReferencePoint
+from adaptctl.errors import InputError, LostSamplesWarning
+from adaptctl.simulation.run import Rollout
+
+SHARE_OF_MEMORY = 0.5
+"""of the computer's, that a log may take"""
+
+
+class RunLogger:
+    """A log of a control loop, one sample a control period, that becomes a `Rollout`.
+
+    `capacity` samples are kept, those of the last 300 s at 1 kHz unless told otherwise, in memory that is all taken at
+    the start; older ones are overwritten, counted in `lost`, and told once at the end (`LostSamplesWarning`). `append`
+    neither allocates nor touches files, so a loop at 1 kHz can call it. As a context manager it saves the run at
+    `path`, if there is one, also when the loop ends by an exception; the run is then marked incomplete.
+    """
+
+    def __init__(
+        self,
+        dof: int,
+        control_period: float,
+        path: str | Path | None = None,
+        *,
+        estimates: int = 0,
+        capacity: int = 300_000,
+        joints: tuple[str, ...] | None = None,
+    ) -> None:
+        for what, number, least in (("dof", dof, 1), ("estimates", estimates, 0), ("capacity", capacity, 2)):
+            if isinstance(number, bool) or not isinstance(number, int) or number < least:
+                raise InputError(f"{what}: expected a whole number of at least {least}, got {number!r}")
+        self.control_period = positive_number(control_period, "control_period: expected a positive time in s")
+        width = 7 * dof + estimates + 1
+        _require_memory(8 * capacity * width, capacity)
+        self._rows, self._dof, self._path, self._joints = np.zeros((capacity, width)), dof, path, joints
+        self.count, self.faulty = 0, 0
+        """samples that were appended; samples left out since they did not fit or were not finite"""
+
+    @property
+    def lost(self) -> int:
+        """How many samples have been overwritten."""
+        return max(0, self.count - len(self._rows))
+
+    def append(
+        self,
+        time: float,
+        p: ArrayLike,
+        v: ArrayLike,
+        reference: ReferencePoint,
+        torque: ArrayLike,
+        applied: ArrayLike | None = None,
+        estimate: ArrayLike = (),
+    ) -> None:
+        """Keep a sample: time in s, and (r,) each of what was measured, desired, commanded and, where that differs,
+        applied.
+
+        A sample of another length or with NaN never stops a loop: it is left out and counted in `faulty`.
+        """
+        row: Any = self._rows[self.count % len(self._rows)]
+        given = (p, v, *reference, torque, torque if applied is None else applied, estimate)
+        try:
+            np.concatenate(given, out=row[1:])
+            row[0] = time
+        except (TypeError, ValueError):
+            self.faulty += 1
+            return
+        if np.isfinite(row).all():
+            self.count += 1
+        else:
+            self.faulty += 1
+
+    def rollout(self, complete: bool = True) -> Rollout:
+        """The run so far, its oldest sample first. Raises `InputError` where there are fewer than two samples."""
+        if self.count < 2:
+            raise InputError(f"a run needs at least 2 samples, got {self.count} ({self.faulty} faulty)")
+        first = self.count % len(self._rows) if self.lost else 0
+        rows = np.roll(self._rows, -first, axis=0)[: min(self.count, len(self._rows))]
+        r = self._dof
+        p, v, rp, rv, ra, torque, applied = (rows[:, 1 + k * r : 1 + (k + 1) * r] for k in range(7))
+        return Rollout.from_arrays(
+            p,
+            torque,
+            rp,
+            self.control_period,
+            v=v,
+            reference_v=rv,
+            reference_a=ra,
+            applied=applied,
+            estimate=rows[:, 1 + 7 * r :],
+            time=rows[:, 0],
+            complete=complete,
+        )
+
+    def __enter__(self) -> RunLogger:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self.lost or self.faulty:
+            text = f"of {self.count + self.faulty} samples, {self.lost} were overwritten and {self.faulty} left out"
+            warnings.warn(f"log: {text}: `capacity` is {len(self._rows)}", LostSamplesWarning, stacklevel=2)
+        if self._path is not None and self.count >= 2:
+            self.rollout(complete=kind is None).save(self._path, self._joints)
+
+
+def _require_memory(size: int, capacity: int) -> None:
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    if size > SHARE_OF_MEMORY * memory:
+        raise InputError(
+            f"capacity: {capacity} samples take {size / 1e9:.3g} GB, and this computer has {memory / 1e9:.3g}: at most "
+            f"{int(SHARE_OF_MEMORY * memory / size * capacity)} fit into half of that"
+        )

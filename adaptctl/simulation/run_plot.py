@@ -1,0 +1,103 @@
+"""A run drawn: positions on the reference, errors, torques, estimates."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.control.run import LearningRun, SampledRun
+from adaptctl.errors import InputError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+MOST_SAMPLES = 4000
+"""as many a curve are drawn at most"""
+LAST = 2.0
+"""s at the end over which an error is told"""
+
+
+class DrawnRun(LearningRun, SampledRun, Protocol):
+    """What is drawn of a run."""
+
+    @property
+    def time(self) -> Array:
+        """(T,) s"""
+        ...
+
+    @property
+    def applied(self) -> Array:
+        """(T, r) N m"""
+        ...
+
+    @property
+    def error(self) -> Array:
+        """(T, r) rad or m"""
+        ...
+
+    @property
+    def complete(self) -> bool:
+        """False when it was cut off."""
+        ...
+
+    @property
+    def terminated(self) -> bool:
+        """True when an error ended it."""
+        ...
+
+
+def run_figure(run: DrawnRun, joints: Sequence[str] | None = None) -> Figure:
+    """The figure of a run of joints with these names, joint1, joint2, ... by default."""
+    from matplotlib.figure import Figure
+
+    count = run.p.shape[1]
+    names = [f"joint{j + 1}" for j in range(count)] if joints is None else list(joints)
+    if len(names) != count:
+        raise InputError(f"joints: expected {count} names, got {len(names)}")
+    panels = 4 if run.estimate.shape[1] else 3
+    figure = Figure(figsize=(8.0, 1.9 * panels), layout="constrained")
+    axes = figure.subplots(panels, 1, sharex=True)
+    every = slice(None, None, max(1, -(-len(run.time) // MOST_SAMPLES)))
+    _curves(axes[0], run.time[every], run.p[every], "position [rad or m]")
+    axes[0].set_prop_cycle(None)
+    axes[0].plot(run.time[every], run.reference_p[every], linestyle=":", linewidth=1.0)
+    axes[0].set_title("positions, and dotted the reference", size=9)
+    _curves(axes[1], run.time[every], 1e3 * run.error[every], "error [mrad or mm]")
+    _curves(axes[2], run.time[every], run.applied[every], "torque [N m or N]")
+    if panels == 4:
+        _curves(axes[3], run.time[every], run.estimate[every], "estimates")
+    axes[-1].set_xlabel("time [s]")
+    figure.legend(axes[1].lines, names, loc="outside right upper", fontsize=8)
+    return figure
+
+
+def _curves(axes: Axes, time: Array, values: Array, label: str) -> None:
+    axes.plot(time, values, linewidth=1.2)
+    axes.set_ylabel(label, size=8)
+    axes.grid(alpha=0.3)
+    axes.tick_params(labelsize=8)
+
+
+def run_html(run: DrawnRun) -> str:
+    """How a notebook shows a run."""
+    last = run.error[run.time >= run.time[-1] - LAST] if len(run.time) else run.error
+    rms = 1e3 * float(np.sqrt(np.mean(last**2))) if last.size else float("nan")
+    end = (
+        "to the end" if run.complete and not run.terminated else "stopped by an error" if run.terminated else "cut off"
+    )
+    text = f"{len(run.time):,} control periods of {run.control_period:g} s, {run.p.shape[1]} joints; {end}; "
+    head = f"<p><b>Rollout</b> {text}RMS error over the last {LAST:g} s: {rms:.3g} mrad (mm)</p>"
+    if not len(run.time):
+        return head
+    buffer = io.BytesIO()
+    run_figure(run).savefig(buffer, format="png", dpi=80)
+    picture = base64.b64encode(buffer.getvalue()).decode()
+    return (
+        f'{head}<img alt="positions, errors, torques and estimates over time" src="data:image/png;base64,{picture}"/>'
+    )

@@ -1,0 +1,22 @@
+"""An experiment of one's own: `adaptctl experiment run my_experiment.py --duration 10`."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from adaptctl.experiments.adaptive import AdaptiveTracking
+from adaptctl.experiments.experiment import setting
+
+
+@dataclass(frozen=True)
+class MyExperiment(AdaptiveTracking):
+    """`AdaptiveTracking` on an arm of my own."""
+
+    name: ClassVar[str] = "my-experiment"
+    title: ClassVar[str] = "{robot}: my own question"
+
+    robot: str = setting("docs/examples/two_link.toml", "my arm")
+
+    @property
+    def purpose(self) -> str:
+        """The question, in a sentence."""
+        return "How fast does my arm learn?"

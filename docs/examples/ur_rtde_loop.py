@@ -1,0 +1,68 @@
+"""Adaptive control of a UR arm by ur_rtde at 500 Hz.
+
+The arm's own controller adds gravity and friction compensation to direct torques, so the model here has no gravity. Run
+it on a stand-alone arm with a hand on the emergency stop, at low gains first.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from typing import Any
+
+import numpy as np
+
+import adaptctl
+
+PERIOD = 1 / 500
+LATE = 5
+"""periods in a row that may come late before the loop gives up"""
+
+
+def control(
+    receive: Any, command: Any, controller: Any, reference: Any, duration: float, log: adaptctl.RunLogger
+) -> None:
+    """Follow a reference for `duration` s: read, step, write, and stop when the clock cannot be kept."""
+    controller.compile()
+    p, v = np.array(receive.getActualQ()), np.array(receive.getActualQd())
+    state, late = controller.init(p, v), 0
+    begun = time.monotonic()
+    try:
+        for k in range(round(duration / PERIOD)):
+            tick = command.initPeriod()
+            p, v = np.array(receive.getActualQ()), np.array(receive.getActualQd())
+            point = reference.at(k * PERIOD)
+            torque, state = controller.step(state, p, v, point)
+            if not command.directTorque(torque.tolist()):
+                raise RuntimeError("the arm refuses torques: look at the teach pendant")
+            log.append(k * PERIOD, p, v, point, torque, estimate=state.of.estimate)
+            late = late + 1 if time.monotonic() - begun > (k + 2) * PERIOD else 0
+            if late > LATE:
+                raise RuntimeError(f"more than {LATE} periods came late: use a real-time kernel, or a longer period")
+            command.waitPeriod(tick)
+    finally:
+        command.stopScript()
+
+
+def main(address: str) -> None:
+    """Drive the arm at an address for ten seconds, and keep what happened."""
+    from rtde_control import RTDEControlInterface  # type: ignore[import-not-found]
+    from rtde_receive import RTDEReceiveInterface  # type: ignore[import-not-found]
+
+    arm = adaptctl.load("ur5e.urdf")
+    controller, reference = prepared(arm)
+    with adaptctl.RunLogger(6, PERIOD, "run.parquet", estimates=controller.of.model.regrouping.shape[0]) as log:
+        control(RTDEReceiveInterface(address), RTDEControlInterface(address), controller, reference, 10.0, log)
+
+
+def prepared(arm: adaptctl.Mechanism) -> tuple[Any, Any]:
+    """A guarded adaptive controller, and a reference within the arm's limits."""
+    from adaptctl.control import Guarded
+
+    tuning = adaptctl.tune(arm, period=PERIOD)
+    model = adaptctl.ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm)))
+    return Guarded(tuning.controller(model), torque_limits=tuning.torque_limits, velocity_limits=2.0), tuning.reference
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

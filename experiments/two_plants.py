@@ -1,0 +1,125 @@
+"""One law on two plants, ours and MuJoCo: how far their motions are apart, and what explains it."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from adaptctl.dynamics import Mechanism
+from adaptctl.experiments.adaptive import AdaptiveTracking
+from adaptctl.experiments.contest import Contender, Outcome, contest
+from adaptctl.experiments.experiment import setting
+from adaptctl.experiments.learning import ADAPTATION_OFF, ADAPTIVE, Found
+from adaptctl.identifiability import FundamentalBasis, ReducedModel
+from adaptctl.recording import ControllerRun, Finding, Progress
+from adaptctl.simulation.mujoco_plant import as_mujoco
+
+if TYPE_CHECKING:
+    import gymnasium
+    import mujoco
+
+FINE, OURS = "mujoco-fine", "adaptctl"
+SHORTER = 4
+"""How many times shorter MuJoCo's steps are in the run that tells the integrator's error."""
+FIRST_ORDER = 0.5 * SHORTER
+"""How many times smaller a difference becomes at shorter steps, at least, where it is the integrator's."""
+
+
+@dataclass(frozen=True)
+class TwoPlants(AdaptiveTracking):
+    """Slotine and Li's law, the same to the bit, on MuJoCo, on MuJoCo at a quarter of its steps, and on our plant.
+
+    MuJoCo's default integrator is semi-implicit and of first order, ours Runge and Kutta's of fourth. What remains at
+    shorter steps is what the plants do not share: contacts, joint stops, springs, and dry friction, which MuJoCo
+    models as a constraint.
+    """
+
+    name: ClassVar[str] = "two-plants"
+    title: ClassVar[str] = "{robot}: one law on two plants"
+
+    plant: str = setting("mujoco", "the subject's plant: mujoco")
+
+    @property
+    def purpose(self) -> str:
+        """Question that the experiment answers, in a paragraph."""
+        return (
+            "The same adaptive controller, from estimates of zero and on the same reference, drives the arm as MuJoCo "
+            "moves it and as adaptctl's own plant does. Where only integration differs, the motions come together as "
+            "MuJoCo's steps shorten; contacts, joint stops, springs and dry friction remain."
+        )
+
+    def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
+        """The law with and without adaptation."""
+        model = ReducedModel(mechanism, basis)
+        return [
+            Contender(ADAPTIVE, "Slotine-Li on MuJoCo", "nothing", self.slotine_li(model, self.adaptation(model))),
+            Contender(ADAPTATION_OFF, "the same, adaptation off", "nothing", self.slotine_li(model)),
+        ]
+
+    def outcome(
+        self, env: gymnasium.Env[Any, Any], mechanism: Mechanism, basis: FundamentalBasis, progress: Progress
+    ) -> Outcome:
+        """Runs on MuJoCo, then the law again on MuJoCo at shorter steps and on our plant."""
+        done = super().outcome(env, mechanism, basis, progress)
+        law = self.contenders(mechanism, basis)[0]
+        for name, label, other in (
+            (FINE, f"Slotine-Li on MuJoCo, steps {SHORTER} times shorter", _Finer(**_settings(self))),
+            (OURS, "Slotine-Li on adaptctl's plant", AdaptiveTracking(**_settings(self) | {"plant": "adaptctl"})),
+        ):
+            if not done.complete:
+                break
+            contender = replace(law, name=name, label=label)
+            more = contest(other.environment(mechanism), mechanism, [contender], self.seed, progress, self.options)
+            done = Outcome(mechanism, (*done.runs, *more.runs), more.complete)
+        return done
+
+    def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
+        """How far the plants are apart, at MuJoCo's steps and at shorter ones."""
+        runs = {run.name: run for run in outcome.runs}
+        for name, other, meaning in (
+            ("plants_apart", ADAPTIVE, "at MuJoCo's own steps"),
+            ("plants_apart_fine", FINE, f"at steps {SHORTER} times shorter"),
+        ):
+            if other in runs and OURS in runs:
+                text = f"largest difference of a joint's position between MuJoCo and adaptctl's plant, {meaning}"
+                yield Finding(name, _apart(runs[other], runs[OURS]), "rad", text)
+
+    def answer(self, outcome: Outcome, found: Found) -> str | None:
+        """Whether integration explains the difference."""
+        coarse, fine = found.of["plants_apart"], found.of["plants_apart_fine"]
+        text = f"MuJoCo and adaptctl's plant are at most {1e3 * coarse:.2g} mrad (mm) apart"
+        if coarse < FIRST_ORDER * fine:
+            return (
+                f"{text}, and {1e3 * fine:.2g} at steps {SHORTER} times shorter: integration does not explain it, but "
+                "contacts, joint stops, springs or dry friction do, which only MuJoCo has, or models otherwise."
+            )
+        return (
+            f"{text}, and {1e3 * fine:.2g} at steps {SHORTER} times shorter: the difference is MuJoCo's integrator's."
+        )
+
+
+@dataclass(frozen=True)
+class _Finer(AdaptiveTracking):
+    """The same on MuJoCo at shorter steps."""
+
+    name: ClassVar[str] = FINE
+    title: ClassVar[str] = ""
+
+    def scene(self, mechanism: Mechanism) -> mujoco.MjModel:
+        """The model with shorter steps."""
+        model = copy.copy(as_mujoco(super().scene(mechanism)))
+        model.opt.timestep = min(model.opt.timestep, self.control_period) / SHORTER
+        return model
+
+
+def _settings(experiment: TwoPlants) -> dict[str, Any]:
+    return {entry.name: getattr(experiment, entry.name) for entry in fields(experiment)}
+
+
+def _apart(one: ControllerRun, other: ControllerRun) -> float:
+    common = min(len(one.rollout.time), len(other.rollout.time))
+    return float(np.abs(one.rollout.p[:common] - other.rollout.p[:common]).max())

@@ -1,0 +1,209 @@
+"""A loop at 1 kHz by hand: controllers compiled ahead of time, references at one time, and the examples."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import adaptctl
+from adaptctl.control import MinimumJerk, ReferencePoint, Sinusoids, Spline
+
+RNG = np.random.default_rng(0)
+REFERENCES = {
+    "sinusoids": Sinusoids(RNG.normal(size=6), RNG.normal(size=(3, 6)), RNG.uniform(0.1, 1.0, (3, 6)), start_time=2.0),
+    "from the start": Sinusoids(np.zeros(2), np.ones(2), np.ones(2), np.array([0.3, 0.4]), start_time=0.0),
+    "minimum jerk": MinimumJerk(RNG.normal(size=(5, 4)), np.array([0.5, 1.0, 2.5, 3.0, 4.0])),
+    "spline": Spline(RNG.normal(size=(9, 3)), np.sort(RNG.uniform(0.5, 4.0, 9))),
+    "short spline": Spline(RNG.normal(size=(6, 1)), np.linspace(1.0, 2.0, 6)),
+}
+
+
+@pytest.mark.parametrize("name", REFERENCES)
+@settings(max_examples=100, deadline=None)
+@given(t=st.floats(-1.0, 6.0))
+def test_at_one_time_a_reference_is_what_it_is_at_many(name: str, t: float) -> None:
+    reference: Any = REFERENCES[name]
+    for found, expected in zip(reference.at(t), reference(t), strict=True):
+        scale = np.abs(reference(np.linspace(0.0, 5.0, 200)).a).max()
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-11 * scale)
+
+
+@pytest.mark.parametrize("name", REFERENCES)
+def test_so_it_is_at_its_ends_and_corners(name: str) -> None:
+    reference: Any = REFERENCES[name]
+    for t in [*getattr(reference, "times", ()), 0.0, 2.0, float("-inf") if "times" in dir(reference) else -1.0]:
+        if np.isfinite(t):
+            found, expected = reference.at(float(t)), reference(float(t))
+            assert isinstance(found, ReferencePoint)
+            np.testing.assert_allclose(found.p, expected.p, atol=1e-11)
+
+
+def cpu(function: Callable[[], object], count: int = 2000) -> float:
+    """Processor time (s) of a call, the least of five rounds."""
+    best = np.inf
+    for _ in range(5):
+        begun = time.process_time()
+        for _ in range(count):
+            function()
+        best = min(best, (time.process_time() - begun) / count)
+    return float(best)
+
+
+def test_a_reference_is_no_dearer_than_the_law() -> None:
+    arm = adaptctl.load("puma560_measured")
+    model = adaptctl.ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm)))
+    tuning = adaptctl.tune(arm)
+    law = tuning.controller(model).compile()
+    zero = np.zeros(6)
+    state, point = law.init(zero, zero), REFERENCES["sinusoids"](0.5)
+    cost = cpu(lambda: law.step(state, zero, zero, point))
+    for name in ("sinusoids", "minimum jerk", "spline"):
+        reference: Any = REFERENCES[name]
+        assert cpu(lambda at=reference.at: at(0.7)) < 2.0 * cost + 5e-6, name
+
+
+def test_what_is_compiled_ahead_takes_no_time_at_the_first_step() -> None:
+    arm = adaptctl.load("docs/examples/two_link.toml")
+    zero, still = np.zeros(2), ReferencePoint(np.zeros(2), np.zeros(2), np.zeros(2))
+    law = adaptctl.ComputedTorque(arm, 3.21).compile()
+    state, begun = law.init(zero, zero), time.process_time()
+    law.step(state, zero, zero, still)
+    assert time.process_time() - begun < 0.05
+    assert law.compile(many=True) is law
+    many = np.zeros((8, 2))
+    assert law.step(law.init(many, many), many, many, still)[0].shape == (8, 2)
+
+
+def example(name: str) -> Any:
+    """An example of the documentation, imported as a module."""
+    spec = spec_from_file_location(name, Path("docs/examples") / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+class FakeArm:
+    """An arm as a driver shows it, moved by our plant."""
+
+    def __init__(self, arm: adaptctl.Mechanism, p: Any, period: float) -> None:
+        self.plant = adaptctl.Plant(arm, period)
+        self.plant.compile()
+        self.state = self.plant.init(p, np.zeros(arm.dof))
+        self.stopped = False
+        self.period = period
+
+    def moved(self, torque: Any) -> bool:
+        self.state = self.plant.step(self.state, torque)
+        return True
+
+    def getActualQ(self) -> list[float]:
+        return self.state.p.tolist()
+
+    def getActualQd(self) -> list[float]:
+        return self.state.v.tolist()
+
+    def initPeriod(self) -> None: ...
+
+    def waitPeriod(self, tick: None) -> None: ...
+
+    def directTorque(self, torque: list[float]) -> bool:
+        return self.moved(torque)
+
+    def stopScript(self) -> None:
+        self.stopped = True
+
+    def start_torque_control(self) -> FakeArm:
+        return self
+
+    def readOnce(self) -> tuple[Any, Any]:
+        seen = SimpleNamespace(q=self.getActualQ(), dq=self.getActualQd())
+        return seen, SimpleNamespace(to_sec=lambda: self.period)
+
+    def writeOnce(self, command: Any) -> None:
+        self.moved(command.torques)
+
+    def stop(self) -> None:
+        self.stopped = True
+
+
+@pytest.fixture(scope="module")
+def two_link() -> adaptctl.Mechanism:
+    return adaptctl.load("docs/examples/two_link.toml")
+
+
+def learnt(run: adaptctl.Rollout) -> bool:
+    late, early = (np.sqrt(np.mean(run.error[part] ** 2)) for part in (slice(-500, None), slice(0, 200)))
+    return bool(late < 0.5 * early)
+
+
+def test_the_ur_loop_learns_and_stops_the_script(two_link: adaptctl.Mechanism) -> None:
+    module = example("ur_rtde_loop")
+    module.LATE = 10**6  # however busy the machine is
+    controller, reference = module.prepared(two_link)
+    arm = FakeArm(two_link, reference.at(0.0).p + 0.05, module.PERIOD)
+    log = adaptctl.RunLogger(2, module.PERIOD, estimates=len(controller.of.model.names))
+    module.control(arm, arm, controller, reference, 5.0, log)
+    assert learnt(log.rollout())
+    assert arm.stopped
+    arm.stopped, arm.directTorque = False, lambda torque: False  # type: ignore[method-assign]
+    with pytest.raises(RuntimeError, match="the arm refuses torques"):
+        module.control(arm, arm, controller, reference, 5.0, log)
+    assert arm.stopped
+
+
+def test_the_ur_loop_gives_up_when_it_cannot_keep_the_clock(two_link: adaptctl.Mechanism) -> None:
+    module = example("ur_rtde_loop")
+    controller, reference = module.prepared(two_link)
+    arm = FakeArm(two_link, reference.at(0.0).p, module.PERIOD)
+    arm.waitPeriod = lambda tick: time.sleep(3 * module.PERIOD)  # type: ignore[method-assign]
+    log = adaptctl.RunLogger(2, module.PERIOD, estimates=len(controller.of.model.names))
+    with pytest.raises(RuntimeError, match="more than 5 periods came late"):
+        module.control(arm, arm, controller, reference, 5.0, log)
+    assert arm.stopped
+
+
+def test_the_franka_loop_learns_and_stops_the_robot_when_it_fails(two_link: adaptctl.Mechanism) -> None:
+    module = example("franka_loop")
+    light = module.weightless(two_link)
+    assert light.description.gravity.tolist() == [0.0, 0.0, 0.0]
+    controller, reference = module.prepared(light)
+    arm = FakeArm(light, reference.at(0.0).p + 0.05, module.PERIOD)
+    log = adaptctl.RunLogger(2, module.PERIOD, estimates=len(controller.of.model.names))
+
+    def torques(numbers: list[float]) -> SimpleNamespace:
+        return SimpleNamespace(torques=numbers, motion_finished=False)
+
+    module.control(arm, torques, controller, reference, 5.0, log)
+    assert learnt(log.rollout())
+    assert not arm.stopped
+    with pytest.raises(TypeError):
+        module.control(arm, None, controller, reference, 5.0, log)
+    assert arm.stopped
+
+
+def test_the_ros_node_sends_efforts_while_it_hears_of_the_joints(two_link: adaptctl.Mechanism) -> None:
+    module, reference = example("ros2_node"), REFERENCES["from the start"]
+    law = adaptctl.ComputedTorque(two_link, 8.0)
+    node = module.Tracking([joint.name for joint in two_link.primary_joints], law, reference)
+    assert node.efforts(0.0) is None
+    names = [joint.name for joint in two_link.primary_joints][::-1]
+    node.heard(10.0, names, [0.2, 0.1], [0.0, 0.5])
+    zero, point = np.zeros(2), reference.at(0.0)  # type: ignore[attr-defined]
+    expected, _ = law.step(law.init(zero, zero), [0.1, 0.2], [0.5, 0.0], point)
+    np.testing.assert_allclose(node.efforts(10.01), expected, rtol=1e-12)
+    assert node.efforts(10.2) is None
+
+
+def test_the_mujoco_loop_learns() -> None:
+    assert learnt(example("mujoco_loop").track("docs/examples/scene.xml", "stand", 4.0))
