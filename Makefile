@@ -9,7 +9,7 @@ DOCS := docs/_build/html
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: architecture help demo test bench check-stability check-export check-page lint types docs format licences audit lock clean
+.PHONY: architecture help demo test bench figures check-stability check-export check-page lint types docs format licences audit lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-15s %s\n", $$1, $$2}' Makefile
@@ -23,6 +23,11 @@ test: $(STAMP) ## the tests, and every example of README.md and docs/
 
 bench: $(STAMP) ## speed against its peers, in three minutes; README.md and docs/speed.md then show it
 	$(BIN)/python -m benchmarks
+
+figures: $(STAMP) ## bounds that the project promises and the figures found today, in results/figures.json
+	@rm -rf results/.figures && mkdir -p results/.figures
+	ADAPTCTL_FIGURES=$(CURDIR)/results/.figures $(BIN)/python -m pytest -q $$(grep -l '^from figures import' tests/test_*.py)
+	$(BIN)/python tests/figures.py results/.figures results/figures.json
 
 check-stability: $(STAMP) ## 10,000 closed loops of ten minutes on random arms; hours (ARMS=50 for some of them)
 	$(BIN)/python -m benchmarks.stability --arms $(ARMS)

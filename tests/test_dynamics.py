@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio
 import pytest
+from figures import require
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_trees import random_tree
@@ -67,10 +68,12 @@ def test_torques_energies_and_accelerations_are_pinocchios(name: str) -> None:
     potential = np.array([pinocchio.computePotentialEnergy(model, data, x) for x in p])
     D = mechanism.inertial_parameters
     assert relative(mechanism.torque_regressor(p, v, a) @ D, torque) < 1e-12
-    assert relative(mechanism.inverse_dynamics(p, v, a), torque) < 1e-12
+    worst = relative(mechanism.inverse_dynamics(p, v, a), torque)
+    require("inverse-dynamics", worst, 1e-12, "torques beside Pinocchio's, relative to the largest")
     assert relative(mechanism.slotine_li_regressor(p, v, v_r, a) @ D, slotine) < 1e-12
     scale = np.abs(kinetic).max() + np.abs(potential).max()
-    assert np.abs(mechanism.energy(p, v) - kinetic - potential).max() < 1e-11 * scale
+    worst = np.abs(mechanism.energy(p, v) - kinetic - potential).max() / scale
+    require("energy", worst, 1e-11, "energy beside Pinocchio's, relative to the largest")
     assert relative(mechanism.mass_matrix(p), mass) < 1e-12
     conditions = np.linalg.cond(mass)
     errors = np.abs(mechanism.forward_dynamics(p, v, torque) - a).max(1) / np.abs(a).max(1)
@@ -130,7 +133,8 @@ def test_coriolis_is_symmetric_in_its_two_velocities(seed: int, links: int) -> N
     D = mechanism.inertial_parameters
     forward = mechanism.slotine_li_regressor(p, v, w, zero) @ D
     backward = mechanism.slotine_li_regressor(p, w, v, zero) @ D
-    assert np.abs(forward - backward).max() < 1e-11 * max(np.abs(forward).max(), 1.0)
+    worst = np.abs(forward - backward).max() / max(np.abs(forward).max(), 1.0)
+    require("coriolis-symmetry", worst, 1e-11, "C(v) w - C(w) v, relative to the largest")
 
 
 def mass_rate(mechanism: Mechanism, p: Array, v: Array) -> Array:
@@ -173,7 +177,8 @@ def test_the_rate_of_energy_is_the_power_of_the_torques(seed: int, links: int) -
     row = mechanism.equations.energy_regressor(moving, speeding)
     power = v @ mechanism.torque_regressor(p, v, a)
     rates = np.array([x.slope if isinstance(x, Dual) else 0.0 for x in row])
-    assert np.abs(rates - power).max() < 1e-11 * max(np.abs(power).max(), 1.0)
+    worst = np.abs(rates - power).max() / max(np.abs(power).max(), 1.0)
+    require("power", worst, 1e-11, "rate of energy less power of the torques, relative to the largest")
 
 
 @settings(max_examples=20, deadline=None)

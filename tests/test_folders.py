@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import random
+import resource
 import signal
 import subprocess
 import sys
@@ -143,6 +144,28 @@ def test_a_run_that_is_ended_at_any_moment(tmp_path: Path, number: signal.Signal
             assert "Traceback" not in said
             assert done.returncode in (0, 130, -int(number))
         require_one_run(place, "old")
+
+
+def test_a_run_on_a_full_disk_says_so_and_leaves_the_old(tmp_path: Path) -> None:
+    """No file may grow beyond some size, as where a quota or a disk ends. `AT_RANDOM=20 pytest -k full_disk` tries as
+    many sizes, from 100 bytes to as much as the largest file needs."""
+    rng, place = random.Random(0), tmp_path / "out"
+    for _ in range(int(os.environ.get("AT_RANDOM", "1"))):
+        place.mkdir(exist_ok=True)
+        (place / "summary.json").write_text('"old"')
+        room = int(10.0 ** rng.uniform(2.0, 4.5))
+        done = subprocess.run(
+            [*RUN, "--out", str(place)],
+            capture_output=True,
+            text=True,
+            preexec_fn=lambda room=room: resource.setrlimit(resource.RLIMIT_FSIZE, (room, room)),
+        )
+        assert "Traceback" not in done.stderr
+        assert done.returncode == 2
+        assert "cannot be written" in done.stderr
+        assert names(place) == {"summary.json"}
+        assert (place / "summary.json").read_text() == '"old"'
+        assert names(tmp_path) == {"out"}
 
 
 def test_a_full_disk_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

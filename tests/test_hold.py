@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from figures import require
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_trees import random_chain
@@ -85,7 +86,8 @@ def test_what_is_accepted_is_at_least_seven_tenths_of_what_rings(seed: int) -> N
     free = hold_number(arm, shape, 1e-3)
     accepted = shape * (LARGEST_SAMPLED_GAIN - 1e-3 * BANDWIDTH) / free.value
     rings = bisected(arm, accepted, np.vstack([free.p, sampled_configurations(arm, 5, seed=seed)]), rounds=7)
-    assert 1.0 < rings < 1.0 / 0.7
+    assert rings > 1.0
+    require("accepted-hold", 1.0 / rings, 0.7, "accepted damping over that at which a loop rings", at_least=True)
 
 
 def test_the_estimate_is_a_velocity_feedback_too() -> None:

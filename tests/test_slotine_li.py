@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from figures import require
 
 from adaptctl.arrays import Array
 from adaptctl.compilation import compile_function, outlined
@@ -105,7 +106,7 @@ def test_lyapunov_falls_by_what_is_dissipated(reduced: ReducedModel, gains: Gain
     law = controller(reduced, gains, adaptation=small_gain(reduced))
     coarse = imbalance(law, *exact_law(law, 1e-3, 0.5))
     fine = imbalance(law, *exact_law(law, 2.5e-4, 0.5))
-    assert coarse < 1e-7
+    require("lyapunov-balance", coarse, 1e-7, "V + integral of s'Ks - V(0) over V(0), the law within RK4 of 1 ms")
     assert fine < coarse / 100.0 or fine < 1e-12
 
 
@@ -162,7 +163,8 @@ def test_36_parameters_are_the_same_controller_as_60(puma: Mechanism, reduced: R
             controller(reduced, gains, adaptation=mapped_gain(reduced, gain)),
         )
     ]
-    assert np.abs(torques[0] - torques[1]).max() < 1e-9 * np.abs(torques[0]).max()
+    worst = np.abs(torques[0] - torques[1]).max() / np.abs(torques[0]).max()
+    require("reduced-is-full", worst, 1e-9, "torques adapting 36 parameters beside those adapting 60, relative")
 
 
 def test_native_code_and_floats_take_the_same_step(reduced: ReducedModel, gains: Gains) -> None:
