@@ -31,8 +31,8 @@ from adaptctl.control import (
     Sinusoids,
 )
 from adaptctl.control.adaptation.natural import pseudos
-from adaptctl.control.controller import leaves
 from adaptctl.control.gains.torque_limits import finite_torque_limits
+from adaptctl.control.memory import leaves
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.experiments.contest import Contender, Outcome

@@ -13,7 +13,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.control import Controller, ReferencePoint, SlotineLi, lyapunov
-from adaptctl.control.controller import leaves
+from adaptctl.control.memory import leaves
 from adaptctl.dynamics import Mechanism
 from adaptctl.recording import ControllerRun, Progress, TickCost
 from adaptctl.simulation import Rollout, simulate
