@@ -67,7 +67,12 @@ def replaced_by(name: str) -> Callable[[Method], Method]:
 
     The property is kept where the method would be looked up: what is native is called with no step through Python.
     """
-    return lambda method: cast(Method, _Replaced(method, name))
+
+    def replaced(method: Method) -> Method:
+        stands: Any = _Replaced(method, name)
+        return cast(Method, stands)
+
+    return replaced
 
 
 def without_caches(instance: object) -> tuple[dict[str, Any], tuple[str, ...]]:

@@ -171,8 +171,8 @@ def test_four_stages_share_one_body() -> None:
     routine = trace(rk4(outlined(pendulum)), SIZES)
     assert len(routine.calls) == 4
     assert len(set(routine.calls)) == 1
-    assert program(routine, Lanes())[0].count("call void @pendulum") == 4
-    assert program(routine, Lanes())[0].count("define internal void @pendulum") == 1
+    assert program(routine, Lanes())[0].count("call void @of_pendulum") == 4
+    assert program(routine, Lanes())[0].count("define internal void @of_pendulum") == 1
     unrolled = trace(rk4(pendulum), SIZES)
     assert routine.operations["sin"] == unrolled.operations["sin"] == 8
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from adaptctl.arrays import Array
-from adaptctl.dynamics.loops.least_squares import Factored
+from adaptctl.dynamics.loops.least_squares import Factored, factored
 from adaptctl.scalars import Column
 
 EPSILON = float(np.finfo(np.float64).eps)
@@ -64,3 +64,14 @@ def test_random_ill_conditioned_blocks(seed: int, size: int, digits: float) -> N
     left, right = (np.linalg.qr(rng.normal(size=(size, size)))[0] for _ in range(2))
     A = left * np.geomspace(1.0, 10.0**-digits, size) @ right
     assert_backward_stable(A, A @ rng.normal(size=size))
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.lists(st.floats(-10.0, 10.0), min_size=6, max_size=6))
+def test_two_by_two_systems_are_solved_as_accurately(numbers: list[float]) -> None:
+    A, b = np.array(numbers[:4]).reshape(2, 2), np.array(numbers[4:])
+    if abs(A).max() < 1e-3 or np.linalg.cond(A) > 1e8:
+        return
+    found = np.array(factored([Column(column) for column in A.T.tolist()]).solve(Column(b.tolist())).of)
+    error = np.abs(A @ found - b).max()
+    assert error <= 50 * EPSILON * np.linalg.cond(A) * (np.abs(b).max() + 1e-300)

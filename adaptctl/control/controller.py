@@ -180,7 +180,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
     def _array_of(self, memory: tuple[Any, ...], arms: tuple[int, ...]) -> Array:
         """The columns of a memory in one array (..., n), for so many arms (...)."""
         if type(memory) is self._kind:
-            return _row_each(memory._array, arms, "state")  # type: ignore[attr-defined]
+            return _row_each(memory._array, arms, "state")
         if arms:
             columns = _columns(leaves(memory), self._memory_sizes, arms)
             shaped = [values.reshape(*arms, -1) if values.ndim > 1 else values for values in columns.values()]

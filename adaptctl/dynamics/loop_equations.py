@@ -8,7 +8,7 @@ from itertools import islice
 
 from adaptctl.dynamics.equations import Equations, Motion
 from adaptctl.dynamics.loops.constraint import Closing
-from adaptctl.dynamics.loops.least_squares import Factored
+from adaptctl.dynamics.loops.least_squares import factored
 from adaptctl.dynamics.loops.posture import Following, Posture
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.dynamics.recursion.segment import Segment, placements
@@ -86,7 +86,7 @@ class LoopEquations(Equations):
         """One Newton step of the dependent joints."""
         places = placements(self.tree.segments, q)
         columns = self.closing.jacobian(places)
-        factor = Factored([columns[d] for d in self.closing.dependent])
+        factor = factored([columns[d] for d in self.closing.dependent])
         step = factor.solve(self.closing.residual(places, q))
         moved = dict(zip(self.closing.dependent, step, strict=True))
         return Column(x - moved[i] if i in moved else x for i, x in enumerate(q))

@@ -13,7 +13,7 @@ from adaptctl.caching import cached_property
 from adaptctl.compilation import Kernel, compile_function
 from adaptctl.dynamics.loop_equations import LoopEquations
 from adaptctl.dynamics.loops.determinant import determinant
-from adaptctl.dynamics.loops.least_squares import Factored
+from adaptctl.dynamics.loops.least_squares import factored
 from adaptctl.errors import SingularityError
 from adaptctl.scalars import Column, Scalar, absolute, maximum, where
 
@@ -92,7 +92,7 @@ class Continuation:
         joints at most sqrt(d) times as much.
         """
         block = self.equations.dependent_block(q)
-        factor, units = Factored(block), range(len(block))
+        factor, units = factored(block), range(len(block))
         inverse = [factor.solve(Column(float(i == j) for j in units)) for i in units]
         square = sum((column @ column for column in inverse[1:]), inverse[0] @ inverse[0])
         _, smallest, side = (float(x) for x in self._at_reference)

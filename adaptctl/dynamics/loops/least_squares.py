@@ -3,8 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Protocol
 
 from adaptctl.scalars import Column, Scalar
+
+
+class System(Protocol):
+    """A matrix A, ready to be solved with."""
+
+    def solve(self, right: Column) -> Column:
+        """x with A x = b, nearest where there is none."""
+        ...
+
+
+def factored(columns: Sequence[Column]) -> System:
+    """The matrix of these columns: two by two by its determinant, others as Q R."""
+    if len(columns) == 2 and len(columns[0]) == 2:
+        return TwoByTwo(columns)
+    return Factored(columns)
+
+
+class TwoByTwo:
+    """A of two rows and columns, solved by Cramer's rule: one division."""
+
+    def __init__(self, columns: Sequence[Column]) -> None:
+        (a, c), (b, d) = columns
+        inverse = 1.0 / (a * d - b * c)
+        self.rows = Column((inverse * d, -(inverse * b))), Column((-(inverse * c), inverse * a))
+
+    def solve(self, right: Column) -> Column:
+        """x with A x = b."""
+        return Column(row @ right for row in self.rows)
 
 
 class Factored:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from adaptctl.dynamics.loops.constraint import Closing
-from adaptctl.dynamics.loops.least_squares import Factored
+from adaptctl.dynamics.loops.least_squares import factored
 from adaptctl.dynamics.recursion.segment import Placement
 from adaptctl.scalars import Column
 
@@ -42,7 +42,7 @@ class Posture(Following):
 
     def __init__(self, closing: Closing, places: Sequence[Placement]) -> None:
         columns = closing.jacobian(places)
-        self.places, self.factor = places, Factored([columns[d] for d in closing.dependent])
+        self.places, self.factor = places, factored([columns[d] for d in closing.dependent])
         super().__init__(closing, [self.factor.solve(-columns[i]) for i in closing.primary])
 
     def bias(self, u: Column, w: Column) -> Column:

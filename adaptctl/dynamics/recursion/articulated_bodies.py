@@ -51,9 +51,15 @@ class ArticulatedBody(NamedTuple):
 
     def raised(self, place: Placement) -> ArticulatedBody:
         """About the parent's origin, in the parent's frame."""
-        at_joint = self.moved_origin(place.shift)
-        inertia, mass = turned_up(place, at_joint.inertia), turned_up(place, at_joint.mass)
-        return ArticulatedBody(inertia, _turned_up(place, at_joint.coupling), mass).moved_origin(place.segment.near)
+        near = place.segment.near
+        if place.segment.whole is not None:  # far from right angles one way costs less than two
+            return self.turned_up(place).moved_origin(near + place.up(place.shift))
+        return self.moved_origin(place.shift).turned_up(place).moved_origin(near)
+
+    def turned_up(self, place: Placement) -> ArticulatedBody:
+        """In coordinates of the parent's frame."""
+        inertia, mass = turned_up(place, self.inertia), turned_up(place, self.mass)
+        return ArticulatedBody(inertia, _turned_up(place, self.coupling), mass)
 
 
 class _Joint(NamedTuple):

@@ -57,8 +57,8 @@ def moved_origin(link: Body, offset: Vec) -> Body:
 
 def turned_up(place: Placement, inertia: Mat) -> Mat:
     """A symmetric tensor of the link's frame, in the parent's frame."""
-    for step in (place.segment.outward, place.turn, place.segment.inward):
-        inertia = congruent(step.T, inertia) if step is not None else inertia
+    for turn in reversed(place.turns):
+        inertia = congruent(turn.T, inertia)
     return inertia
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
 from adaptctl.description import Description, Link
@@ -30,6 +31,8 @@ class Segment:
     outward: Mat | None
     near: Vec
     far: Vec
+    whole: tuple[Mat, Mat, Mat] | None = None
+    """K_0, K_c, K_s of all three turns at once, K_0 + K_c cos q + K_s sin q, where that costs less than one by one"""
 
     @classmethod
     def of(cls, link: Link) -> Segment:
@@ -44,6 +47,7 @@ class Segment:
             outward=_matrix(outward),
             near=Vec(*link.near.translation.tolist()),
             far=Vec(*(outward @ link.far.translation + 0.0).tolist()),
+            whole=_whole(outward, link.joint.axis, link.near.rotation.T) if link.joint.kind.turns else None,
         )
 
     @property
@@ -57,30 +61,32 @@ class Segment:
 
     def placed(self, coordinates: Sequence[Scalar]) -> Placement:
         """The placement from the cosine and sine of q, or from q itself where the joint does not turn."""
-        if self.turns:
-            return Placement(self, coordinates, about(self.joint_axis, *coordinates), self.far)
-        return Placement(self, coordinates, None, self.far + coordinates[0] * self.axis)
+        if self.whole is not None:
+            return Placement(self, coordinates, (_sum(self.whole, *coordinates),), self.far)
+        turn = about(self.joint_axis, *coordinates) if self.turns else None
+        turns = tuple(step for step in (self.inward, turn, self.outward) if step is not None)
+        return Placement(self, coordinates, turns, self.far if self.turns else self.far + coordinates[0] * self.axis)
 
 
 class Placement:
-    """A link in its parent at one configuration: `down` and `up` turn vectors, `shift` is the link's origin
-    from the joint, in the link's frame; `coordinates` are what it is placed by."""
+    """A link in its parent at one configuration: `down` and `up` turn vectors, by `turns` one after the other, `shift`
+    is the link's origin from the joint, in the link's frame; `coordinates` are what it is placed by."""
 
-    __slots__ = ("coordinates", "segment", "shift", "turn")
+    __slots__ = ("coordinates", "segment", "shift", "turns")
 
-    def __init__(self, segment: Segment, coordinates: Sequence[Scalar], turn: Mat | None, shift: Vec) -> None:
-        self.segment, self.coordinates, self.turn, self.shift = segment, coordinates, turn, shift
+    def __init__(self, segment: Segment, coordinates: Sequence[Scalar], turns: Sequence[Mat], shift: Vec) -> None:
+        self.segment, self.coordinates, self.turns, self.shift = segment, coordinates, turns, shift
 
     def down(self, u: Vec) -> Vec:
         """The parent's coordinates of a vector, turned into the link's."""
-        for step in (self.segment.inward, self.turn, self.segment.outward):
-            u = step @ u if step is not None else u
+        for turn in self.turns:
+            u = turn @ u
         return u
 
     def up(self, u: Vec) -> Vec:
         """The link's coordinates of a vector, turned into the parent's."""
-        for step in (self.segment.outward, self.turn, self.segment.inward):
-            u = step.T @ u if step is not None else u
+        for turn in reversed(self.turns):
+            u = turn.T @ u
         return u
 
 
@@ -105,6 +111,37 @@ def about(a: Vec, c: Scalar, s: Scalar) -> Mat:
         Vec(entry(a.y, a.x, 0.0, -a.z), entry(a.y, a.y, 1.0, 0.0), entry(a.y, a.z, 0.0, a.x)),
         Vec(entry(a.z, a.x, 0.0, a.y), entry(a.z, a.y, 0.0, -a.x), entry(a.z, a.z, 1.0, 0.0)),
     )
+
+
+TURNED = 8
+"""Vectors that a placement turns, at least."""
+
+
+def _whole(outward: Array, axis: Array, inward: Array) -> tuple[Mat, Mat, Mat] | None:
+    """The three turns of a link as one, by Rodrigues' formula; None where they cost less one by one, as they do at
+    right angles."""
+    along, cross = np.outer(axis, axis), np.cross(axis, np.eye(3))
+    parts = [outward @ part @ inward for part in (along, np.eye(3) - along, cross)]
+    turn = (along != 0.0) | np.eye(3, dtype=np.bool_) | (cross != 0.0)
+    entries = (np.abs(outward) @ turn @ np.abs(inward)) != 0.0
+    one_by_one = _cost(turn) + sum(_cost(fixed != 0.0) for fixed in (outward, inward) if np.count_nonzero(fixed) > 3)
+    made = 4 * int(np.count_nonzero(entries))
+    return tuple(map(_mat, parts)) if TURNED * (one_by_one - _cost(entries)) > made else None  # type: ignore[return-value]
+
+
+def _cost(entries: NDArray[np.bool_]) -> int:
+    """Multiplications and additions of a matrix with such entries times a vector."""
+    return 2 * int(np.count_nonzero(entries)) - 3
+
+
+def _mat(entries: Array) -> Mat:
+    return Mat.of(entries.tolist())
+
+
+def _sum(parts: tuple[Mat, Mat, Mat], c: Scalar, s: Scalar) -> Mat:
+    """K_0 + K_c c + K_s s."""
+    rows = zip(*parts, strict=True)
+    return Mat(*(Vec(*(k + kc * c + ks * s for k, kc, ks in zip(*row, strict=True))) for row in rows))
 
 
 def _matrix(rotation: Array) -> Mat | None:
