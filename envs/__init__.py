@@ -2,6 +2,7 @@
 
 from gymnasium.envs.registration import register
 
+from adaptctl.envs.live import LiveView
 from adaptctl.envs.many.vector_tracking import (
     Puma560VectorTrackingEnv,
     SemiDirectDriveVectorTrackingEnv,
@@ -16,6 +17,7 @@ from adaptctl.envs.tracking import TrackingEnv
 from adaptctl.simulation.effects import Payload
 
 __all__ = [
+    "LiveView",
     "MuJoCoTrackingEnv",
     "Payload",
     "Puma560TrackingEnv",

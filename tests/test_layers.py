@@ -20,6 +20,7 @@ ORDER = (
     "files",
     "folders",
     "arrays",
+    "markup",
     "scalars",
     "compilation",
     "description",

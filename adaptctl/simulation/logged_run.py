@@ -60,7 +60,7 @@ def _table(values: ArrayLike, name: str, shape: tuple[int, ...]) -> Array:
 
 def _rates(values: Array, period: float) -> Array:
     """Central differences, one-sided at the ends."""
-    return np.asarray(np.gradient(values, period, axis=0))
+    return np.asarray(np.gradient(values, period, axis=0), dtype=np.float64)
 
 
 def _times(time: ArrayLike | None, count: int, period: float) -> Array:
