@@ -11,6 +11,7 @@ from adaptctl.envs.many.vector_tracking import (
 from adaptctl.envs.mujoco_tracking import MuJoCoTrackingEnv
 from adaptctl.envs.puma560 import Puma560TrackingEnv
 from adaptctl.envs.random_reference import random_sinusoids
+from adaptctl.envs.residual import ResidualEnv
 from adaptctl.envs.reward import RewardWeights
 from adaptctl.envs.semi_direct_drive import SemiDirectDriveTrackingEnv
 from adaptctl.envs.tracking import TrackingEnv
@@ -22,6 +23,7 @@ __all__ = [
     "Payload",
     "Puma560TrackingEnv",
     "Puma560VectorTrackingEnv",
+    "ResidualEnv",
     "RewardWeights",
     "SemiDirectDriveTrackingEnv",
     "SemiDirectDriveVectorTrackingEnv",

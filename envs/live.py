@@ -20,16 +20,16 @@ class LiveView(gymnasium.Wrapper[Array, Array, Array, Array]):
         self._slices = env.unwrapped.observation_slices  # type: ignore[attr-defined]
         self._steps = 0
 
-    def reset(self, **options: Any) -> tuple[Array, dict[str, Any]]:
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """Begin an episode."""
         self._steps = 0
-        return self.env.reset(**options)
+        return self.env.reset(seed=seed, options=options)
 
     def step(self, action: Array) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
         """One control period, shown."""
         observation, reward, terminated, truncated, info = self.env.step(action)
         self._steps += 1
-        parts = (np.asarray(observation)[self._slices[name]] for name in ("p", "reference_p"))
+        p, desired = (np.asarray(observation)[self._slices[name]] for name in ("p", "reference_p"))
         time = info.get("time", self._steps * self.env.unwrapped.control_period)  # type: ignore[attr-defined]
-        self.live.show(time, *parts, info.get("applied_torque", action))
+        self.live.show(time, p, desired, info.get("applied_torque", action))
         return observation, reward, terminated, truncated, info
