@@ -13,7 +13,7 @@ from adaptctl.errors import InputError
 from adaptctl.simulation.rollout import interface
 
 
-class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array]):
+class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.RecordConstructorArgs):
     """
     ## Description
 
@@ -34,7 +34,8 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array]):
     """
 
     def __init__(self, env: gymnasium.Env[Any, Any], controller: Controller[Any], share: float = 0.2) -> None:
-        super().__init__(env)
+        gymnasium.utils.RecordConstructorArgs.__init__(self, controller=controller, share=share)
+        gymnasium.Wrapper.__init__(self, env)
         self._parts, _ = interface(env, controller)
         limits: Array = env.action_space.high  # type: ignore[attr-defined]  # a Box, as every torque's space
         if not 0.0 < positive_number(share, "share: expected a number above 0, at most 1") <= 1.0:
