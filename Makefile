@@ -9,7 +9,7 @@ DOCS := docs/_build/html
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test bench check-stability lint types docs format licences audit lock clean
+.PHONY: architecture help demo test bench check-stability check-export check-page lint types docs format licences audit lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-15s %s\n", $$1, $$2}' Makefile
@@ -27,6 +27,12 @@ bench: $(STAMP) ## speed against its peers, in three minutes; README.md and docs
 check-stability: $(STAMP) ## 10,000 closed loops of ten minutes on random arms; hours (ARMS=50 for some of them)
 	$(BIN)/python -m benchmarks.stability --arms $(ARMS)
 
+check-export: $(STAMP) ## exported C of every law, by every compiler that is here, bit for bit; half an hour (LAWS="puma loop")
+	PYTHONPATH=.:tests $(BIN)/python tests/check_export.py $(LAWS)
+
+check-page: $(STAMP) ## exported WebAssembly in node, and a report's arm in a browser, if they are here
+	PYTHONPATH=.:tests $(BIN)/python tests/check_page.py
+
 lint: $(STAMP) ## style of the code
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -36,6 +42,9 @@ types: $(STAMP) ## types of the code
 
 docs: $(STAMP) ## the documentation, in docs/_build/html/index.html
 	$(BIN)/sphinx-build -W --keep-going -q -b html docs $(DOCS)
+
+architecture: $(STAMP) ## the picture of what imports what, in docs/images/architecture.svg
+	$(BIN)/python docs/extensions/architecture.py
 
 format: $(STAMP) ## bring the code into style
 	$(BIN)/ruff check --fix .

@@ -1,3 +1,5 @@
+from adaptctl.codegen import Exported as Exported
+from adaptctl.codegen import export as export
 from adaptctl.control import ComputedTorque as ComputedTorque
 from adaptctl.control import Gains as Gains
 from adaptctl.control import MinimumJerk as MinimumJerk

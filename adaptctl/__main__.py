@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
 import sys
@@ -21,14 +22,41 @@ INTERRUPTED = 130
 def run() -> NoReturn:
     """Run the command line and exit with its code."""
     _on_signals(_leave)  # while packages are imported, there is nothing to keep
-    from adaptctl.cli.main import main
-
+    main = _main()
     code = INTERRUPTED
     with suppress(KeyboardInterrupt):  # between two commands' own ways to take it
         _on_signals(_interrupt)
         code = main()
     _on_signals(signal.SIG_IGN)  # all is done; packages close
+    if code == INTERRUPTED:
+        _exit_at_once()
     sys.exit(code)
+
+
+def _exit_at_once() -> NoReturn:
+    """Exit with the code of an interruption, once packages have closed.
+
+    CPython would end itself by SIGINT, handled or not, if the interruption came inside an `exec` of text, as in the
+    definition of a dataclass.
+    """
+    atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):
+            stream.flush()
+    os._exit(INTERRUPTED)
+
+
+def _main() -> Callable[[], int]:
+    """The command line, which needs packages that a robot's computer may not have."""
+    from adaptctl.errors import MissingExtraError
+    from adaptctl.packages import needed
+
+    try:
+        with needed("the command line"):
+            from adaptctl.cli.main import main
+    except MissingExtraError as error:
+        sys.exit(f"adaptctl: {error}")
+    return main
 
 
 def _on_signals(handler: Handler) -> None:

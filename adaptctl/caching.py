@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import copyreg
 import functools
+import inspect
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import Any, Self, TypeVar, overload
+from typing import Any, Self, TypeVar, cast, overload
 
 import numpy as np
 
@@ -43,10 +44,37 @@ class cached_property(functools.cached_property[Value]):  # noqa: N801  # stands
         return value
 
 
+class _Replaced:
+    """A method that instances replace by one of their properties."""
+
+    def __init__(self, method: Callable[..., Any], by: str) -> None:
+        self.method, self.by = method, by
+
+    def __get__(self, instance: object | None, owner: type[Any]) -> Any:
+        if instance is None:
+            return self.method
+        replacement, name = getattr(instance, self.by), self.method.__name__
+        if inspect.getattr_static(owner, name) is self:  # and not a subclass that has its own, and asks for this one
+            vars(instance)[name] = replacement
+        return replacement
+
+
+Method = TypeVar("Method", bound=Callable[..., Any])
+
+
+def replaced_by(name: str) -> Callable[[Method], Method]:
+    """Have an instance's property of this name called in place of a method, which then only tells what it does.
+
+    The property is kept where the method would be looked up: what is native is called with no step through Python.
+    """
+    return lambda method: cast(Method, _Replaced(method, name))
+
+
 def without_caches(instance: object) -> tuple[dict[str, Any], tuple[str, ...]]:
     """What an object is made of, its caches left out, and the names of arrays that are not to be written to."""
     kind = type(instance)
-    kept = {k: v for k, v in vars(instance).items() if not isinstance(getattr(kind, k, None), cached_property)}
+    caches = cached_property, _Replaced
+    kept = {k: v for k, v in vars(instance).items() if not isinstance(inspect.getattr_static(kind, k, None), caches)}
     return kept, tuple(k for k, v in kept.items() if isinstance(v, np.ndarray) and not v.flags.writeable)
 
 

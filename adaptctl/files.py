@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import os
@@ -122,6 +123,11 @@ def write_json(path: str | Path, value: object) -> None:
         raise FileError(f"{path}: {error}") from error
     _require_finite(path, plain)
     write_text(path, json.dumps(plain, indent=2, allow_nan=False, ensure_ascii=False) + "\n")
+
+
+def hashed(content: Any) -> str:
+    """SHA-256 of content in JSON's types."""
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def read_bytes(path: str | Path, limit: int = MAX_BYTES) -> bytes:

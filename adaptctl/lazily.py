@@ -15,6 +15,8 @@ from pathlib import Path
 from sys import modules
 from typing import Any
 
+from adaptctl.packages import needed
+
 _OFFER = re.compile(r"^from (?P<home>[\w.]+) import (?:(?P<name>\w+) as (?P=name)|\*)$", re.MULTILINE)
 
 
@@ -41,7 +43,8 @@ def imported_lazily(package: str) -> tuple[list[str], Callable[[str], Any], Call
         if name not in home_of:
             missing = f"module {package!r} has no attribute {name!r}"
             raise AttributeError(missing, name=name, obj=modules[package])
-        value = getattr(import_module(home_of[name]), name)
+        with needed(f"{package}.{name}"):
+            value = getattr(import_module(home_of[name]), name)
         setattr(modules[package], name, value)
         return value
 

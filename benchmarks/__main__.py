@@ -6,6 +6,7 @@ import argparse
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from importlib import import_module
+from importlib.util import find_spec
 
 from benchmarks.findings import DisagreementError, Finding
 from benchmarks.interleaved import Effort
@@ -15,13 +16,22 @@ from benchmarks.published import line, publish
 SUBJECTS = ("regressor", "tick", "closed_loop", "many_arms", "offline", "first_tick")
 """The modules that measure, in the table's order."""
 
+PEERS = ("pinocchio", "mujoco")
+"""What is compared with, which may not be installed."""
+
 QUICK = Effort(rounds=3, seconds=0.002)
 
 
 def findings(subjects: Iterable[str], effort: Effort) -> Iterator[Finding]:
-    """One after the other, told as they come."""
+    """One after the other, told as they come; those whose peer is not installed are skipped, which is told too."""
     for subject in subjects:
-        measure: Callable[[Effort], Iterator[Finding]] = import_module(f"benchmarks.{subject}").measure
+        try:
+            measure: Callable[[Effort], Iterator[Finding]] = import_module(f"benchmarks.{subject}").measure
+        except ModuleNotFoundError as error:
+            if error.name not in PEERS:
+                raise
+            print(f"{subject}: skipped, for {error.name} is not installed", flush=True)
+            continue
         for finding in measure(effort):
             print(line(finding), flush=True)
             yield finding
@@ -46,7 +56,8 @@ def main() -> int:
     except DisagreementError as error:
         print(f"they do not agree: {error}", file=sys.stderr)
         return 2
-    if given.quick or given.subject:
+    missing = [peer for peer in PEERS if find_spec(peer) is None]
+    if given.quick or given.subject or missing:
         print("not published: that takes a whole run")
         return 0
     publish(found)

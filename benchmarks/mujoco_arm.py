@@ -23,10 +23,14 @@ _UNUSED = ("ACTUATION", "CONTACT", "DAMPER", "EULERDAMP", "FILTERPARENT", "FRICT
 _UNUSED_BY_TREES = ("CONSTRAINT", "EQUALITY", "WARMSTART")
 
 
-def mujoco_model(mechanism: Mechanism, step: float, integrator: str) -> mujoco.MjModel:
+SOLVERS = {"Newton": mujoco.mjtSolver.mjSOL_NEWTON, "PGS": mujoco.mjtSolver.mjSOL_PGS, "CG": mujoco.mjtSolver.mjSOL_CG}
+"""MuJoCo's solvers of constraints."""
+
+
+def mujoco_model(mechanism: Mechanism, step: float, integrator: str, solver: str = "Newton") -> mujoco.MjModel:
     """The same arm, its loops closed by `connect`; `step` in s. Torques are applied to its joints (`qfrc_applied`).
 
-    Constraints are solved by Newton's method, once: they are equalities, so one iteration is exact.
+    Constraints are solved by one iteration: they are equalities, so one of Newton's method is exact.
     """
     description, spec = mechanism.description, mujoco.MjSpec()
     bodies = {GROUND: spec.worldbody}
@@ -37,7 +41,7 @@ def mujoco_model(mechanism: Mechanism, step: float, integrator: str) -> mujoco.M
         _connect(spec, description, closure, bodies)
     option = spec.option
     option.timestep, option.gravity, option.integrator = step, description.gravity, INTEGRATORS[integrator]
-    option.solver, option.iterations, option.tolerance = mujoco.mjtSolver.mjSOL_NEWTON, 1, 0.0
+    option.solver, option.iterations, option.tolerance = SOLVERS[solver], 1, 0.0
     unused = _UNUSED if closures else _UNUSED + _UNUSED_BY_TREES
     option.disableflags = sum(int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}")) for name in unused)
     return spec.compile()

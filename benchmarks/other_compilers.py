@@ -1,18 +1,24 @@
-"""The same regressor, operation for operation, compiled by others: CasADi, numba, JAX.
+"""The same regressor, operation for operation, compiled by others: a C compiler, CasADi, numba, JAX.
 
-It needs them, `pip install casadi numba jax`, best into an environment of its own beside adaptctl; nothing else here
-does, and `make bench` does not run it. Then: `python -m benchmarks.other_compilers`.
+Those that are not installed are skipped by name: `pip install casadi numba jax`, best into an environment of its own
+beside adaptctl, and a `cc`; nothing else here needs them, and `make bench` does not run it. Then:
+`python -m benchmarks.other_compilers`.
 """
 
 from __future__ import annotations
 
+import ctypes
 import operator
 import os
+import shutil
 import subprocess
 import sys
+import tempfile
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from importlib.metadata import version
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any, NamedTuple
 
 os.environ["ADAPTCTL_CACHE"] = "off"  # nobody else's is used either
@@ -53,31 +59,110 @@ def ours(_: Routine, samples: Array) -> Compiled:
     return Compiled(lambda: kernel(p, v, v_r, a_r), lambda: kernel.map(*samples), first)
 
 
+def c(routine: Routine, samples: Array) -> Compiled:
+    """The operations as a C function of as many lines, which may fuse as we do; called by ctypes with addresses that
+    are made before."""
+    begin = time.perf_counter()
+    library = shared_library(c_source(routine))
+    first = time.perf_counter() - begin
+    given, result, results = samples[:, 0].copy(), np.empty(SHAPE), np.empty((SAMPLES, *SHAPE))
+    addresses = [ctypes.c_void_p(x.ctypes.data) for x in (*given, result)]
+    arrays = [ctypes.c_void_p(x.ctypes.data) for x in (*samples, results)]
+    function, loop = library.regressor, library.regressors
+
+    def one(_kept: object = given) -> Array:
+        function(*addresses)
+        return result
+
+    def all_of_them(_kept: object = samples) -> Array:
+        loop(SAMPLES, *arrays)
+        return results
+
+    return Compiled(one, all_of_them, first)
+
+
+def shared_library(text: str) -> ctypes.CDLL:
+    """What the C compiler makes of a file, for this processor."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "regressor.c"
+        path.write_text(text, encoding="utf-8")
+        return ctypes.CDLL(str(compiled_c(path)))
+
+
+def compiled_c(path: Path) -> Path:
+    """The shared library of a C file, beside it."""
+    made = path.with_suffix(".so")
+    options = ("-O3", "-march=native", "-ffp-contract=fast", "-fno-math-errno", "-shared", "-fPIC")
+    subprocess.run(["cc", *options, str(path), "-o", str(made), "-lm"], check=True)
+    return made
+
+
+def c_source(routine: Routine) -> str:
+    """The routine's operations in C, one a line, and a loop over samples."""
+    pointers = ", ".join(f"const double *restrict {name}" for name in ARGUMENTS)
+    lines = [f"    const double {line};" for line in assignments(routine)]
+    results = [f"    result[{k}] = {_name(x)};" for k, x in enumerate(routine.outputs)]
+    body = "\n".join([*lines, *results])
+    moved = ", ".join(f"{name} + {size} * k" for name, size in ARGUMENTS.items())
+    return f"""#include <math.h>
+
+void regressor({pointers}, double *restrict result) {{
+{body}
+}}
+
+void regressors(int count, {pointers}, double *restrict results) {{
+    for (int k = 0; k < count; ++k)
+        regressor({moved}, results + {SHAPE[0] * SHAPE[1]} * k);
+}}
+"""
+
+
 def casadi(routine: Routine, samples: Array) -> Compiled:
     """CasADi's virtual machine, told where the numbers are, which is its fastest way to be called."""
-    import casadi as ca
-
-    def buffered(function: Any, given: Iterable[Array], shape: tuple[int, ...]) -> Call:
-        result, (buffer, evaluate) = np.empty(shape), function.buffer()
-        for k, x in enumerate(given):
-            buffer.set_arg(k, x.data)
-        buffer.set_res(0, result.data)
-
-        def call(_kept: object = (function, buffer, given)) -> Array:  # CasADi keeps none of them alive
-            evaluate()
-            return result
-
-        return call
-
     begin = time.perf_counter()
-    symbols = [ca.SX.sym(name, n) for name, n in ARGUMENTS.items()]
-    outputs = replayed(routine, symbols, ca.sin, ca.cos)
-    # Its matrices run down the columns.
-    one = buffered(ca.Function("regressor", symbols, [ca.vertcat(*outputs)]), samples[:, 0].copy(), SHAPE)
+    function = _casadi_function(routine)
+    one = _buffered(function, samples[:, 0].copy(), SHAPE)
     one()
     first = time.perf_counter() - begin
-    mapped = ca.Function("regressor", symbols, [ca.vertcat(*outputs)]).map(SAMPLES)
-    return Compiled(one, buffered(mapped, samples, (SAMPLES, *SHAPE)), first)
+    return Compiled(one, _buffered(function.map(SAMPLES), samples, (SAMPLES, *SHAPE)), first)
+
+
+def casadi_c(routine: Routine, samples: Array) -> Compiled:
+    """CasADi's C code by the C compiler, called by CasADi in the same way."""
+    import casadi as ca
+
+    with tempfile.TemporaryDirectory() as folder:
+        begin = time.perf_counter()
+        code = ca.CodeGenerator("regressor.c")
+        code.add(_casadi_function(routine))
+        code.generate(f"{folder}/")
+        function = ca.external("regressor", str(compiled_c(Path(folder) / "regressor.c")))
+        one = _buffered(function, samples[:, 0].copy(), SHAPE)
+        one()
+        first = time.perf_counter() - begin
+        return Compiled(one, _buffered(function.map(SAMPLES), samples, (SAMPLES, *SHAPE)), first)
+
+
+def _casadi_function(routine: Routine) -> Any:
+    """The routine as CasADi's function; its matrices run down the columns."""
+    import casadi as ca
+
+    symbols = [ca.SX.sym(name, n) for name, n in ARGUMENTS.items()]
+    return ca.Function("regressor", symbols, [ca.vertcat(*replayed(routine, symbols, ca.sin, ca.cos))])
+
+
+def _buffered(function: Any, given: Iterable[Array], shape: tuple[int, ...]) -> Call:
+    """A call of CasADi's function that is told where its numbers are."""
+    result, (buffer, evaluate) = np.empty(shape), function.buffer()
+    for k, x in enumerate(given):
+        buffer.set_arg(k, x.data)
+    buffer.set_res(0, result.data)
+
+    def call(_kept: object = (function, buffer, given)) -> Array:  # CasADi keeps none of them alive
+        evaluate()
+        return result
+
+    return call
 
 
 def numba(routine: Routine, samples: Array) -> Compiled:
@@ -130,11 +215,35 @@ def jax(routine: Routine, samples: Array) -> Compiled:
     return Compiled(lambda: compiled(*given).block_until_ready(), lambda: mapped(*every).block_until_ready(), first)
 
 
-COMPILERS: Mapping[str, Callable[[Routine, Array], Compiled]] = {
-    "adaptctl": ours,
-    "casadi": casadi,
-    "numba": numba,
-    "jax": jax,
+class Peer(NamedTuple):
+    """A compiler of the table, and what it needs: packages, and a C compiler or not."""
+
+    compile: Callable[[Routine, Array], Compiled]
+    package: str | None
+    in_c: bool = False
+
+    @property
+    def missing(self) -> str:
+        """What is not installed; nothing when all is."""
+        if self.in_c and shutil.which("cc") is None:
+            return "a C compiler (cc)"
+        return self.package if self.package is not None and find_spec(self.package) is None else ""
+
+    @property
+    def version(self) -> str:
+        """That of the package, or of the C compiler alone."""
+        if self.package is not None:
+            return version(self.package)
+        return subprocess.run(["cc", "-dumpversion"], check=True, capture_output=True, text=True).stdout.strip()
+
+
+COMPILERS: Mapping[str, Peer] = {
+    "adaptctl": Peer(ours, "adaptctl"),
+    "C, cc -O3 -march=native": Peer(c, None, in_c=True),
+    "casadi": Peer(casadi, "casadi"),
+    "casadi, its C by cc": Peer(casadi_c, "casadi", in_c=True),
+    "numba": Peer(numba, "numba"),
+    "jax": Peer(jax, "jax"),
 }
 
 _ARITHMETIC: dict[Op, Callable[..., Any]] = {
@@ -162,22 +271,26 @@ def replayed(routine: Routine, arguments: Sequence[Any], sin: Callable[..., Any]
 
 def source(routine: Routine) -> str:
     """The routine's operations in Python, one a line; results go into the last argument."""
+    lines = [f"def regressor({', '.join(ARGUMENTS)}, result):", *(f"    {line}" for line in assignments(routine))]
+    lines += [f"    result[{k // SHAPE[1]}, {k % SHAPE[1]}] = {_name(x)}" for k, x in enumerate(routine.outputs)]
+    return "\n".join(lines)
 
-    def name(x: Any) -> str:
-        return f"x{x.index}" if isinstance(x, Expression) else repr(x)
 
-    lines = [f"def regressor({', '.join(ARGUMENTS)}, result):"]
+def assignments(routine: Routine) -> Iterator[str]:
+    """The routine's operations, in what Python and C have in common."""
     for x in routine.body:
-        operands = [name(y) for y in x.operands]
+        operands = [_name(y) for y in x.operands]
         if x.op is Op.INPUT:
             text = f"{list(ARGUMENTS)[x.detail[0]]}[{x.detail[1]}]"
         elif x.op is Op.NEGATE:
             text = f"-{operands[0]}"
         else:
             text = f"{x.op}({operands[0]})" if x.op in (Op.SIN, Op.COS) else str(x.op).join(operands)
-        lines.append(f"    {name(x)} = {text}")
-    lines += [f"    result[{k // SHAPE[1]}, {k % SHAPE[1]}] = {name(x)}" for k, x in enumerate(routine.outputs)]
-    return "\n".join(lines)
+        yield f"{_name(x)} = {text}"
+
+
+def _name(x: Any) -> str:
+    return f"x{x.index}" if isinstance(x, Expression) else f"({x!r})"
 
 
 def import_time(package: str) -> float:
@@ -192,11 +305,22 @@ def import_time(package: str) -> float:
     return float(np.median([taken(package) - taken("numpy") for _ in range(5)]))
 
 
+def _imported_in(package: str | None) -> str:
+    if package is None:
+        return ""
+    return f"{import_time('adaptctl.compilation' if package == 'adaptctl' else package):.2f} s"
+
+
 def main() -> None:
     """The table, on the screen and in docs/speed.md."""
     routine = trace(regressor, ARGUMENTS)
     samples = np.random.default_rng(0).normal(size=(len(ARGUMENTS), SAMPLES, 6))
-    made = {name: compiler(routine, samples) for name, compiler in COMPILERS.items()}
+    made = {}
+    for name, peer in COMPILERS.items():
+        if peer.missing:
+            print(f"{name}: skipped, for {peer.missing} is not installed", file=sys.stderr)
+        else:
+            made[name] = peer.compile(routine, samples)
     expected = np.array(made["adaptctl"].all())
     bound = 1e-12 * np.abs(expected).max()
     for name, compiled in made.items():
@@ -207,14 +331,17 @@ def main() -> None:
     head = ("compiler", "imported in", "traced and compiled in", "a call", f"one of {SAMPLES:,} at once")
     rows = [
         (
-            f"{name} {version(name)}",
-            f"{import_time(name if name != 'adaptctl' else 'adaptctl.compilation'):.2f} s",
+            f"{name} {COMPILERS[name].version}",
+            _imported_in(COMPILERS[name].package),
             f"{compiled.first:.2f} s",
             seconds(ones.time(name)),
             seconds(alls.time(name)),
         )
         for name, compiled in made.items()
     ]
+    if len(made) < len(COMPILERS):
+        print(f"{table(head, rows)}\nnot published: not all are installed")
+        return
     text = f"{routine.operations.flops} operations; {Machine.here()}.\n\n{table(head, rows)}"
     print(text)
     page = ROOT / "docs" / "speed.md"

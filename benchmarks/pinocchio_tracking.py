@@ -9,6 +9,9 @@ import pinocchio
 
 from adaptctl.arrays import Array
 
+CAP = 2.0
+"""What damping takes out is at least so many times what a step of the estimate is worth: `Gradient`'s own."""
+
 
 def slotine_li_regressor(
     model: pinocchio.Model, data: pinocchio.Data, p: Array, v: Array, v_r: Array, a_r: Array
@@ -43,22 +46,25 @@ class PinocchioTracker:
         self.data, self.weightless_data = model.createData(), self.weightless.createData()
         self.bandwidth, self.damping, self.rest = bandwidth, damping, np.zeros(model.nv)
         self.rate = np.zeros(10 * model.nv)
-        self.rate[list(columns)] = 0.5 * period * gain
-        self.estimate, self.s = np.zeros(10 * model.nv), np.zeros(model.nv)
+        self.rate[list(columns)] = period * gain
+        self.estimate = np.zeros(10 * model.nv)
         self.Y = np.zeros((model.nv, 10 * model.nv))
 
     def step(self, p: Array, v: Array, p_d: Array, v_d: Array, a_d: Array) -> Array:
-        """One tick: learn from the period that has passed, by the trapezium, then the torque (r,)."""
+        """One tick: learn from the period that has passed, as `Gradient` does, then the torque (r,)."""
         v_r = v_d - self.bandwidth * (p - p_d)
         a_r = a_d - self.bandwidth * (v - v_d)
         s = v - v_r
-        self.estimate -= self.rate * ((self.s + s) @ self.Y)
+        braking = self.damping * s
+        if (power := s @ braking) > 0.0:
+            slope = s @ self.Y
+            step = self.rate * slope
+            self.estimate -= power / (power + CAP * (slope @ step)) * step
         half, difference = 0.5 * (v + v_r), 0.5 * s
         Y = pinocchio.computeJointTorqueRegressor(self.model, self.data, p, half, a_r)
         C = pinocchio.computeJointTorqueRegressor(self.weightless, self.weightless_data, p, difference, self.rest)
         np.subtract(Y, C, out=self.Y)
-        self.s = s
-        return self.Y @ self.estimate - self.damping * s
+        return self.Y @ self.estimate - braking
 
 
 class PinocchioArm:

@@ -20,7 +20,7 @@ import numpy as np
 from adaptctl import control
 from adaptctl.compilation import Ensemble, compile_step
 from adaptctl.control import Controller, ReferencePoint
-from adaptctl.control.controller import leaves, like
+from adaptctl.control.memory import leaves, like
 from adaptctl.dynamics import load
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.scalars import Column
@@ -69,6 +69,11 @@ def adaptations(model: ReducedModel) -> Iterator[tuple[str, Any, ReducedModel]]:
     yield "Subspace of 10", control.Subspace(np.ones(10), np.random.default_rng(0).normal(size=(k, 10))), model
     for filtering in (control.Composite, control.BoundedGainForgetting, control.CushionedFloor):
         yield filtering.__name__, filtering(gain), model
+    for learning in (control.CompositeLearning, control.ConcurrentLearning):
+        yield learning.__name__, learning(gain), model
+    first = np.asarray(model.mechanism.inertial_parameters)
+    yield "ConsistentLift", control.ConsistentLift(0.01, first), model
+    yield "ConsistentLift, predicting", control.ConsistentLift(0.01, first, 1.0), model
     yield "Natural, 60", control.Natural(0.01), ReducedModel.full(model.mechanism)
 
 

@@ -27,6 +27,7 @@ from adaptctl.simulation.episode import Episode
 from adaptctl.simulation.plant import require_ten_a_link
 from adaptctl.simulation.sampled_references import Preview
 from adaptctl.simulation.stiffness import integration
+from adaptctl.simulation.transmission import Transmission
 
 if TYPE_CHECKING:
     from adaptctl.envs.rendering.render import Renderer
@@ -133,7 +134,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     | `reward_weights` | `RewardWeights()`    |                                                                |
     | `initial_error`  | 0.0                  | rad (m), one number or one a joint                             |
     | `torque_limits`  | `None`               | other limits than the mechanism's, one number or one a joint   |
-    | `effects`        | ()                   | of `adaptctl.simulation.effects`, in any order: `ControlDelay`, `TorqueLimit`, `TorqueRateLimit`, `ActuatorLag`, `Friction`, `PayloadHeld`, `Encoder`, `FilteredDifferences` |
+    | `effects`        | ()                   | of `adaptctl.simulation.effects`, in any order: `ControlDelay`, `TorqueLimit`, `TorqueRateLimit`, `ActuatorLag`, `Friction`, `ElasticJoints`, `PayloadHeld`, `Encoder`, `FilteredDifferences` |
     | `render_mode`    | `None`               | or `"rgb_array"`                                               |
 
     A random reference is one sinusoid a joint of 0.1 to 0.25 Hz and up to 0.5 rad (m), faded in over 2 s, within
@@ -181,8 +182,9 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         limits, period = per_joint(own, mechanism.dof, "torque_limits"), control_period_of(control_period)
         placed = PlantEffects.of(effects := tuple(effects))
         placed.require(mechanism.dof, mechanism.description.body_names, period)
+        springs = None if placed.elastic is None else Transmission.of(mechanism, placed.elastic)
         if substeps is None:
-            substeps, integrator = integration(mechanism, placed.joints, period, integrator)
+            substeps, integrator = integration(mechanism, placed.joints, period, integrator, springs)
         plant = Plant(mechanism, period, substeps, integrator or RungeKutta4(), limits, effects=effects)
         self._set_task(plant, reference, duration, look_ahead, error_bound, reward_weights, initial_error, render_mode)
 

@@ -81,6 +81,18 @@ EXPERIMENTS = (
         "ReducedModelTracking",
     ),
     Entry(
+        "added-mass",
+        "Where a mass may be added to an arm: what a point, a gripper, a camera and a motor cost on every link",
+        "adaptctl.experiments.added_mass",
+        "AddedMassStudy",
+    ),
+    Entry(
+        "counterweight",
+        "An arm before and after counterweights, in closed loop, with all parameters and with ten components",
+        "adaptctl.experiments.counterweight",
+        "CounterweightedTracking",
+    ),
+    Entry(
         "task-space",
         "A tool follows a path in the world: control of the tool against control of the joints",
         "adaptctl.experiments.task_space",
@@ -91,6 +103,12 @@ EXPERIMENTS = (
         "Encoders, delay, lag and weak motors, and nothing that excites: which laws drift",
         "adaptctl.experiments.noise_and_delay",
         "NoiseAndDelay",
+    ),
+    Entry(
+        "stable-bandwidth",
+        "Elastic joints: up to which bandwidth each law stays stable, over their stiffness",
+        "adaptctl.experiments.stable_bandwidth",
+        "StableBandwidth",
     ),
     Entry(
         "adaptive",
@@ -115,6 +133,12 @@ EXPERIMENTS = (
         "Energy differences as an estimator on a real log: exact in theory, and what they amplify",
         "adaptctl.experiments.energy_differences",
         "EnergyDifferences",
+    ),
+    Entry(
+        "export-check",
+        "Every law exported as C, built by the compilers that are here, and run on ticks recorded from Python",
+        "adaptctl.experiments.export_check",
+        "ExportCheck",
     ),
     Entry(
         "sheu-walker-1991",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -16,32 +16,38 @@ from adaptctl.control import (
     AdaptiveComputedTorque,
     BoundedGainForgetting,
     Composite,
+    CompositeLearning,
     ComputedTorque,
+    ConcurrentLearning,
+    ConsistentLift,
     Controller,
     CushionedFloor,
     DeadZone,
     EModification,
     Gains,
     Gradient,
+    Halted,
     Natural,
     PassivityIntegral,
     PDGravity,
     Projection,
+    Reference,
     SigmaModification,
     Sinusoids,
+    SlotineLi,
 )
-from adaptctl.control.adaptation.natural import pseudos
-from adaptctl.control.controller import leaves
 from adaptctl.control.gains.torque_limits import finite_torque_limits
+from adaptctl.control.memory import leaves
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.experiments.contest import Contender, Outcome
 from adaptctl.experiments.experiment import setting
 from adaptctl.experiments.learning import ADAPTATION_OFF, Found, Learning, numbers
+from adaptctl.experiments.memories import forgotten_notes, memory_findings, smallest_eigenvalue
 from adaptctl.experiments.parameter_errors import SAMPLES, ParameterErrors, parameter_errors
 from adaptctl.experiments.rough_start import RoughStart
 from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
-from adaptctl.recording import ControllerRun, Finding, Setting
+from adaptctl.recording import Comparison, ControllerRun, Finding, Progress, Setting
 
 if TYPE_CHECKING:
     import gymnasium
@@ -67,7 +73,10 @@ LAWS = (
     "projection",
     "bounded-gain-forgetting",
     "cushioned-floor",
+    "composite-learning",
+    "concurrent-learning",
     "natural",
+    "consistent-lift",
     "adaptive-computed-torque",
     "passivity-integral",
     "computed-torque",
@@ -119,6 +128,14 @@ class AdaptationLaws(RoughStart, Learning):
     )
     cutoff: float = setting(5.0, "of the torque filter, 1/s", low=0.1, high=1000.0)
     forgetting: float = setting(2.0, "of least squares, 1/s", low=0.0, high=100.0)
+    recall: float = setting(2.0, "how fast composite learning returns to its memory, 1/s", low=0.0, high=100.0)
+    excitation: float = setting(
+        5.0, "least of a joint's equation that composite learning remembers, 1/s", low=0.0, high=1e9
+    )
+    alarm: float = setting(0.2, "power missed above which its memory is wrong, and forgotten, W", low=1e-9, high=1e9)
+    samples: int = setting(24, "of concurrent learning's stack", low=1, high=64)
+    novelty: float = setting(100.0, "of a sample that concurrent learning keeps, 1/s", low=1e-9, high=1e9)
+    halt: float = setting(0.0, "when the motion comes to rest, s; 0 for never", low=0.0, high=300.0)
     acceleration_gain: float = setting(
         1.0, "adaptive computed torque, which learns from accelerations, has this share of the gain", low=1e-6, high=1.0
     )
@@ -148,6 +165,12 @@ class AdaptationLaws(RoughStart, Learning):
         "the torque that each parameter makes along a motion that excites, in shares of the torque of all."
     )
     """How laws are compared, and in what."""
+
+    def compare(self, progress: Progress) -> Comparison:
+        """Runs of all contenders, their answer with what was not remembered."""
+        done = super().compare(progress)
+        notes = [*([done.answer] if done.answer else []), *forgotten_notes(done.findings)]
+        return replace(done, answer=" ".join(notes) or None)
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
         """Tracking environment on the reference, with the effects."""
@@ -191,9 +214,10 @@ class AdaptationLaws(RoughStart, Learning):
         phase = rng.uniform(-np.pi, np.pi, shape)
         return Sinusoids(center, self.amplitude / np.sqrt(frequency / 0.2), frequency, phase)
 
-    def followed(self, mechanism: Mechanism) -> Sinusoids:
-        """Reference that the loops, if any, allow all of. Raises InputError where they do not."""
-        reference = self.reference(mechanism)
+    def followed(self, mechanism: Mechanism) -> Reference:
+        """Reference, halted where it is to be, that the loops, if any, allow all of. Raises InputError where not."""
+        moving = self.reference(mechanism)
+        reference = Halted(moving, self.halt) if self.halt else moving
         p = reference(np.linspace(0.0, self.duration, REACHES)).p
         apart = mechanism.continuation is not None and not mechanism.continuation.reachable(p).all()
         if apart or not mechanism.description.within_conditions(p).all():
@@ -222,6 +246,8 @@ class AdaptationLaws(RoughStart, Learning):
             if name == "natural":
                 natural = self.slotine_li(full, *self._natural(mechanism))
                 return Contender(name, "Natural, full parameters", knows, natural)
+            if name == "consistent-lift":
+                return Contender(name, "Consistent lift", knows, self._lifted(model))
             if name in adaptation:
                 return Contender(name, adaptation[name][0], knows, self.slotine_li(model, adaptation[name][1], first))
             return Contender(name, control[name][0], knows, control[name][1])
@@ -233,9 +259,20 @@ class AdaptationLaws(RoughStart, Learning):
         """Natural adaptation with the others' gain at the rough model, and its first estimate (P,)."""
         return Natural(self.rate * self.parameter_error**2), self.rough(mechanism)
 
+    def _lifted(self, model: ReducedModel) -> SlotineLi:
+        """Natural adaptation with prediction of torques, of a lift of the reduced model's parameters."""
+        natural, first = self._natural(model.mechanism)
+        law = ConsistentLift(natural.rate, first, self._prediction(model), self.cutoff)
+        return self.slotine_li(model, law, model.regrouping @ first)
+
+    def _prediction(self, model: ReducedModel) -> Array:
+        """Weights (r,) of torque prediction errors."""
+        return np.asarray(self.prediction / finite_torque_limits(model.mechanism) ** 2)
+
     def _laws(self, model: ReducedModel, first: Array) -> dict[str, tuple[str, AdaptationLaw[Any]]]:
         """Adaptation laws on the reduced model, by name, with what to call them."""
-        gain, weight = self.adaptation(model), self.prediction / finite_torque_limits(model.mechanism) ** 2
+        gain, weight = self.adaptation(model), self._prediction(model)
+        learning = self.forgetting, self.recall, self.excitation, self.alarm
         return {
             "composite": ("Composite", Composite(gain, weight, self.cutoff)),
             "gradient": ("Gradient", Gradient(gain)),
@@ -249,6 +286,11 @@ class AdaptationLaws(RoughStart, Learning):
                 BoundedGainForgetting(gain, weight, self.cutoff, self.forgetting),
             ),
             "cushioned-floor": ("Least squares, floor", CushionedFloor(gain, weight, self.cutoff, self.forgetting)),
+            "composite-learning": ("Composite learning", CompositeLearning(gain, weight, self.cutoff, *learning)),
+            "concurrent-learning": (
+                "Concurrent learning",
+                ConcurrentLearning(gain, weight, self.cutoff, self.samples, self.novelty),
+            ),
         }
 
     def _projected(self, model: ReducedModel, gain: Array, first: Array) -> Projection[Any]:
@@ -288,7 +330,8 @@ class AdaptationLaws(RoughStart, Learning):
                 meaning = f"{run.label}: parameter error at the end, of {over_time[0]:.3g} at the start"
                 yield Finding(f"parameter_error.{run.name}", float(over_time[-1]), "1", meaning)
             if run.name == "natural":
-                yield smallest_eigenvalue(outcome.mechanism, run)
+                yield smallest_eigenvalue(outcome.mechanism, run, run.rollout.estimate)
+            yield from memory_findings(contenders[run.name].controller, run, outcome.mechanism)
         for run in outcome.runs:
             cost = float_tick(contenders[run.name].controller, run)
             yield Finding(f"tick_floats.{run.name}", 1e6 * cost, "us", f"{run.label}: a tick on Python floats")
@@ -329,15 +372,6 @@ def most_exciting(mechanism: Mechanism, seed: int) -> Sinusoids:
         raise InputError(f"motion: {EXCITING} is for arms without loops, and {mechanism.name} has some")
     basis = fundamental_basis(essential_space(mechanism, seed=seed))
     return exciting_reference(ReducedModel(mechanism, basis), seed=seed).reference
-
-
-def smallest_eigenvalue(mechanism: Mechanism, run: ControllerRun) -> Finding:
-    """Smallest eigenvalue of any link's pseudo-inertia over a run that adapts all parameters."""
-    bodies = len(mechanism.description.bodies)
-    tens = run.rollout.estimate[:, : 10 * bodies].reshape(-1, bodies, 10)
-    value = float(np.linalg.eigvalsh(pseudos(tens))[..., 0].min())
-    meaning = f"{run.label}: smallest eigenvalue of any link's pseudo-inertia, over the whole run"
-    return Finding(f"smallest_eigenvalue.{run.name}", value, "SI", meaning)
 
 
 def float_tick(controller: Controller[Any], run: ControllerRun) -> float:

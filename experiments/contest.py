@@ -13,17 +13,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from adaptctl.arrays import Array
+from adaptctl.codegen.live_arm import LiveArm, live_arm
 from adaptctl.control import Controller, ReferencePoint, SlotineLi, lyapunov
-from adaptctl.control.controller import leaves
+from adaptctl.control.memory import leaves
 from adaptctl.dynamics import Mechanism
 from adaptctl.recording import ControllerRun, Progress, TickCost
 from adaptctl.simulation import Plant, Rollout, rollout, simulate
+from adaptctl.simulation.rollout import known_steps
 
 if TYPE_CHECKING:
     import gymnasium
 
 TIMED_TICKS, REPETITIONS = 1000, 10
 """control ticks that are timed to find out how long one takes"""
+MANY, FEW = 600_000, 200_000
+"""samples of all runs: so many are kept as they are, and of more than these so few, which fit into 500 MB"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,9 +62,10 @@ def contest(
     Ctrl-C ends the contest and keeps what was run; before anything was run it passes.
     """
     runs: list[ControllerRun] = []
+    every = thinning((known_steps(env) or 0) * len(contenders))
     try:
         for contender in contenders:
-            runs.append(_run(env, mechanism, contender, seed, options, partial(progress, contender.label)))
+            runs.append(_run(env, mechanism, contender, seed, options, partial(progress, contender.label), every))
             if not runs[-1].rollout.complete:
                 break
     except KeyboardInterrupt:
@@ -72,6 +77,24 @@ def contest(
     return Outcome(mechanism, begun, complete=len(begun) == len(contenders) and begun[-1].rollout.complete)
 
 
+def thinning(samples: int) -> int:
+    """How many control periods a sample that is kept stands for, of so many that all runs together would have."""
+    return -(-samples // FEW) if samples > MANY else 1
+
+
+def live_subject(
+    env: gymnasium.Env[Any, Any], controller: Controller[Any], seed: int, options: Mapping[str, Any]
+) -> LiveArm | str:
+    """The closed loop of a contest's subject for a page, from where it began; or why there is none."""
+    if not hasattr(env.unwrapped, "hand_over"):
+        return f"{type(env.unwrapped).__name__} does not tell what it is made of"
+    if type(env.unwrapped.plant).step is not Plant.step:  # type: ignore[attr-defined]
+        return f"{type(env.unwrapped).__name__} has physics of its own"
+    env.reset(seed=seed, options=dict(options))
+    episode = env.unwrapped.hand_over()
+    return live_arm(episode.plant, controller, episode.reference, episode.state, episode.parameters)
+
+
 def _run(
     env: gymnasium.Env[Any, Any],
     mechanism: Mechanism,
@@ -79,6 +102,7 @@ def _run(
     seed: int,
     options: Mapping[str, Any],
     progress: Callable[[float], object],
+    every: int,
 ) -> ControllerRun:
     controller = contender.controller
     progress(0.0)
@@ -86,7 +110,7 @@ def _run(
     drive = simulate if step is Plant.step else rollout  # MuJoCo's steps are not ours to compile
     with shown_live(env, mechanism) as seen:
         drive = drive if seen is env else rollout
-        result = drive(seen, controller, seed=seed, options=dict(options), progress=progress)
+        result = drive(seen, controller, seed=seed, options=dict(options), progress=progress, every=every)
     run = ControllerRun(name=contender.name, label=contender.label, knows=contender.knows, rollout=result)
     try:
         cost = tick_cost(controller, result) if result.complete else None

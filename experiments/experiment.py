@@ -12,7 +12,7 @@ from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.recording import Progress, Result, Setting
 
 LONGEST = 300_000
-"""control periods a run may have: all of them are kept in memory"""
+"""control periods a run may have"""
 FAR = 100.0
 """rad or m: the error that ends a run where all are to be compared to the end; what passes it has diverged"""
 

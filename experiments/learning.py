@@ -12,7 +12,7 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.control import AdaptationLaw, ComputedTorque, Gains, SlotineLi, mapped_gain
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.experiments.contest import Contender, Outcome, contest
+from adaptctl.experiments.contest import Contender, Outcome, contest, live_subject
 from adaptctl.experiments.experiment import ClosedLoopExperiment, setting, stated
 from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
 from adaptctl.recording import Comparison, ControllerRun, Failure, Finding, Progress, Result, Setting, shown, wording
@@ -102,6 +102,7 @@ class Learning(ClosedLoopExperiment):
         basis = fundamental_basis(space)
         progress(OFFLINE, 1.0)
         outcome = self.outcome(env, mechanism, basis, progress)
+        subject = self.contenders(mechanism, basis)[0].controller
         findings = tuple(self.findings(outcome, basis))
         return Comparison(
             experiment=self.name,
@@ -121,6 +122,7 @@ class Learning(ClosedLoopExperiment):
             more_drawings=tuple(self.drawings(outcome, basis)),
             answer=self.answer(outcome, Found(findings)) if outcome.complete else None,
             expected=self.expected,
+            live=live_subject(env, subject, self.seed, self.options) if outcome.complete else "",
         )
 
     def outcome(

@@ -10,10 +10,11 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
-from adaptctl.experiments.adaptation_laws import AdaptationLaws, smallest_eigenvalue
+from adaptctl.experiments.adaptation_laws import AdaptationLaws
 from adaptctl.experiments.contest import Contender, Outcome
 from adaptctl.experiments.experiment import FAR, setting
 from adaptctl.experiments.learning import ADAPTATION_OFF, Found
+from adaptctl.experiments.memories import memory_findings, smallest_eigenvalue
 from adaptctl.experiments.parameter_errors import SAMPLES, ParameterErrors
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
 from adaptctl.recording import ControllerRun, Failure, Finding
@@ -29,7 +30,9 @@ LAWS = (
     "composite",
     "bounded-gain-forgetting",
     "cushioned-floor",
+    "composite-learning",
     "natural",
+    "consistent-lift",
     "gradient",
 )
 TELLING, TELLING_LOOPS = 0.25, 0.1
@@ -106,6 +109,7 @@ class NoiseAndDelay(AdaptationLaws):
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
         """Findings: each estimate's error and drift, shares of saturation, and the delay that the loop tolerates."""
         errors = self._errors(outcome, basis)
+        contenders = {one.name: one for one in self.contenders(outcome.mechanism, basis)}
         for run in outcome.runs:
             if (over_time := errors.of(run)) is None:
                 continue
@@ -116,7 +120,8 @@ class NoiseAndDelay(AdaptationLaws):
             share = float(run.rollout.marks["torque_limited"].mean())
             yield Finding(f"saturated.{run.name}", share, "1", f"{run.label}: share of periods with a torque held back")
             if run.name == "natural":
-                yield smallest_eigenvalue(outcome.mechanism, run)
+                yield smallest_eigenvalue(outcome.mechanism, run, run.rollout.estimate)
+            yield from memory_findings(contenders[run.name].controller, run, outcome.mechanism)
         yield from self._loop(outcome.mechanism)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:

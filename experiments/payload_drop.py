@@ -34,7 +34,7 @@ class PayloadDrop(AdaptationLaws):
     name: ClassVar[str] = "payload-drop"
     title: ClassVar[str] = "{robot}: a payload picked up and dropped"
 
-    duration: float = setting(40.0, "length of every run, s", low=0.01, high=300.0)
+    duration: float = setting(40.0, "length of every run, s", low=0.01, high=1000.0)
     velocity_noise: float = setting(
         0.03, "deviation of what is measured of velocities, rad/s: without it errors fall on and on", low=0.0, high=1.0
     )
@@ -47,14 +47,21 @@ class PayloadDrop(AdaptationLaws):
     lever: float = setting(0.05, "its centre before the flange, m", low=-10.0, high=10.0)
     start: float = setting(10.0, "when it is picked up, s", low=0.0, high=300.0)
     stop: float = setting(25.0, "when it is dropped, s", low=0.0, high=300.0)
+    times: int = setting(1, "how often it is picked up and dropped, in equal parts of the run", low=1, high=100)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not WINDOW <= self.start < self.stop < self.duration:
+        if not WINDOW <= self.start < self.stop < self._turn:
+            part = "" if self.times == 1 else f"each of {self.times} parts of "
             raise InputError(
                 f"start, stop: expected {WINDOW:g} s before the payload is picked up, and that it is dropped after "
-                f"that and within the {self.duration:g} s of the run, got {self.start:g} and {self.stop:g}"
+                f"that and within {part}the {self.duration:g} s of the run, got {self.start:g} and {self.stop:g}"
             )
+
+    @property
+    def _turn(self) -> float:
+        """Time (s) from one pickup to the next."""
+        return self.duration / self.times
 
     @property
     def purpose(self) -> str:
@@ -75,13 +82,14 @@ class PayloadDrop(AdaptationLaws):
         """Effects of the plant: the payload, and the noise asked for."""
         from adaptctl.simulation.effects import PayloadHeld
 
-        yield PayloadHeld(self._body(), self.start, self.stop)
+        for k in range(self.times):
+            yield PayloadHeld(self._body(), self.start + k * self._turn, self.stop + k * self._turn)
         yield from super().effects()
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
         """Findings: each law's time to return after each event; where it does not, its error over the earlier."""
         for one in self._recoveries(outcome):
-            name, event = one.run.name, one.event
+            name, event = one.run.name, one.event.replace(" ", "_")
             if one.time is not None:
                 meaning = f"{one.run.label}: time after the {event} until the error is below twice the earlier"
                 yield Finding(f"return_after_{event}.{name}", one.time, "s", meaning)
@@ -97,11 +105,13 @@ class PayloadDrop(AdaptationLaws):
     def answer(self, outcome: Outcome, found: Found) -> str | None:
         """Sentences with the shortest and the longest time to return of the laws that adapt, and those that do not."""
         adapting = [run for run in outcome.runs if run.rollout.estimate.shape[1] and run.name != ADAPTATION_OFF]
-        return " ".join(self._told(event, adapting, found) for event in ("pickup", "drop")) if adapting else None
+        events = ("pickup", "drop", *(("last pickup", "last drop") if self.times > 1 else ()))
+        return " ".join(self._told(event, adapting, found) for event in events) if adapting else None
 
     def _told(self, event: str, runs: Sequence[ControllerRun], found: Found) -> str:
-        back = found.each(f"return_after_{event}", runs, "s", rising=True)
-        lost = found.each(f"not_back_after_{event}", runs, "times the earlier")
+        key = event.replace(" ", "_")
+        back = found.each(f"return_after_{key}", runs, "s", rising=True)
+        lost = found.each(f"not_back_after_{key}", runs, "times the earlier")
         said = [f"below twice the earlier in {' to '.join(dict.fromkeys((back[0], back[-1])))}"] if back else []
         said += [f"not back at {', '.join(lost)}"] if lost else []
         return f"Errors after the {event}: {'; '.join(said) or 'no law came so far'}."
@@ -121,10 +131,15 @@ class PayloadDrop(AdaptationLaws):
         yield from super().drawings(outcome, basis)
 
     def _recoveries(self, outcome: Outcome) -> Iterator[Recovery]:
-        """Recovery of every run after each event that it reached."""
+        """Recovery of every run after the first and the last of each event that it reached."""
+        events = [("pickup", self.start, self.stop), ("drop", self.stop, self._turn)]
+        if self.times > 1:
+            late = (self.times - 1) * self._turn
+            events += [(f"last {event}", begin + late, end + late) for event, begin, end in events]
+            events[1] = ("drop", self.stop, self._turn + self.start)
         for run in outcome.runs:
             earlier = self._earlier(run)
-            for event, begin, end in (("pickup", self.start, self.stop), ("drop", self.stop, self.duration)):
+            for event, begin, end in events:
                 if earlier is not None and run.duration > begin:
                     yield recovery(run, event, earlier, begin, end)
 

@@ -42,7 +42,7 @@ def recovery(run: ControllerRun, event: str, earlier: float, begin: float, end: 
 
 def time_to_return(run: ControllerRun, begin: float, end: float, below: float) -> float | None:
     """Time (s) from `begin` to the first WINDOW before `end` with an RMS error below a bound; None for never."""
-    length = round(WINDOW / run.rollout.control_period)
+    length = round(WINDOW / run.rollout.spacing)
     coming = run.moving_rms_error(WINDOW)[length - 1 :]
     time = run.rollout.time[: len(coming)]
     back = np.flatnonzero((time >= begin) & (time <= end - WINDOW) & (coming < below))

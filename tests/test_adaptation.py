@@ -16,6 +16,8 @@ from adaptctl.control import (
     AdaptationLaw,
     BoundedGainForgetting,
     Composite,
+    CompositeLearning,
+    ConcurrentLearning,
     CushionedFloor,
     DeadZone,
     EModification,
@@ -35,7 +37,7 @@ from adaptctl.control import (
 from adaptctl.control.adaptation.law import NoMemory
 from adaptctl.control.adaptation.natural import moved_body
 from adaptctl.control.adaptation.prediction import Filtered, TorqueFilter
-from adaptctl.control.controller import leaves
+from adaptctl.control.memory import leaves
 from adaptctl.description.inertia import from_pseudo_inertia, pseudo_inertia
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.identifiability import ReducedModel
@@ -65,6 +67,8 @@ LAWS: dict[str, Callable[[str], AdaptationLaw]] = {
     "subspace": lambda name: Subspace(np.ones(4), np.eye(len(gain(name)))[:, 1:5]),
     "bounded-gain forgetting": lambda name: BoundedGainForgetting(gain(name), 0.1),
     "cushioned floor": lambda name: CushionedFloor(gain(name), 0.1),
+    "composite learning": lambda name: CompositeLearning(gain(name), 0.1, alarm=1.0),
+    "concurrent learning": lambda name: ConcurrentLearning(gain(name), 0.1, samples=3, threshold=1e-3),
 }
 
 

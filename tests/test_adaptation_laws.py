@@ -14,8 +14,9 @@ from adaptctl.description.inertia import is_physically_consistent
 from adaptctl.dynamics import load
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.experiments.adaptation_laws import LAWS, AdaptationLaws
-from adaptctl.experiments.rough_model import deviations, scaled_links
+from adaptctl.experiments.rough_model import deviations
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
+from adaptctl.tuning.rough_links import scaled_links
 
 COMMAND = ("experiment", "run", "adaptation-laws")
 CHOSEN = ("composite", "gradient", "gradient-euler", "dead-zone", "natural", "pd-gravity")
@@ -55,9 +56,9 @@ def test_each_tick_has_its_price(said: dict[str, Any]) -> None:
         assert 0.0 < tick["native"] < 1e-6 * said["findings"][f"tick_floats.{name}"]["value"]
 
 
-def test_the_trapezium_lets_v_rise_less_than_euler(said: dict[str, Any]) -> None:
-    rises = {name: said["runs"][name]["lyapunov_max_increase"] for name in ("gradient", "gradient-euler")}
-    assert rises["gradient"] < rises["gradient-euler"]
+def test_the_lyapunov_function_hardly_rises_between_samples(said: dict[str, Any]) -> None:
+    for name in ("gradient", "gradient-euler"):
+        assert said["runs"][name]["lyapunov_max_increase"] < 1e-3 * said["lyapunov_initial"]
 
 
 def test_parameter_errors_are_drawn(out: Path, said: dict[str, Any]) -> None:

@@ -87,7 +87,10 @@ def test_help_answers_at_once() -> None:
 @pytest.mark.parametrize(
     ("command", "told"),
     [
-        ((), "a command is missing: basis, gains, identify, excite, tune, experiment, sweep; see adaptctl --help"),
+        (
+            (),
+            "a command is missing: basis, gains, identify, excite, tune, design, export, experiment, sweep; see",
+        ),
         (
             ("bases",),
             'Unknown command "bases". Did you mean "basis"? Available commands: basis, gains,',

@@ -42,7 +42,7 @@ from adaptctl.control import (
     TaskSpaceSlotineLi,
     lyapunov,
 )
-from adaptctl.control.controller import leaves
+from adaptctl.control.memory import leaves
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.recursion.kinematics import link_poses
 from adaptctl.errors import GainError, InputError

@@ -13,7 +13,7 @@ from random_trees import random_chain
 from adaptctl.arrays import Array
 from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.control import ComputedTorque, Controller, Guarded, ReferencePoint, SlotineLi, adaptation_gain
-from adaptctl.control.controller import leaves
+from adaptctl.control.memory import leaves
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import InputError, NonFiniteError
@@ -177,7 +177,7 @@ def test_the_law_runs_on_arrays_of_samples(held: Guarded) -> None:
     inputs = [smooth(seed)[0] for seed in range(4)]
     inputs[2][0, 0] = np.nan
     start = held.init(np.zeros(6), np.zeros(6))
-    from adaptctl.control.controller import like
+    from adaptctl.control.memory import like
 
     batch = [Column(np.array([x[i] for x in inputs]).T) for i in range(5)]
     memory = like(start, [Column(np.tile(part[:, None], 4)) for part in leaves(start)])

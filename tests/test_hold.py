@@ -11,12 +11,14 @@ from scipy.optimize import differential_evolution
 
 from adaptctl.arrays import Array
 from adaptctl.control import SlotineLi, Workspace, hold_number, least_definite
-from adaptctl.control.gains.hold import hold_numbers, require_hold, slowest_decay
+from adaptctl.control.gains.hold import LARGEST_SAMPLED_GAIN, hold_numbers, require_hold, slowest_decay
 from adaptctl.control.gains.workspace import everywhere, position_range, sampled_configurations
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import GainError, InputError
 from adaptctl.identifiability import ReducedModel
+from benchmarks.hold_limits import BANDWIDTH, bisected
+from benchmarks.stability import random_arm
 
 
 def own_damping(mechanism: Mechanism, rate: float) -> Array:
@@ -73,6 +75,17 @@ def test_with_friction_the_limit_is_that_of_the_exact_hold(stiff: float, viscous
 def hold_scale(arm: Mechanism, damping: float, wanted: float) -> float:
     """The damping with a given hold number, which is proportional to it."""
     return damping * wanted / hold_number(arm, damping, 1e-3).value
+
+
+@pytest.mark.parametrize("seed", [0, 5])
+def test_what_is_accepted_is_at_least_seven_tenths_of_what_rings(seed: int) -> None:
+    """Closed loops simulated from a small velocity, their damping raised by bisection until they ring somewhere."""
+    arm = random_arm(np.random.default_rng(1000 + seed))
+    shape = own_damping(arm, 1.0)
+    free = hold_number(arm, shape, 1e-3)
+    accepted = shape * (LARGEST_SAMPLED_GAIN - 1e-3 * BANDWIDTH) / free.value
+    rings = bisected(arm, accepted, np.vstack([free.p, sampled_configurations(arm, 5, seed=seed)]), rounds=7)
+    assert 1.0 < rings < 1.0 / 0.7
 
 
 def test_the_estimate_is_a_velocity_feedback_too() -> None:

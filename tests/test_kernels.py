@@ -356,3 +356,9 @@ def test_threads_do_not_see_each_others_numbers(kernel: Kernel) -> None:
 
     with ThreadPoolExecutor(8) as pool:
         assert list(pool.map(work, range(8))) == [0.0] * 8
+
+
+@pytest.mark.parametrize("name", ["2dof_planar", "a b", "élan", '"%0"', "-1", ""])
+def test_any_name_may_be_compiled(name: str) -> None:
+    native = compile_function(lambda x: x + x, {"x": 1}, name=name)
+    assert native([1.5]) == 3.0

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import ast
+import sys
 from collections.abc import Iterator
 from pathlib import Path
+from subprocess import run
 
 import pytest
 
@@ -12,10 +14,12 @@ import adaptctl
 from adaptctl.lazily import homes
 
 ROOT = Path(adaptctl.__file__).parent
+HOME = Path(__file__).parent.parent
 ORDER = (
-    "lazily",
     "version",
     "errors",
+    "packages",
+    "lazily",
     "caching",
     "files",
     "folders",
@@ -30,6 +34,8 @@ ORDER = (
     "simulation",
     "identification",
     "tuning",
+    "design",
+    "codegen",
     "recording",
     "envs",
     "experiments",
@@ -45,7 +51,7 @@ ABOUT = {
     "rerun": {"recording", "experiments.replication", "experiments.serial_versus_graph"},
     "pyarrow": {"recording", "sweeps.folder", "sweeps.run", "sweeps.report"},
     "gymnasium": {"envs"},
-    "rich": {"cli.basis_report", "cli.gains_report", "cli.tune_report"},
+    "rich": {"cli.basis_report", "cli.design_report", "cli.gains_report", "cli.tune_report"},
     "control": set(),
 }
 """Heavy packages, and the modules or folders that are about them; elsewhere they are imported when used."""
@@ -185,3 +191,9 @@ def test_nothing_is_written_twice() -> None:
                 body = node.body[1:] if ast.get_docstring(node) else node.body
                 bodies.setdefault("\n".join(ast.unparse(part) for part in body), []).append(f"{module}.{node.name}")
     assert [where for body, where in bodies.items() if len(where) > 1 and len(body) > 60] == []
+
+
+def test_the_picture_is_what_imports_say() -> None:
+    """`make architecture` draws it anew."""
+    found = run([sys.executable, "docs/extensions/architecture.py", "-"], capture_output=True, text=True, cwd=HOME)
+    assert found.stdout == (HOME / "docs" / "images" / "architecture.svg").read_text(), found.stderr

@@ -17,7 +17,10 @@ from adaptctl.control import (
     AdaptiveComputedTorque,
     BoundedGainForgetting,
     Composite,
+    CompositeLearning,
     ComputedTorque,
+    ConcurrentLearning,
+    ConsistentLift,
     Controller,
     Guarded,
     Natural,
@@ -28,7 +31,7 @@ from adaptctl.control import (
     TaskSpaceSlotineLi,
     adaptation_gain,
 )
-from adaptctl.control.controller import leaves, like
+from adaptctl.control.memory import leaves, like
 from adaptctl.errors import InputError, NonFiniteError
 
 PUMA, LOOP = "puma560_arm3", "semi_direct_drive"
@@ -47,6 +50,17 @@ LAWS: dict[str, Callable[[str], Controller[Any]]] = {
     "gradient": slotine_li,
     "composite": lambda name: slotine_li(name, Composite(gain(name), 0.1)),
     "forgetting": lambda name: slotine_li(name, BoundedGainForgetting(gain(name))),
+    "composite learning": lambda name: slotine_li(name, CompositeLearning(gain(name), 0.1, alarm=0.5)),
+    "concurrent learning": lambda name: slotine_li(
+        name, ConcurrentLearning(gain(name), 0.1, samples=2, threshold=1e-3)
+    ),
+    "lift": lambda name: SlotineLi(
+        reduced(name),
+        8.0,
+        gains(name).damping,
+        ConsistentLift(0.1, arm(name).inertial_parameters, 0.1),
+        reduced(name).fundamental_parameters,
+    ),
     "natural": lambda name: SlotineLi(
         full("puma560_measured"),
         8.0,
@@ -64,8 +78,12 @@ LAWS: dict[str, Callable[[str], Controller[Any]]] = {
     "computed torque": lambda name: ComputedTorque(arm(name), 8.0),
     "pd": lambda name: PDGravity.on(reduced(name), 300.0, gains(name).damping),
     "guarded": lambda name: Guarded(slotine_li(name), torque_limits=40.0, rate_limits=20_000.0),
+    "guarded learning": lambda name: Guarded(
+        slotine_li(name, CompositeLearning(gain(name), 0.1)), torque_limits=40.0, rate_limits=20_000.0
+    ),
 }
-KINDS = [(law, name) for law in LAWS for name in (PUMA, LOOP) if law != "natural" or name == PUMA]
+ON_ONE = {"natural": PUMA, "lift": LOOP, "guarded learning": PUMA}
+KINDS = [(law, name) for law in LAWS for name in (PUMA, LOOP) if ON_ONE.get(law, name) == name]
 
 
 def situations(name: str, arms: int, ticks: int = 1) -> list[tuple[Array, Array, ReferencePoint]]:
@@ -235,7 +253,7 @@ def test_arms_that_do_not_fit_are_refused(controller: SlotineLi, change: dict[st
 
 def test_states_of_other_arms_are_refused(controller: SlotineLi) -> None:
     p, v, goal = situations(PUMA, 5)[0]
-    with pytest.raises(InputError, match=r"state\.estimate: expected shape \(5, \d+\) or \(\d+,\), got \(4, \d+\)"):
+    with pytest.raises(InputError, match=r"state: expected shape \(5, \d+\) or \(\d+,\), got \(4, \d+\)"):
         controller.step(controller.init(p[:4], v[:4]), p, v, goal)
     state = controller.init(p[0], v[0])._replace(elapsed=np.zeros(2))
     with pytest.raises(InputError, match=r"SlotineLi: argument 'state\.elapsed': expected shape \(1,\), got \(2,\)"):

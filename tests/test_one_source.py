@@ -13,7 +13,7 @@ import pytest
 from adaptctl.arrays import Array, stacked
 from adaptctl.compilation import compile_function, compile_step, trace
 from adaptctl.control import PriorRanges, ReferencePoint, SlotineLi, Subspace, adaptation_gain
-from adaptctl.control.controller import leaves, like
+from adaptctl.control.memory import leaves, like
 from adaptctl.dynamics import equation_costs, load
 from adaptctl.dynamics.recursion.momentum import momentum_terms
 from adaptctl.errors import TraceError

@@ -13,11 +13,11 @@ from types import ModuleType
 import pytest
 
 import adaptctl
-from adaptctl import control, description, identifiability
+from adaptctl import control, description, design, identifiability
 from adaptctl.control import adaptation
 from adaptctl.lazily import homes
 
-LAZY = (adaptctl, description, identifiability, control, adaptation)
+LAZY = (adaptctl, description, identifiability, control, adaptation, design)
 """Packages that import what they offer when it is used."""
 OFFERED = [
     (package, home, name)

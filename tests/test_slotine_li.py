@@ -21,7 +21,7 @@ from adaptctl.control import (
     mapped_gain,
     sliding_variable,
 )
-from adaptctl.control.controller import leaves
+from adaptctl.control.memory import leaves
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import GainError, InputError, NonFiniteError, PhysicalConsistencyWarning
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis

@@ -15,7 +15,10 @@ from adaptctl.control import (
     AdaptiveComputedTorque,
     BoundedGainForgetting,
     Composite,
+    CompositeLearning,
     ComputedTorque,
+    ConcurrentLearning,
+    ConsistentLift,
     Controller,
     CushionedFloor,
     DeadZone,
@@ -34,7 +37,7 @@ from adaptctl.control import (
     TaskSpaceSlotineLi,
 )
 from adaptctl.control.adaptation.prediction import decayed
-from adaptctl.control.controller import leaves
+from adaptctl.control.memory import leaves
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import GainError, InputError, NotFoundError
 from adaptctl.identifiability import ReducedModel
@@ -56,7 +59,7 @@ def slotine_li(adaptation: Any = None, kind: type[SlotineLi] = SlotineLi, **more
 
 LAWS: dict[str, Controller[Any]] = {
     "gradient": slotine_li(GAIN),
-    "euler": slotine_li(Gradient(GAIN, euler=True)),
+    "euler": slotine_li(Gradient(GAIN, theta=0.0, cap=0.0)),
     "matrix": slotine_li(np.diag(GAIN) + 0.1),
     "dead zone": slotine_li(DeadZone(GAIN, np.array([0.05, 0.04, 0.06]))),
     "sigma": slotine_li(SigmaModification(GAIN, 0.2, TRUE)),
@@ -64,6 +67,9 @@ LAWS: dict[str, Controller[Any]] = {
     "composite": slotine_li(Composite(GAIN, 0.3, 15.0)),
     "forgetting": slotine_li(BoundedGainForgetting(GAIN, 0.3, 15.0, 1.5, 3.0)),
     "floor": slotine_li(CushionedFloor(GAIN, 0.3, 15.0, 1.5)),
+    "composite learning": slotine_li(CompositeLearning(GAIN, 0.3, 15.0, 1.5, 2.0, 1e-9, 1.0)),
+    "concurrent learning": slotine_li(ConcurrentLearning(GAIN, 0.3, 15.0, 3, 1e-9)),
+    "lift": slotine_li(ConsistentLift(0.2, 0.9 * TRUE, 0.3, 15.0)),
     "natural": slotine_li(Natural(0.2)),
     "projection": slotine_li(Projection(Gradient(GAIN), -WIDE, WIDE)),
     "subspace": slotine_li(Subspace(GAIN[:4], np.eye(K)[:, :4])),
@@ -79,7 +85,9 @@ LAWS: dict[str, Controller[Any]] = {
 def changed(law: Controller[Any]) -> Controller[Any]:
     """The law with every number a little greater, each array by a share of its own."""
     rng = np.random.default_rng(0)
-    return law.tuned({name: (1.0 + 0.1 * rng.random()) * array for name, array in law.numbers.items()})
+    shares = {name: 1.0 + 0.1 * rng.random() for name in law.numbers}
+    shares["adaptation.lift"] = shares.get("initial", 1.0)  # a lift has the first estimate
+    return law.tuned({name: shares[name] * array for name, array in law.numbers.items()})
 
 
 def ticks(law: Controller[Any], count: int = 4) -> list[Array]:

@@ -140,4 +140,7 @@ def _tell(result: Result, folder: Path) -> None:
     answers = result.facts
     width = max(len(question) for question, _ in answers)
     print("\n".join(f"  {question:<{width}}  {answer}" for question, answer in answers))
-    print(f"\nLook at it:  rerun {folder / 'recording.rrd'}\nRead it:     {folder / 'report.html'}")
+    print()
+    if (folder / "recording.rrd").exists():
+        print(f"Look at it:  rerun {folder / 'recording.rrd'}")
+    print(f"Read it:     {folder / 'report.html'}")

@@ -19,6 +19,7 @@ from adaptctl.errors import (
     PhysicalConsistencyWarning,
     SimplificationWarning,
 )
+from adaptctl.packages import needed
 
 DONE, FAILED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
 
@@ -56,6 +57,8 @@ app.command("adaptctl.cli.gains:gains", name="gains", help="Gains of a robot's t
 app.command("adaptctl.cli.identify:identify", name="identify", help="A robot's parameters from logs of its motion.")
 app.command("adaptctl.cli.excite:excite", name="excite", help="Motions for a robot that tell of its parameters.")
 app.command("adaptctl.cli.tune:tune", name="tune", help="A reference and gains for a robot, verified in closed loop.")
+app.command("adaptctl.cli.design:design", name="design", help="What masses and counterweights do to a robot.")
+app.command("adaptctl.cli.export:export", name="export", help="A robot's controller as C or WebAssembly.")
 app.command("adaptctl.cli.experiment:app", name="experiment", help="List experiments and run them.")
 app.command("adaptctl.cli.sweep:app", name="sweep", help="Many runs of an experiment, on this machine or a cluster.")
 
@@ -71,7 +74,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
                 offer_own(given)
             _require_command(given)
-            return int(app(given) or DONE)
+            with needed(_called(app.parse_commands(given)[0])):
+                return int(app(given) or DONE)
         except CycloptsError as error:
             return _complain(_reason(error), WRONG_INPUT)
         except InputError as error:

@@ -2,19 +2,21 @@
 
 %array = type {i64, ptr, ptr, i32, ptr, ptr, ptr, ptr, i32}
 ; references, type, data, ndim, shape, strides, base, dtype, flags (numpy/ndarraytypes.h)
+%tuple = type {i64, ptr, i64, [0 x ptr]}
+; references, type, size, items (cpython/Include/cpython/tupleobject.h)
 
 @numpy.ndarray = external global i8
 @numpy.float64 = external global i8
 declare ptr @numpy.new(ptr, i32, ptr, i32, ptr, ptr, i32, i32, ptr)
 declare ptr @PyObject_Vectorcall(ptr, ptr, i64, ptr)
 declare ptr @PyTuple_New(i64)
-declare i32 @PyTuple_SetItem(ptr, i64, ptr)
+declare ptr @PyType_GenericAlloc(ptr, i64)
 declare ptr @PyFloat_FromDouble(double)
 declare void @Py_DecRef(ptr)
 
 $shapes
 
-define ptr @call(ptr %instead, ptr %arguments, i64 %count) nounwind {
+define ptr @call(ptr %kept, ptr %arguments, i64 %count) nounwind {
   $numbers
   %counted = icmp eq i64 %count, $expected
   br i1 %counted, label %look, label %unusual
@@ -23,6 +25,8 @@ look:
   $look
 
 unusual:
+  %instead.at = getelementptr %tuple, ptr %kept, i32 0, i32 3, i64 0
+  %instead = load ptr, ptr %instead.at
   %other = call ptr @PyObject_Vectorcall(ptr %instead, ptr %arguments, i64 %count, ptr null)
   ret ptr %other
 
@@ -44,6 +48,23 @@ infinite:
 
 finite:
   $packed
+}
+
+; Whether an object is a tuple of this type and size.
+define internal i1 @is(ptr %object, ptr %expected, i64 %count) nounwind alwaysinline {
+  %type.at = getelementptr %tuple, ptr %object, i32 0, i32 1
+  %type = load ptr, ptr %type.at
+  %is.tuple = icmp eq ptr %type, %expected
+  br i1 %is.tuple, label %tuple, label %other
+
+tuple:
+  %size.at = getelementptr %tuple, ptr %object, i32 0, i32 2
+  %size = load i64, ptr %size.at
+  %is.long = icmp eq i64 %size, %count
+  ret i1 %is.long
+
+other:
+  ret i1 false
 }
 
 ; The numbers of a usual array of this length; null for any other object.

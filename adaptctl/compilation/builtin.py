@@ -11,8 +11,9 @@ import ctypes
 import functools
 import math
 import sys
-from collections.abc import Callable, Iterable, Sequence
-from typing import Any, Literal, TypeAlias
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from types import MappingProxyType
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -26,7 +27,47 @@ Finite: TypeAlias = bool | Literal["results"]
 _ENTRY = "call"
 _FASTCALL = 0x80  # METH_FASTCALL: an array of arguments and their number
 _NEW = 93  # PyArray_New in NumPy's table of functions
-_PYTHON = ("PyObject_Vectorcall", "PyTuple_New", "PyTuple_SetItem", "PyFloat_FromDouble", "Py_DecRef")
+_PYTHON = ("PyObject_Vectorcall", "PyTuple_New", "PyType_GenericAlloc", "PyFloat_FromDouble", "Py_DecRef")
+
+
+class Place(NamedTuple):
+    """Where a column comes from: the number of an argument and, if that is a tuple, of the item in it."""
+
+    argument: int | None
+    """None for what the function has been bound to"""
+    item: int | None = None
+
+
+class Form(NamedTuple):
+    """How a routine's columns come from a function's arguments and go back.
+
+    `places` has where each column comes from. `tuples` has the arguments that are tuples, and how many items each has;
+    its type is known when the function is made, as is what it is bound to. The results that `wrapped` names become the
+    only item of a tuple of the same type as an argument.
+    """
+
+    places: tuple[Place, ...]
+    tuples: Mapping[int, int] = MappingProxyType({})
+    wrapped: Mapping[int, int] = MappingProxyType({})
+
+    @classmethod
+    def plain(cls, count: int) -> Form:
+        """The form of a function of so many columns: each is an argument."""
+        return cls(tuple(Place(k) for k in range(count)))
+
+    @property
+    def arguments(self) -> list[int]:
+        """Numbers of the arguments."""
+        return sorted({place.argument for place in self.places if place.argument is not None})
+
+    @property
+    def types(self) -> dict[int, int]:
+        """Where the function has the types of those that are tuples, among what it keeps."""
+        return {argument: 1 + k for k, argument in enumerate(self.tuples)}
+
+    def bound(self, column: int) -> int:
+        """Where the function has a column that it is bound to, among what it keeps."""
+        return 1 + len(self.tuples) + sum(place.argument is None for place in self.places[:column])
 
 
 class _Array(ctypes.Structure):
@@ -61,6 +102,9 @@ def has_builtins() -> bool:
     """Whether this Python keeps arrays as is expected here. If so, native code is told where it finds what it needs."""
     if sys.implementation.name != "cpython" or object.__basicsize__ != _Array.data.offset:
         return False
+    items = (object(),)
+    if ctypes.c_void_p.from_address(id(items) + tuple.__basicsize__).value != id(items[0]) or tuple.__basicsize__ != 24:
+        return False
     probe = np.zeros((5, 3))[:, 1]
     array, ndarray, float64 = _Array.from_address(id(probe)), id(np.ndarray), id(np.dtype(np.float64))
     found = array.type, array.data, array.ndim, array.shape[0], array.dtype, array.flags
@@ -75,63 +119,76 @@ def has_builtins() -> bool:
     return True
 
 
-def builtin(code: NativeCode, name: str, instead: Callable[..., Any]) -> Callable[..., Any]:
-    """Python's function for code that `builtin_source` is part of; `instead` is called for unusual arguments."""
+def builtin(code: NativeCode, name: str, instead: Callable[..., Any], *bound: Any) -> Callable[..., Any]:
+    """Python's function for code that `builtin_source` is part of; `instead` is called for unusual arguments.
+
+    It is bound to types of tuples, and then to arrays, as its form says.
+    """
     definition = _Definition(name.encode(), code.address(_ENTRY), _FASTCALL, None)
-    owner = _Owner(instead, code, definition)
+    kept = (instead, *bound, code, definition)
     new = _api("PyCFunction_NewEx", ctypes.py_object, ctypes.c_void_p, ctypes.py_object, ctypes.c_void_p)
-    return new(ctypes.addressof(definition), owner, None)
-
-
-class _Owner:
-    """What a built-in function keeps alive: its code, its definition, and the function called instead."""
-
-    __slots__ = ("__call__", "kept")
-
-    def __init__(self, instead: Callable[..., Any], *kept: Any) -> None:
-        self.__call__, self.kept = instead, kept
+    return new(ctypes.addressof(definition), kept, None)
 
 
 def _api(name: str, *types: Any) -> Callable[..., Any]:
     return ctypes.PYFUNCTYPE(*types)((name, ctypes.pythonapi))
 
 
-def builtin_source(routine: Routine, symbol: str, *, finite: Finite) -> str:
+def builtin_source(routine: Routine, symbol: str, *, finite: Finite, form: Form) -> str:
     """LLVM IR of the function; if `finite`, NaN and infinity are unusual too, computed or even given."""
     shapes, inputs = dict(enumerate(routine.layout.shapes)), dict(enumerate(routine.inputs))
     arrays, numbers = ([k for k, shape in shapes.items() if bool(shape) is wanted] for wanted in (True, False))
     sizes = {f"%in{k}": n for k, n in inputs.items()} | {f"%out{k}": math.prod(shape) for k, shape in shapes.items()}
-    fitting = [f"icmp ne ptr %in{k}, null" for k in inputs]
-    made = [f"icmp ne ptr %result{k}, null" for k in arrays]
+    fitting = [*(f"and i1 %is{i}, true" for i in form.tuples), *(f"icmp ne ptr %in{k}, null" for k in inputs)]
+    fresh = [*(f"%result{k}" for k in arrays), *(f"%wrap{k}" for k in form.wrapped)]
     checked = {pointer: n for pointer, n in sizes.items() if finite is True or (finite and pointer.startswith("%out"))}
     sound = [f"call i1 @finite(ptr {pointer}, i64 {n})" for pointer, n in checked.items()]
+    allocated = [_ALLOCATE.format(k, len(shapes[k])) for k in arrays]
+    wrapped = [_WRAP.format(k, form.types[argument]) for k, argument in form.wrapped.items()]
     pieces = {
         "shapes": [_SHAPE.format(k, len(shapes[k]), ", ".join(f"i64 {n}" for n in shapes[k])) for k in arrays],
         "numbers": [f"%out{k} = alloca double" for k in numbers],
-        "look": [*(_LOOK.format(k, n) for k, n in inputs.items()), _branch(fitting, "usual", "unusual")],
-        "allocate": [*(_ALLOCATE.format(k, len(shapes[k])) for k in arrays), _branch(made, "compute", "failed")],
+        "look": [*_found(form, inputs), _branch(fitting, "usual", "unusual")],
+        "allocate": [*allocated, *wrapped, _branch([f"icmp ne ptr {x}, null" for x in fresh], "compute", "failed")],
         "data": [_DATA.format(k) for k in arrays],
         "check": [_branch(sound, "finite", "infinite")],
-        "released": [f"call void @Py_DecRef(ptr %result{k})" for k in arrays],
-        "packed": _packed(numbers, len(shapes), in_tuple=routine.layout.container is not None),
+        "released": [f"call void @Py_DecRef(ptr {x})" for x in fresh],
+        "packed": _packed(form, numbers, len(shapes), in_tuple=routine.layout.container is not None),
     }
     texts = {name: "\n  ".join(lines) for name, lines in pieces.items()}
     pointers = ", ".join(f"ptr {pointer}" for pointer in sizes)
-    text = Lanes().filled("builtin", expected=len(inputs), routine=symbol, pointers=pointers, **texts)
+    text = Lanes().filled("builtin", expected=len(form.arguments), routine=symbol, pointers=pointers, **texts)
     return f"{text}\n{Lanes().filled('finite')}"
 
 
-def _packed(numbers: Sequence[int], count: int, *, in_tuple: bool) -> list[str]:
+def _found(form: Form, inputs: Mapping[int, int]) -> list[str]:
+    """The numbers of each column, wherever it comes from."""
+    lines = [_ARGUMENT.format(i) for i in form.arguments]
+    lines += [_TUPLE.format(i, form.types[i], size) for i, size in form.tuples.items()]
+    for k, n in inputs.items():
+        argument, item = form.places[k]
+        given = f"%argument{argument}"
+        if argument is None or item is not None:
+            source, at = ("%kept", form.bound(k)) if argument is None else (f"%tuple{argument}", item)
+            lines.append(_ITEM.format(f"%column{k}", source, at))
+            given = f"%column{k}"
+        lines.append(f"%in{k} = call ptr @usual(ptr {given}, i64 {n})")
+    return lines
+
+
+def _packed(form: Form, numbers: Sequence[int], count: int, *, in_tuple: bool) -> list[str]:
     """What is returned: the only result, or a tuple of all."""
     boxed = [_BOXED.format(k) for k in numbers]
     if not in_tuple:
         return [*boxed, "ret ptr %result0"]
+    parts = [f"%wrap{k}" if k in form.wrapped else f"%result{k}" for k in range(count)]
     return [
         f"%results = call ptr @PyTuple_New(i64 {count})",
         _branch(["icmp ne ptr %results, null"], "pack", "failed"),
         "pack:",
         *boxed,
-        *(f"%set{k} = call i32 @PyTuple_SetItem(ptr %results, i64 {k}, ptr %result{k})" for k in range(count)),
+        *(_SET.format(f"%wrapped{k}", f"%wrap{k}", 0, f"%result{k}") for k in form.wrapped),
+        *(_SET.format(f"%set{k}", "%results", k, part) for k, part in enumerate(parts)),
         _branch([f"icmp ne ptr %result{k}, null" for k in numbers], "packed", "lost"),
         "lost:",
         "call void @Py_DecRef(ptr %results)",
@@ -152,9 +209,23 @@ def _branch(conditions: Iterable[str], then: str, otherwise: str) -> str:
 
 _SHAPE = "@shape{0} = private constant [{1} x i64] [{2}]"
 
-_LOOK = """%argument{0}.at = getelementptr ptr, ptr %arguments, i64 {0}
-  %argument{0} = load ptr, ptr %argument{0}.at
-  %in{0} = call ptr @usual(ptr %argument{0}, i64 {1})"""
+_ARGUMENT = """%argument{0}.at = getelementptr ptr, ptr %arguments, i64 {0}
+  %argument{0} = load ptr, ptr %argument{0}.at"""
+
+_ITEM = """{0}.at = getelementptr %tuple, ptr {1}, i32 0, i32 3, i64 {2}
+  {0} = load ptr, ptr {0}.at"""
+
+_SET = """{0} = getelementptr %tuple, ptr {1}, i32 0, i32 3, i64 {2}
+  store ptr {3}, ptr {0}"""
+
+_TUPLE = """%type{0}.at = getelementptr %tuple, ptr %kept, i32 0, i32 3, i64 {1}
+  %type{0} = load ptr, ptr %type{0}.at
+  %is{0} = call i1 @is(ptr %argument{0}, ptr %type{0}, i64 {2})
+  %tuple{0} = select i1 %is{0}, ptr %argument{0}, ptr %kept ; another is not read, and what is kept is as long"""
+
+_WRAP = """%wrap{0}.type.at = getelementptr %tuple, ptr %kept, i32 0, i32 3, i64 {1}
+  %wrap{0}.type = load ptr, ptr %wrap{0}.type.at
+  %wrap{0} = call ptr @PyType_GenericAlloc(ptr %wrap{0}.type, i64 1)"""
 
 _ALLOCATE = """%result{0} = call ptr @numpy.new(ptr @numpy.ndarray, i32 {1}, ptr @shape{0}, i32 12, ; NPY_DOUBLE
     ptr null, ptr null, i32 0, i32 0, ptr null)"""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from adaptctl.compilation.builtin import Finite
+from adaptctl.compilation.builtin import Finite, Form
 from adaptctl.compilation.kernel import Given, Kernel, compile_function
 from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.scalars import Column
@@ -50,7 +50,13 @@ def _plain(result: Any) -> NDArray[np.float64] | float:
 
 
 def native_or_floats(
-    function: Equation, arguments: Mapping[str, int], links: int, *, name: str = "", finite: Finite = False
+    function: Equation,
+    arguments: Mapping[str, int],
+    links: int,
+    *,
+    name: str = "",
+    finite: Finite = False,
+    form: Form | None = None,
 ) -> Kernel | OnFloats:
     """`function` for a mechanism of so many links, compiled up to LARGEST_COMPILED, in Python beyond.
 
@@ -58,4 +64,4 @@ def native_or_floats(
     """
     if links > LARGEST_COMPILED:
         return OnFloats(function, arguments, name=name, finite=finite)
-    return compile_function(function, arguments, name=name, finite=finite)
+    return compile_function(function, arguments, name=name, finite=finite, form=form)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.compilation.batch import ENTRY, NativeBatch, batch
-from adaptctl.compilation.builtin import Finite, builtin, builtin_source, has_builtins
+from adaptctl.compilation.builtin import Finite, Form, builtin, builtin_source, has_builtins
 from adaptctl.compilation.lanes import Lanes
 from adaptctl.compilation.llvm import program
 from adaptctl.compilation.native import NativeCode, load
@@ -25,17 +25,23 @@ _DOUBLE = np.dtype(np.float64)
 
 
 def compile_function(
-    function: Callable[..., Any], arguments: Mapping[str, int], *, name: str = "", finite: Finite = False
+    function: Callable[..., Any],
+    arguments: Mapping[str, int],
+    *,
+    name: str = "",
+    finite: Finite = False,
+    form: Form | None = None,
 ) -> Kernel:
     """Native code for `function`, which is called once with Columns by keyword: `arguments` has names and lengths.
 
     The function returns a scalar, a Column, a list of Columns (the rows of a matrix), or a tuple or NamedTuple of
     these; the kernel returns the same with numbers and arrays in their place. If `finite`, it refuses NaN and
-    infinity, in what it is given and in what it computes; if "results", only in the latter.
+    infinity, in what it is given and in what it computes; if "results", only in the latter. `form` is how the function
+    that `Kernel.otherwise` makes has its columns, an argument each unless given.
     """
     if not arguments:
         raise InputError(f"{name or function}: expected at least one argument")
-    return Kernel(lambda: trace(function, arguments, name=name), arguments, finite=finite)
+    return Kernel(lambda: trace(function, arguments, name=name), arguments, finite=finite, form=form)
 
 
 class Kernel:
@@ -53,8 +59,11 @@ class Kernel:
     __slots__ = ("__call__", "__dict__", "__weakref__")
     __call__: Callable[..., Any]  # kept in a slot, it is called with no step through Python
 
-    def __init__(self, traced: Callable[[], Routine], arguments: Mapping[str, int], *, finite: Finite) -> None:
+    def __init__(
+        self, traced: Callable[[], Routine], arguments: Mapping[str, int], *, finite: Finite, form: Form | None = None
+    ) -> None:
         routine = traced()
+        self._plain, self._form = form is None, form or Form.plain(len(arguments))
         self._traced, self._layout, self._finite = traced, routine.layout, finite
         self._latest: Routine | None = routine
         self.name, self.operations = routine.name, routine.operations
@@ -69,7 +78,7 @@ class Kernel:
     def call(self) -> Callable[..., Any]:
         """What is called with nothing around it, once its code is made."""
         if self._called is None:
-            self._called = self.__call__ = self._as_builtin() if has_builtins() else self._one_sample
+            self._called = self.__call__ = self._as_builtin() if has_builtins() and self._plain else self._one_sample
         return self._called
 
     @property
@@ -78,7 +87,7 @@ class Kernel:
         if self._single is None and has_builtins():
             routine = self._routine()
             text, symbol = program(routine, Lanes())
-            self._single = load(f"{text}\n{builtin_source(routine, symbol, finite=self._finite)}")
+            self._single = load(f"{text}\n{builtin_source(routine, symbol, finite=self._finite, form=self._form)}")
         return self._single
 
     def _routine(self) -> Routine:
@@ -104,9 +113,12 @@ class Kernel:
             result if shape else result.reshape(samples) for result, shape in zip(results, self.outputs, strict=True)
         )
 
-    def otherwise(self, instead: Callable[..., Any]) -> Callable[..., Any]:
-        """The kernel on usual arguments with a finite outcome; what is called in place of it on others."""
-        return builtin(self._code, self.name, instead) if has_builtins() else instead
+    def otherwise(self, instead: Callable[..., Any], *bound: Any) -> Callable[..., Any]:
+        """The kernel, in its form, on usual arguments with a finite outcome; what is called in place of it on others.
+
+        It is bound to the types of the form's tuples, and then to the arrays that no argument has.
+        """
+        return builtin(self._code, self.name, instead, *bound) if has_builtins() else instead
 
     @property
     def _batch(self) -> Callable[..., bool]:

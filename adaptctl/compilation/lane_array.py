@@ -46,6 +46,13 @@ class LaneArray:
             rows = np.concatenate([rows, np.repeat(rows[..., -1:, :], spare, axis=-2)], axis=-2)
         part[...] = rows.reshape(part.shape)
 
+    def view(self, name: str) -> Array:
+        """A column (..., n) of the only member, as it is in memory."""
+        if self.members != 1 or self.lanes != 1:
+            raise InputError(f"view: expected one member in one lane, got {self.members} in {self.lanes}")
+        column: Array = self.blocks[..., 0, self._place(name), 0]
+        return column
+
     def put(self, name: str, members: ArrayLike, values: ArrayLike) -> None:
         """Assign to some members, by number (k,), what broadcasts to (k, n)."""
         chosen = np.asarray(members)

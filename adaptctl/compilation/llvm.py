@@ -41,7 +41,7 @@ def _symbols(routine: Routine) -> dict[Routine, str]:
     while pending:
         r = pending.pop()
         if r not in found:
-            found[r] = f"{re.sub('[^A-Za-z0-9_]', '_', r.name)}.{len(found)}"
+            found[r] = f"of_{re.sub('[^A-Za-z0-9_]', '_', r.name)}.{len(found)}"  # a digit may not come first
             pending += r.calls
     return found
 

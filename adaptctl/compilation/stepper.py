@@ -113,12 +113,23 @@ class Ensemble:
             raise InputError(f"steps: expected a whole number of at least 0, got {steps}")
         shared, driven = self._signals(int(steps), signals)
         outputs = self._record(int(steps)) if record else self._latest
-        arrays = self.state, self.held, shared, driven, outputs
         strides = shared.stride, driven.stride, outputs.stride if record else 0
-        self._run(threads, int(steps), strides, arrays)
+        self._run(threads, int(steps), strides, (self.state, self.held, shared, driven, outputs), outputs.address)
         axes = (steps, self.members) if record else (self.members,)
         parts = zip(outputs.columns, self.stepper.outputs, strict=True)
         return tuple(outputs[name].reshape(*axes, *shape) for name, shape in parts)
+
+    def room(self, steps: int) -> LaneArray:
+        """Room for the outputs of so many steps, to be recorded into."""
+        return self._array(self._outputs, steps)
+
+    def record_into(self, room: LaneArray, first: int, steps: int, signals: Mapping[str, ArrayLike]) -> None:
+        """Take a number of steps as `run` does, and put their outputs where there is room for them from a step on."""
+        if not 0 <= first <= first + steps <= len(room.blocks):
+            raise InputError(f"record: expected steps from 0 to {len(room.blocks)}, got {first} to {first + steps}")
+        shared, driven = self._signals(steps, signals)
+        strides, arrays = (shared.stride, driven.stride, room.stride), (self.state, self.held, shared, driven, room)
+        self._run(1, steps, strides, arrays, room.address + 8 * first * room.stride)
 
     def _record(self, steps: int) -> LaneArray:
         """Room for the outputs of all steps, that of the last run if it fits: memory is slow when it is new."""
@@ -138,9 +149,11 @@ class Ensemble:
         finally:
             _wait_for(others)
 
-    def _take(self, first: int, last: int, steps: int, strides: tuple[int, ...], arrays: tuple[LaneArray, ...]) -> None:
-        """The steps of some blocks; whoever takes them holds the memory."""
-        self.stepper.native(first, last, steps, *strides, *[array.address for array in arrays])
+    def _take(
+        self, first: int, last: int, steps: int, strides: tuple[int, ...], arrays: tuple[LaneArray, ...], out: int
+    ) -> None:
+        """The steps of some blocks, outputs going to an address; whoever takes them holds the memory."""
+        self.stepper.native(first, last, steps, *strides, *[array.address for array in arrays[:-1]], out)
 
     def _signals(self, steps: int, signals: Mapping[str, ArrayLike]) -> tuple[LaneArray, LaneArray]:
         """The shared ones (steps, n), in one block of equal lanes, and the driven ones."""

@@ -33,6 +33,7 @@ from adaptctl.control.lyapunov import lyapunov as lyapunov
 from adaptctl.control.lyapunov import sliding_variable as sliding_variable
 from adaptctl.control.passivity_integral import PassivityIntegral as PassivityIntegral
 from adaptctl.control.pd_gravity import PDGravity as PDGravity
+from adaptctl.control.references import Halted as Halted
 from adaptctl.control.references import MinimumJerk as MinimumJerk
 from adaptctl.control.references import Sinusoids as Sinusoids
 from adaptctl.control.references import Spline as Spline

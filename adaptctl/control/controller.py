@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache
+from itertools import chain, islice
 from math import prod
-from typing import Any, ClassVar, Generic, NamedTuple, NoReturn, Protocol, Self, TypeVar
+from typing import Any, ClassVar, Generic, NamedTuple, NoReturn, Protocol, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, checked
-from adaptctl.caching import cached_property
+from adaptctl.caching import cached_property, replaced_by
 from adaptctl.compilation import Kernel
-from adaptctl.compilation.builtin import Finite
+from adaptctl.compilation.builtin import Finite, Form, Place, has_builtins
 from adaptctl.compilation.floats import OnFloats, native_or_floats
+from adaptctl.compilation.kernel import Given
 from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.control.many_arms import ManyArms
+from adaptctl.control.memory import InOneArray, Memory, in_one_array, leaves, like, paths
 from adaptctl.errors import InputError, NonFiniteError, TraceError
 from adaptctl.scalars import Column, Structure, Tunable
 
@@ -38,11 +41,8 @@ class Reference(Protocol):
         ...
 
 
-GAINS = "gains"
-"""Name of the column of a law's gains."""
-
-Memory = TypeVar("Memory", bound=tuple[Any, ...])
-"""A law's memory between ticks: a NamedTuple of columns and of such memories, arrays on the outside."""
+GAINS, MEMORY = "gains", "memory"
+"""Names of the columns of a law's gains, and of its memory in one array."""
 
 
 class Controller(Tunable, ABC, Generic[Memory]):
@@ -86,16 +86,16 @@ class Controller(Tunable, ABC, Generic[Memory]):
     def init(self, p: ArrayLike, v: ArrayLike, gains: Mapping[str, Array] | None = None) -> Memory:
         """The state before the first tick, from measured positions and velocities (..., r).
 
-        Leading axes are arms, and each has its own state: leaves (..., n). `gains` by their names in `numbers`, with
-        the same leading axes, are those of arms that have their own; they are not checked.
+        Leading axes are arms, and each has its own state: leaves (..., n), all in one array. `gains` by their names in
+        `numbers`, with the same leading axes, are those of arms that have their own; they are not checked. Raises
+        `NonFiniteError` where the state would not be finite.
         """
         positions, velocities = self._measured(p, "p"), self._measured(v, "v")
-        started = (self.having(gains) if gains else self).start(positions, velocities)
-        if positions.ndim == 1:
-            return started
-        sizes = self._memory_sizes.values()
-        own = zip(leaves(started), sizes, strict=True)
-        return like(started, (np.broadcast_to(x, (*positions.shape[:-1], size)).copy() for x, size in own))
+        with np.errstate(over="ignore", invalid="ignore"):
+            started = (self.having(gains) if gains else self).start(positions, velocities)
+        if not all(np.isfinite(part).all() for part in leaves(started)):
+            raise NonFiniteError(f"{type(self).__name__}: the first state is not finite, though all it was given is")
+        return self._remembering(self._array_of(started, positions.shape[:-1]))
 
     def restart(self, state: Memory, arms: ArrayLike, p: ArrayLike, v: ArrayLike) -> Memory:
         """The state of many arms with some of them, a mask (...), before their first tick again.
@@ -109,12 +109,11 @@ class Controller(Tunable, ABC, Generic[Memory]):
             )
         if not chosen.any():
             return state
-        restarted = []
-        for old, new in zip(leaves(state), leaves(self.init(p[chosen], v[chosen])), strict=True):
-            restarted.append(np.broadcast_to(old, (*chosen.shape, new.shape[-1])).copy())
-            restarted[-1][chosen] = new
-        return like(state, restarted)
+        memory = np.array(self._array_of(state, chosen.shape))
+        memory[chosen] = self._array_of(self.init(p[chosen], v[chosen]), (int(chosen.sum()),))
+        return self._remembering(memory)
 
+    @replaced_by("_step_one")
     def step(self, state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint) -> tuple[Array, Memory]:
         """One tick on arrays: the torque (..., r) and the next state.
 
@@ -123,12 +122,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
         outcome is not finite, of any arm: nothing non-finite leaves a controller. The state given is as it was, so
         the arm that is named can be dealt with, or all arms wrapped in `Guarded`, which brakes that one alone.
         """
-        if (p.ndim if type(p) is np.ndarray else np.ndim(p)) > 1:
-            return self._step_many(state, p, v, reference)
-        try:
-            return self._step_one(state, p, v, reference)
-        except NonFiniteError:
-            self._blame(p, v, reference)
+        return self._step_one(state, p, v, reference)
 
     def compile(self, many: bool = False) -> Self:
         """The controller itself, compiled now instead of at its first step, for one arm or for `many`."""
@@ -137,13 +131,69 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @cached_property
     def _step_one(self) -> Callable[..., tuple[Array, Memory]]:
-        return on_memories(self._tick.call, self._blank, (self.packed,) if self.packed.size else ())
+        """A tick: native code, which calls `_step_any` with what is not usual."""
+        return self._native(self._step_any) if self._has_native else self._step_any
+
+    def _step_any(self, state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint) -> tuple[Array, Memory]:
+        """A tick on whatever is like arrays, of one arm or many."""
+        if np.ndim(p) > 1:
+            return self._step_many(state, p, v, reference)
+        given = Given(type(self).__name__, self._given_sizes).arrays((p, v, *reference))
+        columns = given[0], given[1], ReferencePoint(*given[2:])
+        return self._step_usual(self._remembering(self._array_of(state, ())), *columns)
+
+    @cached_property
+    def _step_usual(self) -> Callable[..., tuple[Array, Memory]]:
+        """A tick of one arm on usual arrays."""
+        if self._has_native:
+            return self._native(lambda state, *given: self._blame(*given))
+
+        def step(state: Any, p: Array, v: Array, reference: ReferencePoint) -> tuple[Array, Memory]:
+            try:
+                torque, memory = self._tick.call(p, v, *reference, state._array, *self._bound)
+            except NonFiniteError:
+                self._blame(p, v, reference)
+            return torque, self._remembering(memory)
+
+        return step
+
+    @property
+    def _has_native(self) -> bool:
+        return isinstance(self._tick, Kernel) and has_builtins()
+
+    def _native(self, instead: Callable[..., Any]) -> Callable[..., Any]:
+        """A tick of one arm in native code; what is called in place of it where arrays or outcome are not usual."""
+        kernel: Any = self._tick
+        otherwise: Callable[..., Any] = kernel.otherwise(instead, self._kind, ReferencePoint, *self._bound)
+        return otherwise
+
+    @property
+    def _bound(self) -> tuple[Array, ...]:
+        """The gains, where there are any."""
+        return (self.packed,) if self.packed.size else ()
+
+    def _remembering(self, array: Array) -> Memory:
+        """The memory whose columns are in this array (..., n)."""
+        memory: Memory = self._kind._of(array)
+        return memory
+
+    def _array_of(self, memory: tuple[Any, ...], arms: tuple[int, ...]) -> Array:
+        """The columns of a memory in one array (..., n), for so many arms (...)."""
+        if type(memory) is self._kind:
+            return _row_each(memory._array, arms, "state")  # type: ignore[attr-defined]
+        if arms:
+            columns = _columns(leaves(memory), self._memory_sizes, arms)
+            shaped = [values.reshape(*arms, -1) if values.ndim > 1 else values for values in columns.values()]
+            rows = [_row_each(values, arms, name) for name, values in zip(columns, shaped, strict=True)]
+        else:
+            rows = Given(type(self).__name__, self._memory_sizes).arrays(leaves(memory))
+        return np.concatenate(rows or [np.zeros((*arms, 0))], axis=-1)
 
     @property
     def kernel(self) -> Kernel | None:
         """The law as native code, which can count its operations; None above LARGEST_COMPILED joints.
 
-        It takes p, v, the reference's parts, the leaves of the memory and, where there are any, the gains (`packed`).
+        It takes p, v, the reference's parts, the memory in one array and, where there are any, the gains (`packed`).
         """
         return self._tick if isinstance(self._tick, Kernel) else None
 
@@ -168,15 +218,20 @@ class Controller(Tunable, ABC, Generic[Memory]):
         arms = np.shape(p)[:-1]
         columns = _columns((p, v, *reference), self._given_sizes, arms)
         columns |= dict.fromkeys(self.gain_sizes, self.packed)
-        memory = _columns(leaves(state), self._memory_sizes, arms)
-        torque, after = self._many.step(prod(arms), columns, memory)
-        for what, made in (("torque", torque), *(("state", part) for part in after)):
+        torque, (memory,) = self._many.step(prod(arms), columns, {MEMORY: self._rows(state, arms)})
+        for what, made in (("torque", torque), ("state", memory)):
             if not np.isfinite(made).all():
                 self._blame(p, v, reference, made.reshape(*arms, -1), what)
         if self.finite is True and not all(np.isfinite(values).all() for values in columns.values()):
             self._blame(p, v, reference)
-        after = after if len(arms) == 1 else [values.reshape(*arms, values.shape[1]) for values in after]
-        return torque.reshape(*arms, torque.shape[1]), like(state, after)
+        if len(arms) > 1:
+            memory = memory.reshape(*arms, memory.shape[1])
+        return torque.reshape(*arms, torque.shape[1]), self._remembering(memory)
+
+    def _rows(self, state: Memory, arms: tuple[int, ...]) -> Array:
+        """The memory of arms in one array, a row each."""
+        array = self._array_of(state, arms)
+        return array if array.ndim == 2 else array.reshape(-1, array.shape[-1])
 
     @property
     def gain_sizes(self) -> dict[str, int]:
@@ -190,12 +245,41 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @cached_property
     def _memory_sizes(self) -> dict[str, int]:
-        return {name: len(value) for name, value in zip(_paths(self._blank), leaves(self._blank), strict=True)}
+        return {name: len(value) for name, value in zip(paths(self._blank), leaves(self._blank), strict=True)}
 
     @cached_property
     def _blank(self) -> Memory:
         """A memory, to learn its layout from."""
         return self.start(self.home, np.zeros(self.dof))
+
+    @cached_property
+    def _kind(self) -> type[InOneArray]:
+        """The type of memories in one array."""
+        return in_one_array(self._blank)
+
+    def _packed_equation(self) -> Callable[..., tuple[Column, Column]]:
+        """The law as an equation whose memory is one column."""
+        equation, sizes = self._equation(), self._memory_sizes
+
+        def packed(**columns: Column) -> tuple[Column, Column]:
+            memory = iter(columns.pop(MEMORY))
+            parts = {name: Column(islice(memory, size)) for name, size in sizes.items()}
+            torque, *after = equation(**columns, **parts)
+            return torque, Column(chain.from_iterable(after))
+
+        return packed
+
+    @property
+    def _sizes(self) -> dict[str, int]:
+        """Lengths of the columns that a tick is given."""
+        return self._given_sizes | {MEMORY: sum(self._memory_sizes.values())} | self.gain_sizes
+
+    @property
+    def _form(self) -> Form:
+        """How a tick of one arm is called: state, p, v, reference; it is bound to the gains."""
+        reference = (Place(3, 0), Place(3, 1), Place(3, 2))
+        gains = (Place(None),) * len(self.gain_sizes)
+        return Form((Place(1), Place(2), *reference, Place(0, 0), *gains), {0: 1, 3: 3}, {1: 0})
 
     def _equation(self) -> Callable[..., tuple[Column, ...]]:
         def equation(
@@ -255,16 +339,16 @@ def require_tick(law: Any, returned: Any) -> tuple[Column, Any]:
 def _compiled(structure: Structure) -> Kernel | OnFloats:
     """The law of controllers of one structure on arrays; that of the latest is kept."""
     law: Any = structure.of
-    sizes = law._given_sizes | law._memory_sizes | law.gain_sizes
-    return native_or_floats(law._equation(), sizes, law.dof, name=type(law).__name__, finite=law.finite)
+    equation, about = law._packed_equation(), {"name": type(law).__name__, "finite": law.finite, "form": law._form}
+    return native_or_floats(equation, law._sizes, law.dof, **about)
 
 
 @lru_cache(maxsize=16)
 def _many(structure: Structure) -> ManyArms:
     """The law of controllers of one structure on many arms."""
     law: Any = structure.of
-    given = law._given_sizes | law.gain_sizes
-    return ManyArms(law._equation(), given, law._memory_sizes, native=law.dof <= LARGEST_COMPILED)
+    given, memory = law._given_sizes | law.gain_sizes, {MEMORY: law._sizes[MEMORY]}
+    return ManyArms(law._packed_equation(), given, memory, native=law.dof <= LARGEST_COMPILED)
 
 
 def _columns(values: Iterable[ArrayLike], sizes: Mapping[str, int], arms: tuple[int, ...]) -> dict[str, Array]:
@@ -281,55 +365,9 @@ def _columns(values: Iterable[ArrayLike], sizes: Mapping[str, int], arms: tuple[
     return columns
 
 
-def on_memories(
-    tick: Callable[..., tuple[Array, ...]], pattern: Memory, gains: tuple[Array, ...] = ()
-) -> Callable[..., tuple[Array, Memory]]:
-    """A tick from state, p, v and reference to torque and state, made of one on the leaves of states like the pattern,
-    which takes the gains after them.
-
-    Where all leaves come before what is empty, as is usual, none has to be looked for at each tick.
-    """
-    count, kind, new = sum(not isinstance(part, tuple) for part in pattern), type(pattern), tuple.__new__
-    empty = tuple(pattern[count:])
-
-    def searching(state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint) -> tuple[Array, Memory]:
-        torque, *memory = tick(p, v, *reference, *leaves(state), *gains)
-        return torque, like(state, memory)
-
-    def slicing(state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint) -> tuple[Array, Memory]:
-        done = tick(*((p, v) + reference + state[:count] + gains))  # noqa: RUF005  # sums of tuples cost less
-        return done[0], new(kind, done[1:] + empty)
-
-    return slicing if all(isinstance(part, tuple) and not part for part in empty) else searching
-
-
-def leaves(memory: tuple[Any, ...]) -> list[Any]:
-    """The columns of a memory, those of the memories within it in their place."""
-    flat: list[Any] = []
-    for part in memory:
-        if isinstance(part, tuple):
-            flat.extend(leaves(part))
-        else:
-            flat.append(part)
-    return flat
-
-
-def _paths(memory: tuple[Any, ...], to: str = "state") -> Iterator[str]:
-    """Names of a memory's columns, one for each leaf."""
-    for name, part in zip(getattr(memory, "_fields", range(len(memory))), memory, strict=True):
-        if isinstance(part, tuple):
-            yield from _paths(part, f"{to}.{name}")
-        else:
-            yield f"{to}.{name}"
-
-
-def like(pattern: Memory, parts: Iterable[Any]) -> Memory:
-    """The memory of the pattern's kind that has these leaves."""
-    return _filled(pattern, iter(parts))
-
-
-def _filled(pattern: Any, parts: Iterator[Any]) -> Any:
-    filled: list[Any] = []
-    for part in pattern:
-        filled.append(_filled(part, parts) if isinstance(part, tuple) else next(parts))
-    return type(pattern)(*filled)
+def _row_each(array: Array, arms: tuple[int, ...], name: str) -> Array:
+    """Numbers (..., n) of each arm, those of one arm (n,) for all."""
+    size = array.shape[-1]
+    if array.shape not in ((*arms, size), (size,)):
+        raise InputError(f"{name}: expected shape {(*arms, size)} or {(size,)}, got {array.shape}")
+    return array if array.shape[:-1] == arms else np.broadcast_to(array, (*arms, size))

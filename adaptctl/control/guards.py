@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, per_joint
-from adaptctl.control.controller import Controller, ReferencePoint, leaves
+from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.control.gains.hold import require_period
+from adaptctl.control.memory import leaves
 from adaptctl.control.ringing import Ringing
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column, Scalar, absolute, clip, column, maximum, minimum, where

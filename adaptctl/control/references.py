@@ -15,8 +15,9 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array, frozen_array
 from adaptctl.caching import cached_property
 from adaptctl.compilation import compile_function
-from adaptctl.control.controller import ReferencePoint
+from adaptctl.control.controller import Reference, ReferencePoint
 from adaptctl.errors import InputError
+from adaptctl.packages import needed
 from adaptctl.scalars import Column, Scalar, clip, cos, sin, where
 
 DEGREE = 5
@@ -228,7 +229,8 @@ class Spline:
     @cached_property
     def _curves(self) -> tuple[Any, Any, Any]:
         """The spline and its derivatives."""
-        from scipy.interpolate import make_interp_spline
+        with needed("Spline"):
+            from scipy.interpolate import make_interp_spline
 
         spline = make_interp_spline(self.times, self.positions, k=DEGREE)
         return spline, spline.derivative(), spline.derivative(2)
@@ -275,3 +277,33 @@ class MinimumJerk:
     @cached_property
     def _starts(self) -> list[float]:
         return self.times.tolist()
+
+
+@dataclass(frozen=True, eq=False)
+class Halted:
+    """Another reference up to a time `stop` (s), then along its path to rest within `over` s, and there for good.
+
+    Its time runs as 1 - quintic step, so that positions, velocities and accelerations stay continuous: motion that
+    excites for an interval, and no longer.
+    """
+
+    of: Reference
+    stop: float
+    over: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite([self.stop, self.over]).all() and self.stop >= 0.0 and self.over > 0.0):
+            raise InputError(
+                f"halted: expected a stop at 0 s or later, and a positive time to come to rest, got {self.stop} and "
+                f"{self.over} s"
+            )
+
+    def __call__(self, t: ArrayLike, /) -> ReferencePoint:
+        """The reference (..., r) at times (...)."""
+        time = np.asarray(t, dtype=np.float64)
+        u = np.clip((time - self.stop) / self.over, 0.0, 1.0)
+        fallen, slope, _ = quintic(u)
+        gone = u**4 * (2.5 + u * (u - 3.0))  # the integral of the step
+        inner = self.of(np.where(u > 0.0, self.stop + self.over * (u - gone), time))
+        rate, change = (1.0 - fallen)[..., None], (-slope / self.over)[..., None]
+        return ReferencePoint(inner.p, inner.v * rate, inner.a * rate**2 + inner.v * change)

@@ -40,9 +40,7 @@ def watch(controller: SlotineLi, run: _Run, mechanism: Mechanism, every: int = 1
     s = sliding_variable(controller, run)
     p, v, estimate = run.p[::every], run.v[::every], run.estimate[::every]
     parameters = controller.model.embed(estimate)
-    hold = hold_numbers(
-        mechanism, p, controller.damping, controller.period, controller.bandwidth, estimate=parameters.T
-    )
+    hold = hold_numbers(mechanism, p, controller.damping, controller.period, controller.bandwidth, estimate=parameters)
     heard = ringing(s)[::every]
     law = controller.adaptation_law
     if law is None:

@@ -7,10 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.description.description import GROUND, Link
+from adaptctl.description.description import GROUND, Description, Link
 
 AT_JOINT = 1e-6
 """m from its joint within which a link's frame is at the joint, and does not say where the link ends"""
+SHORTEST = 1e-6
+"""m: shorter lengths are none"""
 
 
 def joint_line(link: Link) -> tuple[Array, Array]:
@@ -24,6 +26,32 @@ def link_end(link: Link) -> Array:
     if np.linalg.norm(start) > AT_JOINT or link.inertia[0] <= 0.0:
         return np.zeros(3)
     return link.inertia[1:4] / link.inertia[0]
+
+
+def attachments(description: Description) -> list[list[Array]]:
+    """Points (3,) of every link, in its frame, where others hang on it or meet it in a loop; its end without any."""
+    points: list[list[Array]] = [[] for _ in description.links]
+    for link in description.links:
+        if link.parent != GROUND:
+            points[link.parent].append(link.near.translation)
+    place = {link.name: i for i, link in enumerate(description.links)}
+    for closure in description.loops.closures if description.loops else ():
+        for name, frame in ((closure.first, closure.first_frame), (closure.second, closure.second_frame)):
+            if name is not None:
+                points[place[name]].append(frame.translation)
+    return [_with_end(own, link) for own, link in zip(points, description.links, strict=True)]
+
+
+def _with_end(points: list[Array], link: Link) -> list[Array]:
+    """Points of a link, its end among them where it reaches beyond the others: a forearm past its elbow.
+
+    A link all of whose neighbours sit in its own joint is a part of that joint, wherever its mass is.
+    """
+    (joint, _), end = joint_line(link), link_end(link)
+    farthest = max((float(np.linalg.norm(point - joint)) for point in points), default=0.0)
+    part_of_joint = bool(points) and farthest <= SHORTEST
+    beyond = np.linalg.norm(end - joint) > farthest + SHORTEST
+    return points if part_of_joint or (points and not beyond) else [*points, end]
 
 
 def chain_reach(links: Sequence[Link], index: int) -> float:

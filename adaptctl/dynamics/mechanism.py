@@ -19,6 +19,7 @@ from adaptctl.dynamics.recursion.segment import segments
 from adaptctl.dynamics.tree_equations import TreeEquations
 from adaptctl.errors import InputError, LoopError
 from adaptctl.markup import table, titled
+from adaptctl.packages import needed
 
 if TYPE_CHECKING:
     import mujoco
@@ -254,12 +255,14 @@ class Mechanism:
             return self._arrays.mass_matrix.call(p, self.inertial_parameters)
         return self._arrays.mass_matrix.into(out, p, self.inertial_parameters)
 
+    @needed("Mechanism.to_pinocchio")
     def to_pinocchio(self) -> pinocchio.Model:
         """The same mechanism as a Pinocchio model, built depth first; with loops, its tree's, loops left open."""
         from adaptctl.description.readers.pinocchio_model import to_pinocchio
 
         return to_pinocchio(self.description)
 
+    @needed("Mechanism.to_pinocchio_constraints")
     def to_pinocchio_constraints(self) -> list[pinocchio.RigidConstraintModel]:
         """The loops as Pinocchio's constraint models, for `to_pinocchio()`'s model; none for a tree.
 
@@ -270,6 +273,7 @@ class Mechanism:
         return to_pinocchio_constraints(self.description, self.to_pinocchio())
 
     @classmethod
+    @needed("Mechanism.from_pinocchio")
     def from_pinocchio(cls, model: pinocchio.Model) -> Mechanism:
         """A mechanism from a Pinocchio model, whatever order it was built in."""
         from adaptctl.description.readers.pinocchio_model import from_pinocchio

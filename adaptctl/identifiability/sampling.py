@@ -75,7 +75,7 @@ def random_states(mechanism: Mechanism, samples: int, generator: np.random.Gener
     length, turns = characteristic_length(mechanism), _turns(mechanism)
     p = generator.uniform(-1.0, 1.0, (samples, mechanism.dof)) * np.where(turns, np.pi, length)
     p = positions_on_branch(mechanism, p, generator)
-    v = generator.normal(size=p.shape) * _rate(mechanism) * np.where(turns, 1.0, length)
+    v = generator.normal(size=p.shape) * characteristic_rate(mechanism) * np.where(turns, 1.0, length)
     return States(p, v, f"random states {whereabouts(mechanism)}")
 
 
@@ -112,7 +112,7 @@ def _spans(count: int, most: int) -> Iterator[tuple[int, int]]:
 def random_accelerations(mechanism: Mechanism, samples: int, generator: np.random.Generator) -> Array:
     """Random accelerations (samples, r) about g/L, to go with `random_states`."""
     per_joint = np.where(_turns(mechanism), 1.0, characteristic_length(mechanism))
-    return generator.normal(size=(samples, mechanism.dof)) * _rate(mechanism) ** 2 * per_joint
+    return generator.normal(size=(samples, mechanism.dof)) * characteristic_rate(mechanism) ** 2 * per_joint
 
 
 def states_within_limits(mechanism: Mechanism, samples: int, seed: int = 0) -> States:
@@ -129,7 +129,7 @@ def states_within_limits(mechanism: Mechanism, samples: int, seed: int = 0) -> S
     lower, upper = np.array([b.lower for b in limits]), np.array([b.upper for b in limits])
     lower, upper = _range(lower, upper, 2.0 * reach, mechanism.home)
     speed = np.array([b.velocity for b in limits])
-    speed = np.where(np.isfinite(speed), speed, _rate(mechanism) * np.where(turns, 1.0, length))
+    speed = np.where(np.isfinite(speed), speed, characteristic_rate(mechanism) * np.where(turns, 1.0, length))
     draw = partial(_uniform, generator, lower, upper)
     p = reachable_positions(mechanism, samples, draw)
     v = generator.uniform(-speed, speed, p.shape)
@@ -152,7 +152,7 @@ def _turns(mechanism: Mechanism) -> Array:
     return np.array([joint.kind.turns for joint in mechanism.primary_joints])
 
 
-def _rate(mechanism: Mechanism) -> float:
+def characteristic_rate(mechanism: Mechanism) -> float:
     """The rate sqrt(g/L) (1/s), at which kinetic and potential energy weigh alike."""
     gravity = float(np.linalg.norm(mechanism.description.gravity)) or float(np.linalg.norm(STANDARD_GRAVITY))
     return float(np.sqrt(gravity / characteristic_length(mechanism)))

@@ -10,6 +10,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.caching import cached_property
+from adaptctl.codegen.live_arm import LiveArm
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identifiability import EssentialSpace, FundamentalBasis, ReducedModel
@@ -59,7 +60,7 @@ class ControllerRun:
     @property
     def duration(self) -> float:
         """Time in closed loop, s."""
-        return len(self.rollout.time) * self.rollout.control_period
+        return self.rollout.duration
 
     def rms_error(self, start: float = 0.0, stop: float = np.inf) -> float | None:
         """Root mean square of the tracking errors of all joints over a stretch of time; None without samples."""
@@ -77,15 +78,15 @@ class ControllerRun:
         return self.rms_error(start=self.duration - SETTLED) if self._lasts(SETTLED) else None
 
     def _lasts(self, length: float) -> bool:
-        """Whether the run has that many seconds, to half a control period."""
-        return self.duration > length - 0.5 * self.rollout.control_period
+        """Whether the run has that many seconds, to half a sample."""
+        return self.duration > length - 0.5 * self.rollout.spacing
 
     def moving_rms_error(self, window: float) -> Array:
         """`rms_error` (T,) over the last `window` seconds before each sample."""
         squares = np.mean(self.rollout.error**2, axis=1)
         sums = np.cumsum(np.concatenate([[0.0], squares]))
         stop = np.arange(1, len(squares) + 1)
-        start = np.maximum(stop - max(1, round(window / self.rollout.control_period)), 0)
+        start = np.maximum(stop - max(1, round(window / self.rollout.spacing)), 0)
         return np.sqrt(np.maximum(sums[stop] - sums[start], 0.0) / (stop - start))
 
     @property
@@ -150,6 +151,8 @@ class Comparison:
     """whether the mechanism's own parameters are the arm's: those of a real arm are not known"""
     expected: Mapping[Failure, str] = field(default_factory=dict)
     """the failures that the experiment expects of its subject, and why: they are its question"""
+    live: LiveArm | str = ""
+    """the subject's closed loop for the report to run, or why there is none"""
 
     def __post_init__(self) -> None:
         if not self.runs or len(self.runs[0].rollout.time) == 0:
@@ -206,7 +209,7 @@ class Comparison:
         return ", ".join(f"m{unit}" for unit in sorted(set(self.position_units), reverse=True))
 
     def limited_steps(self, run: ControllerRun) -> int:
-        """Control periods of a run in which a torque was clipped, or was at its limit."""
+        """Samples of a run in which a torque was clipped, or was at its limit."""
         largest = np.abs(run.rollout.applied) / self.torque_limits
         at_limit = (largest >= AT_LIMIT).any(axis=1) | (run.rollout.clipped > 0.0)
         return int(np.count_nonzero(at_limit))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -44,7 +45,17 @@ def report(comparison: Comparison, figures: Mapping[str, Path]) -> str:
         robot_source=comparison.mechanism.description.source,
         inconsistent=comparison.mechanism.description.inconsistent_links,
         figures=embedded(drawings(comparison), figures),
+        live=live_content(comparison),
+        no_live=comparison.live if isinstance(comparison.live, str) else "",
     )
+
+
+def live_content(comparison: Comparison) -> dict[str, Any] | None:
+    """What a page shows of a live arm; None where there is none."""
+    if isinstance(comparison.live, str):
+        return None
+    binary = base64.b64encode(comparison.live.binary).decode("ascii")
+    return {"binary": binary, "facts": comparison.live.facts, "label": comparison.runs[0].label}
 
 
 class Measured(NamedTuple):

@@ -10,12 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
-from adaptctl.description import GROUND, Description, Link
-from adaptctl.description.reach import chain_reach, joint_line, link_end
+from adaptctl.description import GROUND, Link
+from adaptctl.description.reach import SHORTEST, attachments, chain_reach, joint_line, link_end
 from adaptctl.dynamics import Mechanism
 
-SHORTEST = 1e-6
-"""Lengths (m) below this are not drawn."""
 ROOT_RADIUS, TIP_RADIUS = 0.062, 0.026
 """Radii of the first and the last link as shares of the reach."""
 
@@ -86,32 +84,6 @@ def with_tip(parts: Skeleton, link: int, tip: Array) -> Skeleton:
 def tip_path(parts: Skeleton, rotations: Array, translations: Array) -> Array:
     """Positions (..., 3) of the tip in the world for link rotations (..., N, 3, 3) and origins (..., N, 3)."""
     return translations[..., parts.tip_link, :] + rotations[..., parts.tip_link, :, :] @ parts.tip
-
-
-def attachments(description: Description) -> list[list[Array]]:
-    """Points (3,) of every link, in its frame, where others hang on it or meet it in a loop; its end without any."""
-    points: list[list[Array]] = [[] for _ in description.links]
-    for link in description.links:
-        if link.parent != GROUND:
-            points[link.parent].append(link.near.translation)
-    place = {link.name: i for i, link in enumerate(description.links)}
-    for closure in description.loops.closures if description.loops else ():
-        for name, frame in ((closure.first, closure.first_frame), (closure.second, closure.second_frame)):
-            if name is not None:
-                points[place[name]].append(frame.translation)
-    return [_with_end(own, link) for own, link in zip(points, description.links, strict=True)]
-
-
-def _with_end(points: list[Array], link: Link) -> list[Array]:
-    """Points of a link, its end among them where it reaches beyond the others: a forearm past its elbow.
-
-    A link all of whose neighbours sit in its own joint is a part of that joint, wherever its mass is.
-    """
-    (joint, _), end = joint_line(link), link_end(link)
-    farthest = max((float(np.linalg.norm(point - joint)) for point in points), default=0.0)
-    part_of_joint = bool(points) and farthest <= SHORTEST
-    beyond = np.linalg.norm(end - joint) > farthest + SHORTEST
-    return points if part_of_joint or (points and not beyond) else [*points, end]
 
 
 def _link_shapes(links: tuple[Link, ...], index: int, ends: Sequence[Array], radius: float) -> Iterator[Shape]:

@@ -1,4 +1,4 @@
-"""Traces: runs as tables in Parquet files, one row a control period, named columns with units."""
+"""Traces: runs as tables in Parquet files, one row a sample, named columns with units."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Quantity(NamedTuple):
 
 
 def write_trace(path: str | Path, comparison: Comparison) -> None:
-    """Write every control period of a comparison's subject, losslessly compressed. Raises FileError."""
+    """Write every sample of a comparison's subject, losslessly compressed. Raises FileError."""
     about = {
         "schema": SCHEMA,
         "experiment": comparison.experiment,
@@ -46,6 +46,7 @@ def write_trace(path: str | Path, comparison: Comparison) -> None:
         "run": comparison.subject.name,
         "seed": str(comparison.seed),
         "control_period": repr(comparison.subject.rollout.control_period),
+        "every": str(comparison.subject.rollout.every),
         "complete": str(comparison.complete).lower(),
     }
     write_columns(path, list(quantities(comparison.subject, comparison.mechanism, comparison.model.names)), about)

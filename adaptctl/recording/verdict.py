@@ -19,6 +19,8 @@ class Failure(Enum):
     """torques were at their limits for seconds"""
     NO_BETTER = "no better"
     """the same controller with adaptation off ends with as small an error"""
+    DIFFERS = "differs"
+    """exported code does not repeat what Python did"""
 
 
 @dataclass(frozen=True)

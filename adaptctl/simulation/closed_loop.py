@@ -10,7 +10,8 @@ import numpy as np
 
 from adaptctl.caching import cached_property
 from adaptctl.compilation import Ensemble, Stepper, compile_step
-from adaptctl.control.controller import GAINS, Controller, ReferencePoint, leaves, like
+from adaptctl.control.controller import GAINS, Controller, ReferencePoint
+from adaptctl.control.memory import leaves, like
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column, Structure
 from adaptctl.simulation.plant import Plant
@@ -97,7 +98,7 @@ class ClosedLoop:
         next_measured = (outcome.measured_p, outcome.measured_v) if self._senses else _NOTHING
         marks = Column((*outcome.marks, *(mark[0] for mark in guards(after))))
         estimate = Column(getattr(after, "estimate", ()))
-        energy = Column((self.plant.energy_equation(q, v, columns["parameters"]),))
+        energy = Column((self.plant.energy_equation(q, v, columns["parameters"], columns["drives"]),))
         done = torque, outcome.applied, outcome.clipped, estimate, marks
         return [*outcome[:4], *next_measured, *leaves(after)], Sample(q, v, *measured, energy, *done)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -12,12 +12,26 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.scalars import Column, absolute, where
 from adaptctl.simulation.effects import JointEffect
 from adaptctl.simulation.integrator import Integrator
+from adaptctl.simulation.transmission import Motors, Transmission
 
 HeldMotion: TypeAlias = Callable[[Column, Column, Column, Column], tuple[Column, Column]]
-"""From q (n,), v (r,), torque (r,) and parameters (P,) to the q and v a control period later."""
+"""From q (n,), v (r,), torque (r,) and parameters (P,) to the q and v a control period later; behind springs q has the
+motors' positions (r,) at its end, and v their velocities."""
 
 STILL = 1e-9
 """rad/s (m/s): at smaller speeds the secant of friction is its slope at rest"""
+
+
+class Bodies(NamedTuple):
+    """What moves under a torque, as an integrator needs it."""
+
+    rates: Callable[[Column, Column], Column]
+    """from q and v to the rates of q"""
+    moved: Callable[..., tuple[Column, Column]]
+    """from q, v, torque and parameters to the rates of q and v; and, with an implicit integrator, from how much less
+    the torque is for every rad/s (r,) that v gains in the step"""
+    projected: Callable[[Column], Column]
+    """from q to one that closes all loops better"""
 
 
 def held_motion(
@@ -26,36 +40,22 @@ def held_motion(
     substeps: int,
     integrator: Integrator,
     friction: Sequence[JointEffect] = (),
+    transmission: Transmission | None = None,
 ) -> HeldMotion:
     """The motion over a control period (s), integrated in equal steps; over scalars of any kind.
 
     Where an integrator has several stages, they share one body of the forward dynamics. With loops the dependent
     joints are integrated too, and one Newton step a substep projects them back.
     """
-    dt, equations, several = control_period / substeps, mechanism.equations, integrator.stages > 1
-
-    def accelerated(q: Column, v: Column, torque: Column, parameters: Column) -> Column:
-        if not integrator.implicit:
-            return equations.forward_dynamics(q, v, torque, parameters)
-        secants = _secants(friction, v) if friction else Column(())
-        return equations.damped_dynamics(q, v, torque, parameters, dt, tuple(secants))
-
-    def motion(q: Column, v: Column, torque: Column, parameters: Column) -> tuple[Column, Column]:
-        """Rates of the configuration and of the velocities: together, for loops need their Jacobian for both."""
-        return equations.rates(q, v), accelerated(q, v, torque, parameters)
-
-    shared = outlined(motion) if several else motion
+    dt, several = control_period / substeps, integrator.stages > 1
+    bodies = _rigid(mechanism, integrator, friction, dt)
+    if transmission is not None:
+        bodies = behind_springs(bodies, transmission, dt if integrator.implicit else 0.0)
 
     def substep(q: Column, v: Column, torque: Column, parameters: Column) -> tuple[Column, Column]:
-        def at(q: Column, v: Column) -> tuple[Column, Column]:
-            braked = torque
-            for effect in friction:
-                braked = braked - effect.torque(v)
-            return shared(q, v, braked, parameters)
-
-        rates = (lambda q, v: at(q, v)[0]) if several else equations.rates
-        q, v = integrator.step(lambda q, v: at(q, v)[1], q, v, dt, rates)
-        return equations.projected(q), v
+        rates = (lambda q, v: bodies.moved(q, v, torque, parameters)[0]) if several else bodies.rates
+        q, v = integrator.step(lambda q, v: bodies.moved(q, v, torque, parameters)[1], q, v, dt, rates)
+        return bodies.projected(q), v
 
     repeated = outlined(substep) if substeps > 1 else substep
 
@@ -65,6 +65,58 @@ def held_motion(
         return q, v
 
     return advanced
+
+
+def _rigid(mechanism: Mechanism, integrator: Integrator, friction: Sequence[JointEffect], dt: float) -> Bodies:
+    """The links, with what brakes the joints."""
+    equations = mechanism.equations
+
+    def explicit(q: Column, v: Column, torque: Column, parameters: Column) -> tuple[Column, Column]:
+        """Rates of the configuration and of the velocities: together, for loops need their Jacobian for both."""
+        return equations.rates(q, v), equations.forward_dynamics(q, v, torque, parameters)
+
+    shared = outlined(explicit) if integrator.stages > 1 else explicit
+
+    def moved(q: Column, v: Column, torque: Column, parameters: Column, *firm: Column) -> tuple[Column, Column]:
+        braked = torque
+        for effect in friction:
+            braked = braked - effect.torque(v)
+        if not integrator.implicit:
+            return shared(q, v, braked, parameters)
+        secants = [*([_secants(friction, v)] if friction else []), *firm]
+        more = tuple(sum(secants[1:], secants[0])) if secants else ()
+        return equations.rates(q, v), equations.damped_dynamics(q, v, braked, parameters, dt, more)
+
+    return Bodies(equations.rates, moved, equations.projected)
+
+
+def behind_springs(links: Bodies, transmission: Transmission, dt: float) -> Bodies:
+    """Links and motors together; dt (s) is that of an implicit step, 0 for explicit ones."""
+    r = len(transmission.primary)
+
+    def parted(both: Column) -> tuple[Column, Column]:
+        return Column(both.of[:-r]), Column(both.of[-r:])
+
+    def rates(x: Column, u: Column) -> Column:
+        (q, _), (v, w) = parted(x), parted(u)
+        return joined(links.rates(q, v), w)
+
+    def moved(x: Column, u: Column, torque: Column, parameters: Column) -> tuple[Column, Column]:
+        (q, theta), (v, w) = parted(x), parted(u)
+        springs = transmission.springs(q, v, Motors(theta, w, transmission.motors(parameters)), torque, dt)
+        q_rates, a = links.moved(q, v, springs.torque, transmission.links(parameters), springs.firm)
+        return joined(q_rates, w), joined(a, springs.spin(v + dt * a))
+
+    def projected(x: Column) -> Column:
+        q, theta = parted(x)
+        return joined(links.projected(q), theta)
+
+    return Bodies(rates, moved, projected)
+
+
+def joined(links: Column, motors: Column) -> Column:
+    """One column of the links' numbers and the motors' (r,)."""
+    return Column((*links, *motors))
 
 
 def _secants(friction: Sequence[JointEffect], v: Column) -> Column:

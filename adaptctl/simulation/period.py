@@ -12,7 +12,7 @@ from typing import NamedTuple
 from adaptctl.scalars import Column, clip
 from adaptctl.simulation.effects import PlantEffects
 from adaptctl.simulation.effects.plant_effects import differs
-from adaptctl.simulation.held_motion import HeldMotion
+from adaptctl.simulation.held_motion import HeldMotion, joined
 
 
 class PeriodOutcome(NamedTuple):
@@ -23,7 +23,7 @@ class PeriodOutcome(NamedTuple):
     v: Column
     """(r,) velocities"""
     drives: Column
-    """memory of the actuator effects"""
+    """memory of the actuator effects, then the motors' positions and velocities behind springs"""
     sensors: Column
     """memory of the sensor effects"""
     measured_p: Column
@@ -54,15 +54,28 @@ class ControlPeriod:
         without sensors, and parameters (P,); others are left alone."""
         q, v, torque = columns["q"], columns["v"], columns["torque"]
         applied = limited = self.limited(torque)
-        drives, marks = columns["drives"], Column(())
+        drives, marks, springs = columns["drives"], Column(()), 2 * len(v) if self.effects.elastic is not None else 0
+        drives, motors = Column(drives.of[: len(drives) - springs]), Column(drives.of[len(drives) - springs :])
         if self.effects.actuators:
             driven, drives, marks = self.effects.driven(limited, drives, self.length)
             applied = self.limited(driven)
-        q, v = self.motion(q, v, applied, columns["parameters"])
+        q, v, motors = self._moved(q, v, motors, applied, columns["parameters"])
+        told = (Column(motors.of[: len(v)]), Column(motors.of[len(v) :])) if self.effects.senses_motors else None
         p = Column(q[i] for i in self.primary)
-        measured = self.effects.measured(p, v, columns["noise"], columns["sensors"], self.length)
+        measured = self.effects.measured(*(told or (p, v)), columns["noise"], columns["sensors"], self.length)
+        drives = joined(drives, motors)
         clipped = Column((differs(torque, limited),))
         return PeriodOutcome(q, v, drives, measured[2], *measured[:2], applied, clipped, marks)
+
+    def _moved(
+        self, q: Column, v: Column, motors: Column, torque: Column, parameters: Column
+    ) -> tuple[Column, Column, Column]:
+        """The joints, and the motors behind springs (2r,), at the end."""
+        if self.effects.elastic is None:
+            return *self.motion(q, v, torque, parameters), motors
+        n, r = len(q), len(v)
+        x, u = self.motion(joined(q, Column(motors.of[:r])), joined(v, Column(motors.of[r:])), torque, parameters)
+        return Column(x.of[:n]), Column(u.of[:r]), joined(Column(x.of[n:]), Column(u.of[r:]))
 
     def limited(self, torque: Column) -> Column:
         """The torque (r,) clipped to the limits."""

@@ -25,6 +25,8 @@ from adaptctl.simulation.held_motion import held_motion
 from adaptctl.simulation.integrator import Integrator, RungeKutta4
 from adaptctl.simulation.period import ControlPeriod
 from adaptctl.simulation.plant_state import PlantState
+from adaptctl.simulation.stiffness import require_substeps
+from adaptctl.simulation.transmission import Motors, Transmission
 
 _DOUBLE = np.dtype(np.float64)
 
@@ -68,6 +70,8 @@ class Plant(Tunable):
         self._effects.require(self.dof, self._links, self.control_period)
         if self.loads:
             require_ten_a_link(self.mechanism)
+        if self._transmission is not None and not self.integrator.implicit:
+            require_substeps(self.mechanism, self._transmission, self.control_period, self.substeps)
 
     @property
     def dof(self) -> int:
@@ -86,16 +90,17 @@ class Plant(Tunable):
 
     @cached_property
     def noise_size(self) -> int:
-        """Number of standard normal numbers that the sensors take a control period: 2r, 0 without sensors."""
-        return 2 * self.dof if self._effects.sensors else 0
+        """Number of standard normal numbers that the sensors take a control period: 2r, 0 where there are none, and
+        encoders not on elastic joints' motors."""
+        return 2 * self.dof if self._effects.sensors or self._effects.senses_motors else 0
 
     @cached_property
     def sizes(self) -> dict[str, int]:
         """Lengths of the columns that `equation` passes from one control period to the next."""
         still, period = np.zeros(self.dof), self.control_period
         memories = self._effects.drive_memory(still, period), self._effects.sensor_memory(still, still, period)
-        joints = {"q": self.mechanism.equations.joints, "v": self.dof}
-        return joints | {"drives": len(memories[0]), "sensors": len(memories[1])}
+        joints, motors = {"q": self.mechanism.equations.joints, "v": self.dof}, 2 * self.dof if self._elastic else 0
+        return joints | {"drives": len(memories[0]) + motors, "sensors": len(memories[1])}
 
     def parameters(self, own: Array, time: float) -> Array:
         """The inertial parameters (..., P) at a time (s): `own`, with what the effects load on them."""
@@ -114,7 +119,8 @@ class Plant(Tunable):
     ) -> PlantState:
         """The state at time zero, from positions and velocities (..., r), of as many arms as there are.
 
-        The joints have been held still by the torque that gravity asks for on `parameters` (..., P); `noise` (..., 2r)
+        The joints have been held still by the torque that gravity asks for on `parameters` (..., P), which stretches
+        the springs of elastic ones; their motors move as the links do. `noise` (..., 2r)
         is that of the first measurement, none unless given. Raises `SingularityError` where loops cannot be followed
         to p, `InputError` on a wrong shape and `NonFiniteError` on NaN or infinity.
         """
@@ -124,11 +130,14 @@ class Plant(Tunable):
         p, v = p.copy(), v.copy()
         q, arms = self.mechanism.configuration(p), p.shape[:-1]
         held = np.zeros_like(p)
-        if self._effects.actuators:
+        if self._effects.actuators or self._elastic:
             held = self._holding(q, self._true(0.0) if parameters is None else parameters)
         drives = self._effects.drive_memory(held, self.control_period)
-        sensors = self._effects.sensor_memory(p, v, self.control_period)
-        measured = self._measured(p, v, self._silence if noise is None else noise, sensors)
+        theta = p if self._transmission is None else p + held / self._transmission.stiffness
+        drives = np.concatenate((drives, theta, v), axis=-1) if self._elastic else drives
+        told = theta if self._effects.senses_motors else p
+        sensors = self._effects.sensor_memory(told, v, self.control_period)
+        measured = self._measured(told, v, self._silence if noise is None else noise, sensors)
         marks = np.zeros((*arms, len(self.marks)))
         return PlantState(0.0, p, v, q, *measured[:2], held, False, marks, drives, measured[2])
 
@@ -166,7 +175,8 @@ class Plant(Tunable):
     def energy(self, state: PlantState, parameters: ArrayLike | None = None) -> float:
         """Kinetic plus potential energy, in J, with parameters (P,) as in `step`."""
         true = self._true(state.time) if parameters is None else parameters
-        (energy,) = self._energy(state.q, state.v, true)
+        motors = (state.drives,) if self._elastic else ()
+        (energy,) = self._energy(state.q, state.v, true, *motors)
         return float(energy[0])
 
     def compile(self) -> None:
@@ -189,14 +199,20 @@ class Plant(Tunable):
     def equation(self) -> ControlPeriod:
         """A control period over scalars of any kind: what `step` evaluates."""
         settings = self.control_period, self.substeps, self.integrator
-        motion = held_motion(self.mechanism, *settings, self._effects.joints)
+        motion = held_motion(self.mechanism, *settings, self._effects.joints, self._transmission)
         primary = tuple(self.mechanism.description.primary)
         return ControlPeriod(motion, self._effects, tuple(self._limits.tolist()), primary, self.control_period)
 
-    def energy_equation(self, q: Column, v: Column, parameters: Column) -> Scalar:
-        """Kinetic plus potential energy, in J, over scalars of any kind."""
-        energy: Scalar = self.mechanism.equations.energy_regressor(q, v) @ parameters
-        return energy
+    def energy_equation(self, q: Column, v: Column, parameters: Column, drives: Column) -> Scalar:
+        """Kinetic plus potential energy, in J, that of springs and motors included; over scalars of any kind."""
+        regressor, springs = self.mechanism.equations.energy_regressor(q, v), self._transmission
+        if springs is None:
+            rigid: Scalar = regressor @ parameters
+            return rigid
+        theta, w = (Column(drives.of[len(drives) - k * self.dof :][: self.dof]) for k in (2, 1))
+        motors = Motors(theta, w, springs.motors(parameters))
+        elastic: Scalar = regressor @ springs.links(parameters) + springs.energy(q, motors)
+        return elastic
 
     def primary(self, q: Column) -> Column:
         """The primary joints' positions p (r,) among the tree's q (n,)."""
@@ -226,10 +242,11 @@ class Plant(Tunable):
         return _energy_of(self.structure)
 
     def _measuring(self) -> Callable[..., tuple[Array]]:
-        def energy(q: Column, v: Column, parameters: Column) -> tuple[Column]:
-            return (Column((self.energy_equation(q, v, parameters),)),)
+        def energy(q: Column, v: Column, parameters: Column, drives: Column = Column(())) -> tuple[Column]:  # noqa: B008
+            return (Column((self.energy_equation(q, v, parameters, drives),)),)
 
-        return self._native(energy, "energy", {name: self.sizes[name] for name in ("q", "v")})
+        kept = {"drives": self.sizes["drives"]} if self._elastic else {}
+        return self._native(energy, "energy", {name: self.sizes[name] for name in ("q", "v")}, kept)
 
     @cached_property
     def _sense(self) -> Kernel | None:
@@ -281,7 +298,16 @@ class Plant(Tunable):
     @cached_property
     def _chained(self) -> bool:
         """Whether anything stands between controller and joints."""
-        return bool(self._effects.actuators or self._effects.sensors)
+        return bool(self._effects.actuators or self._effects.sensors or self._elastic)
+
+    @property
+    def _elastic(self) -> bool:
+        return self._effects.elastic is not None
+
+    @cached_property
+    def _transmission(self) -> Transmission | None:
+        """The springs of elastic joints."""
+        return None if self._effects.elastic is None else Transmission.of(self.mechanism, self._effects.elastic)
 
     @cached_property
     def _silence(self) -> Array:

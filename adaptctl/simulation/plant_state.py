@@ -9,7 +9,7 @@ from adaptctl.arrays import Array
 
 class PlantState(NamedTuple):
     """An arm of r joints at one time, what was measured of it, and what its drives and sensors remember; of many arms
-    with leading axes. Without sensors, what is measured is the truth."""
+    with leading axes. Without sensors, what is measured is the truth, of the motors where encoders sit there."""
 
     time: float
     """s"""
@@ -30,6 +30,6 @@ class PlantState(NamedTuple):
     marks: Array
     """(m,) 1 for each of `Plant.marks` that held a torque back in the last period, else 0"""
     drives: Array
-    """memory of the actuator effects"""
+    """memory of the actuator effects; with `ElasticJoints`, then the motors' positions (r,) and velocities (r,)"""
     sensors: Array
     """memory of the sensor effects"""

@@ -13,6 +13,7 @@ from adaptctl.arrays import Array, frozen
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.errors import InputError
 from adaptctl.simulation.closed_loop import guards
+from adaptctl.simulation.kept_samples import KeptSamples
 from adaptctl.simulation.run import Rollout
 from adaptctl.simulation.sampled_references import REFERENCE
 
@@ -31,6 +32,8 @@ def rollout(
     seed: int | None = None,
     options: dict[str, Any] | None = None,
     progress: Callable[[float], object] | None = None,
+    every: int = 1,
+    last: float | None = None,
 ) -> Rollout:
     """Drive an environment with a controller from reset to termination or truncation.
 
@@ -38,18 +41,19 @@ def rollout(
     `observation_slices` that name PARTS. `info` may tell `applied_torque`, `energy` (J), `clipped` (a count);
     what it does not tell is taken as the torque commanded, NaN, and 0. It may tell true positions `p` and
     velocities `v`, and `marks`, a mapping from names to numbers; so may the controller's state, as a NamedTuple
-    `marks`. `progress` is called about a hundred times with the share done.
+    `marks`. `progress` is called about a hundred times with the share done. A sample of `every` so many control
+    periods is kept, and with `last` only those of the last so many seconds: memory for no more is taken.
 
     Ctrl-C ends the run but keeps what was computed, marked `complete=False`.
     Raises `InputError` for an environment that cannot be driven; what controller and environment raise passes.
     """
-    loop = _SteppedRun(env, controller, seed, options)
-    every = max(1, (loop.steps or 0) // 100)
+    loop = _SteppedRun(env, controller, seed, options, every, last)
+    told = max(1, (loop.steps or 0) // 100)
     complete, started = False, perf_counter()
     try:
         while not (loop.terminated or loop.truncated):
             loop.tick()
-            if progress is not None and loop.steps is not None and loop.count % every == 0:
+            if progress is not None and loop.steps is not None and loop.count % told == 0:
                 progress(min(1.0, loop.count / loop.steps))
         complete = True
     except KeyboardInterrupt:
@@ -66,9 +70,11 @@ class _SteppedRun:
         controller: Controller[Any],
         seed: int | None,
         options: dict[str, Any] | None,
+        every: int,
+        last: float | None,
     ) -> None:
         self._parts, self.control_period = interface(env, controller)
-        self.steps = known_steps(env)
+        self.steps, self._kept_samples = known_steps(env), KeptSamples.of(every, last, self.control_period)
         self._env, self._controller = env, controller
         observation, self._info = env.reset(seed=seed, options=options)
         self._observation = np.asarray(observation, dtype=np.float64)
@@ -80,7 +86,11 @@ class _SteppedRun:
         self._true = "p" in self._info and "v" in self._info
         self._marks = (*self._info.get("marks", ()), *getattr(guards(self._state), "_fields", ()))
         self._samples = _Record(
-            self.steps or 1024, len(self._kept), p.size, _estimate(self._state).size, len(self._marks)
+            self._kept_samples.room(self.steps or 1024),
+            len(self._kept),
+            p.size,
+            _estimate(self._state).size,
+            len(self._marks),
         )
 
     def tick(self) -> None:
@@ -88,44 +98,49 @@ class _SteppedRun:
         p, v, reference = self._read()
         torque, state = self._controller.step(self._state, p, v, reference)
         observation, reward, terminated, truncated, info = self._env.step(torque)
-        before, k = self._info, self.count
-        samples = self._samples.with_room_for(k)
-        np.take(self._observation, self._kept, out=samples.observation[k], mode="clip")
-        if self._true:
-            np.concatenate((before["p"], before["v"]), out=samples.state[k])
-        samples.torque[k] = torque
-        samples.applied[k] = info.get("applied_torque", torque)
-        samples.estimate[k] = _estimate(state)
-        samples.scalars[k] = (
-            before.get("time", k * self.control_period),
-            before.get("energy", np.nan),
-            float(reward),
-            info.get("clipped", 0) != before.get("clipped", 0),
-        )
-        if self._marks:
-            samples.marks[k] = *info.get("marks", {}).values(), *(float(mark[0]) for mark in guards(state))
+        if (row := self._kept_samples.row(self.count)) is not None:
+            self._keep(row, torque, state, float(reward), info)
         self._state, self._info = state, info
         self._observation = np.asarray(observation, dtype=np.float64)
         self.terminated, self.truncated = bool(terminated), bool(truncated)
-        self.count = k + 1  # last, so that an interrupted sample does not count
+        self.count += 1  # last, so that an interrupted sample does not count
+
+    def _keep(self, row: int, torque: Array, state: Any, reward: float, info: dict[str, Any]) -> None:
+        """Put the sample of this control period into a row."""
+        before, samples = self._info, self._samples.with_room_for(row)
+        np.take(self._observation, self._kept, out=samples.observation[row], mode="clip")
+        if self._true:
+            np.concatenate((before["p"], before["v"]), out=samples.state[row])
+        samples.torque[row] = torque
+        samples.applied[row] = info.get("applied_torque", torque)
+        samples.estimate[row] = _estimate(state)
+        samples.scalars[row] = (
+            before.get("time", self.count * self.control_period),
+            before.get("energy", np.nan),
+            reward,
+            info.get("clipped", 0) != before.get("clipped", 0),
+        )
+        if self._marks:
+            samples.marks[row] = *info.get("marks", {}).values(), *(float(mark[0]) for mark in guards(state))
 
     def result(self, wall_time: float, complete: bool) -> Rollout:
         """The run so far."""
-        samples, n, dof = self._samples, self.count, self._samples.torque.shape[1]
-        columns = {name: samples.observation[:n, i * dof : (i + 1) * dof] for i, name in enumerate(PARTS)}
+        samples, n, dof = self._samples, self._kept_samples.order(self.count), self._samples.torque.shape[1]
+        columns = {name: samples.observation[n, i * dof : (i + 1) * dof] for i, name in enumerate(PARTS)}
         if self._true:
             columns["measured_p"], columns["measured_v"] = columns["p"], columns["v"]
-            columns["p"], columns["v"] = samples.state[:n, :dof], samples.state[:n, dof:]
-        columns |= {name: samples.scalars[:n, i] for i, name in enumerate(("time", "energy", "reward", "clipped"))}
-        columns |= {name: getattr(samples, name)[:n] for name in ("torque", "applied", "estimate")}
+            columns["p"], columns["v"] = samples.state[n, :dof], samples.state[n, dof:]
+        columns |= {name: samples.scalars[n, i] for i, name in enumerate(("time", "energy", "reward", "clipped"))}
+        columns |= {name: getattr(samples, name)[n] for name in ("torque", "applied", "estimate")}
         return Rollout(
             **{name: frozen(values.copy()) for name, values in columns.items()},
-            marks=MappingProxyType({name: frozen(samples.marks[:n, i].copy()) for i, name in enumerate(self._marks)}),
+            marks=MappingProxyType({name: frozen(samples.marks[n, i].copy()) for i, name in enumerate(self._marks)}),
             control_period=self.control_period,
             wall_time=wall_time,
             complete=complete,
             terminated=self.terminated,
             info=dict(self._info),
+            every=self._kept_samples.every,
         )
 
     def _read(self) -> tuple[Array, Array, ReferencePoint]:

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen
-from adaptctl.errors import FileError, InputError, MissingExtraError
-from adaptctl.files import replacing
+from adaptctl.arrays import Array
+from adaptctl.errors import FileError
+from adaptctl.packages import needed
+from adaptctl.simulation.rollout_file import (
+    KEPT,
+    OF_JOINTS,
+    OF_TIME,
+    WHOLE,
+    RolloutFile,
+    joint_names,
+    read_rollout,
+    rollout_table,
+)
 
 if TYPE_CHECKING:
     import pandas
@@ -24,9 +31,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Rollout:
-    """What happened in one closed-loop run of T control periods of r joints; every array is read-only.
+    """What happened in one closed-loop run of r joints; every array is read-only.
 
-    Sample k is the state at `time[k]` and the torque commanded on it; T samples.
+    Sample k is the state at `time[k]` and the torque commanded on it; T samples, one a control period unless fewer were
+    asked for.
     """
 
     time: Array
@@ -69,6 +77,19 @@ class Rollout:
     """(T, r) velocities, likewise"""
     marks: Mapping[str, Array] = field(default_factory=dict)
     """(T,) each: what happened, by name, as the environment and the controller's guards tell"""
+    every: int = 1
+    """control periods from one sample to the next"""
+
+    @property
+    def spacing(self) -> float:
+        """Time from one sample to the next, s."""
+        return self.every * self.control_period
+
+    @property
+    def duration(self) -> float:
+        """Time in closed loop, s, to a sample."""
+        first = round(float(self.time[0]) / self.control_period) if len(self.time) else 0
+        return (first + len(self.time) * self.every) * self.control_period
 
     @property
     def error(self) -> Array:
@@ -80,37 +101,34 @@ class Rollout:
         """v - v_d (T, r)."""
         return self.v - self.reference_v
 
+    @needed("Rollout.save")
     def save(self, path: str | Path, joints: Sequence[str] | None = None) -> None:
-        """Write the run as Parquet, whole or not at all: a row a control period, columns such as `p.joint1` with their
+        """Write the run as Parquet, whole or not at all: a row a sample, columns such as `p.joint1` with their
         units, which `adaptctl identify` reads. `joints` (r,) names them, joint1, joint2, ... by default.
 
         The environment's last `info` is not kept.
         """
-        import pyarrow.parquet as pq
+        with RolloutFile(path, self.p.shape[1], joints) as file:
+            file.append(self._columns, self.marks)
+            file.about = self._about
 
-        table = self.to_arrow(joints)
-        with replacing(path) as beside:
-            pq.write_table(table, beside, compression="zstd", use_dictionary=False, use_byte_stream_split=True)
-
+    @needed("Rollout.to_arrow")
     def to_arrow(self, joints: Sequence[str] | None = None) -> pyarrow.Table:
-        """The run as a table of Arrow: a row a control period, columns such as `p.joint1` with their units."""
-        import pyarrow as pa
+        """The run as a table of Arrow: a row a sample, columns such as `p.joint1` with their units."""
+        return rollout_table(self._columns, self.marks, joint_names(self.p.shape[1], joints), self._about)
 
-        names = [f"joint{j + 1}" for j in range(self.p.shape[1])] if joints is None else list(joints)
-        if len(names) != self.p.shape[1]:
-            raise InputError(f"joints: expected {self.p.shape[1]} names, got {len(names)}")
-        columns = dict(_file_columns(self, names))
-        fields = [pa.field(name, pa.float64(), metadata={"unit": unit}) for name, (unit, _) in columns.items()]
-        about = {"schema": SCHEMA, **{name: json.dumps(getattr(self, name)) for name in KEPT}}
-        arrays = [pa.array(values) for _, values in columns.values()]
-        return pa.Table.from_arrays(arrays, schema=pa.schema(fields, metadata=about))
+    @property
+    def _columns(self) -> dict[str, Array | None]:
+        return {name: getattr(self, name) for name in (*OF_TIME, *OF_JOINTS, "estimate")}
+
+    @property
+    def _about(self) -> dict[str, object]:
+        return {name: getattr(self, name) for name in KEPT}
 
     def to_pandas(self, joints: Sequence[str] | None = None) -> pandas.DataFrame:
         """The run as a frame of pandas, with the columns of `to_arrow`. Raises `MissingExtraError` without pandas."""
-        try:
+        with needed("Rollout.to_pandas"):
             return self.to_arrow(joints).to_pandas()
-        except ModuleNotFoundError as error:
-            raise MissingExtraError("to_pandas: pandas is not installed: pip install pandas") from error
 
     def plot(self, joints: Sequence[str] | None = None) -> Figure:
         """A figure of the run: positions on the reference, errors, torques, and estimates where there are any."""
@@ -153,66 +171,11 @@ class Rollout:
         return cls(**logged_run(p, torque, reference_p, control_period, given, estimate, time, complete))
 
     @classmethod
+    @needed("Rollout.load")
     def load(cls, path: str | Path) -> Rollout:
         """The run that `save` wrote. Raises `FileError`."""
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-
+        columns, marks, about = read_rollout(path)
         try:
-            table = pq.read_table(path)
-        except (OSError, pa.ArrowException) as error:
-            raise FileError(f"{path}: cannot be read as Parquet ({str(error).splitlines()[0]})") from error
-        about = {key.decode(): value.decode() for key, value in (table.schema.metadata or {}).items()}
-        if about.get("schema") != SCHEMA:
-            raise FileError(f"{path}: not a run of ours: expected the schema {SCHEMA!r}, got {about.get('schema')!r}")
-        try:
-            return cls(**_arrays(table), **{name: json.loads(about[name]) for name in KEPT})
+            return cls(**columns, marks=marks, **{name: about[name] for name in KEPT if name in about or name in WHOLE})
         except (KeyError, TypeError, ValueError) as error:
             raise FileError(f"{path}: {type(error).__name__}: {error}; it is not whole") from error
-
-
-SCHEMA = "adaptctl/rollout/1"
-KEPT = ("control_period", "wall_time", "complete", "terminated")
-"""What a run's file says of the whole run."""
-OF_JOINTS = {
-    "p": "rad",
-    "v": "rad/s",
-    "reference_p": "rad",
-    "reference_v": "rad/s",
-    "reference_a": "rad/s^2",
-    "torque": "N m",
-    "applied": "N m",
-    "measured_p": "rad",
-    "measured_v": "rad/s",
-}
-"""A run's arrays of a column a joint, in the units that they have where joints turn."""
-OF_TIME = {"time": "s", "clipped": "1", "energy": "J", "reward": "1"}
-
-
-def _file_columns(run: Rollout, joints: Sequence[str]) -> Iterator[tuple[str, tuple[str, Array]]]:
-    """Names of a file's columns, and their units and values."""
-    yield from ((name, (unit, getattr(run, name))) for name, unit in OF_TIME.items())
-    for name, unit in OF_JOINTS.items():
-        values = getattr(run, name)
-        for joint, column in zip(joints, () if values is None else values.T, strict=False):
-            yield f"{name}.{joint}", (unit, np.ascontiguousarray(column))
-    for i, column in enumerate(run.estimate.T):
-        yield f"estimate.{i}", ("", np.ascontiguousarray(column))
-    yield from ((f"mark.{name}", ("", values)) for name, values in run.marks.items())
-
-
-def _arrays(table: Any) -> dict[str, Any]:
-    """A run's arrays, of the columns of its file."""
-    parts: dict[str, list[Array]] = {name: [] for name in (*OF_JOINTS, "estimate")}
-    marks: dict[str, Array] = {}
-    for name in table.column_names:
-        kind, _, rest = name.partition(".")
-        values = table[name].to_numpy()
-        if kind == "mark":
-            marks[rest] = frozen(values.copy())
-        elif rest:
-            parts[kind].append(values)
-    gathered = {name: frozen(np.stack(columns, axis=-1)) for name, columns in parts.items() if columns}
-    single = {name: frozen(table[name].to_numpy().copy()) for name in OF_TIME}
-    blank = {"estimate": frozen(np.empty((table.num_rows, 0)))}
-    return blank | single | gathered | {"marks": MappingProxyType(marks)}

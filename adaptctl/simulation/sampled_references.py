@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
 from adaptctl.arrays import Array, checked
+from adaptctl.compilation import Kernel, compile_function
 from adaptctl.control.controller import Reference, ReferencePoint
 from adaptctl.control.reference_check import require_point
+from adaptctl.control.references import SinusoidNumbers, Sinusoids, sinusoids_at
 from adaptctl.errors import InputError
+from adaptctl.scalars import Column
 
 REFERENCE = ("reference_p", "reference_v", "reference_a")
 """Names of a reference point's parts as columns."""
@@ -21,7 +26,7 @@ def sampled(reference: Reference, times: Array, size: int) -> ReferencePoint:
 
     Raises `InputError` where they are not of that shape, `NonFiniteError` where they are not finite.
     """
-    point = reference(times)
+    point = _sinusoids(reference, times) if isinstance(reference, Sinusoids) else reference(times)
     require_point(point)
     return ReferencePoint(*(_checked(point, name, len(times), size) for name in ReferencePoint._fields))
 
@@ -63,6 +68,24 @@ class Preview:
         times = self._period * np.arange(block * self._size, (block + 1) * self._size, dtype=np.float64)
         ahead = [_checked(self.reference(times + t), "p", self._size, self._dof) for t in self._look_ahead]
         return np.concatenate((*sampled(self.reference, times, self._dof), *ahead), axis=1)
+
+
+def _sinusoids(reference: Sinusoids, times: Array) -> ReferencePoint:
+    """Sinusoids at times (T,), s, in native code."""
+    numbers = reference.numbers
+    points: Array = _compiled(*map(len, numbers)).map(times[:, None], *numbers)
+    return ReferencePoint(*points.swapaxes(0, 1))
+
+
+@lru_cache(maxsize=16)
+def _compiled(*sizes: int) -> Kernel:
+    """Native code for sinusoids of so many numbers."""
+
+    def point(time: Column, **numbers: Column) -> list[Column]:
+        return list(sinusoids_at(time[0], SinusoidNumbers(**numbers)))
+
+    lengths = dict(zip(SinusoidNumbers._fields, sizes, strict=True))
+    return compile_function(point, {"time": 1, **lengths}, name="sinusoids")
 
 
 def _checked(point: ReferencePoint, name: str, count: int, size: int) -> Array:

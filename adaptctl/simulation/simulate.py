@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
 from time import perf_counter
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -16,9 +18,11 @@ from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.errors import NonFiniteError, NotCompiledWarning
 from adaptctl.simulation.closed_loop import ClosedLoop, Sample
 from adaptctl.simulation.episode import Episode
+from adaptctl.simulation.kept_samples import KeptSamples
 from adaptctl.simulation.plant import Plant
 from adaptctl.simulation.plant_state import PlantState
 from adaptctl.simulation.rollout import interface, known_steps, rollout
+from adaptctl.simulation.rollout_file import KEPT, RolloutFile
 from adaptctl.simulation.run import Rollout
 from adaptctl.simulation.sampled_references import REFERENCE, sampled
 
@@ -36,12 +40,19 @@ def simulate(
     seed: int | None = None,
     options: dict[str, Any] | None = None,
     progress: Callable[[float], object] | None = None,
+    every: int = 1,
+    last: float | None = None,
+    stream: str | Path | None = None,
 ) -> Rollout:
     """What `rollout` returns for the same arguments, to round-off, computed in native code as a whole.
 
     Controller, effects and plant are compiled into one step, which is taken thousands of times in each call;
     in between `progress` is called, with the share done, and Ctrl-C is heard, which keeps what was computed. The
     environment is left where `rollout` leaves it.
+
+    However long a run is, with `every` and `last` it takes no more memory than the samples that are kept, which with
+    `stream` are written to a Parquet file as they come, all that are not thinned out, also those before the last.
+    `Rollout.load` reads it; it appears when the run ends.
 
     It takes a `TrackingEnv`, or another environment that hands over its `Episode`, in no wrappers but those of
     `gymnasium.make`; a controller whose torque is that of its `law`; and at most LARGEST_COMPILED links. Anything else
@@ -50,20 +61,22 @@ def simulate(
     _, period = interface(env, controller)
     if reason := _obstacle(env, controller):
         warnings.warn(f"simulate: {reason}: rollout drives it, step by step", NotCompiledWarning, stacklevel=2)
-        return rollout(env, controller, seed=seed, options=options, progress=progress)
+        run = rollout(env, controller, seed=seed, options=options, progress=progress, every=every, last=last)
+        if stream is not None:
+            run.save(stream)
+        return run
+    kept = KeptSamples.of(every, last, period)
     env.reset(seed=seed, options=options)
     episode: Episode = env.unwrapped.hand_over()  # type: ignore[attr-defined]
-    run = _NativeRun(episode, controller, min(episode.steps, known_steps(env) or episode.steps), period)
-    complete, started = False, perf_counter()
-    try:
-        while not run.over:
-            run.advance()
-            if progress is not None:
-                progress(run.count / run.steps)
-        complete = True
-    except KeyboardInterrupt:
-        pass
-    return run.result(env.unwrapped, perf_counter() - started, complete)
+    steps = min(episode.steps, known_steps(env) or episode.steps)
+    if stream is None:
+        kind = _WholeRun if kept == KeptSamples() else _NativeRun
+        return kind(episode, controller, steps, period, kept).driven(env.unwrapped, progress)
+    native = _NativeRun(episode, controller, steps, period, kept)
+    with RolloutFile(stream, controller.dof) as file:
+        result = native.driven(env.unwrapped, progress, file)
+        file.about = {name: getattr(result, name) for name in KEPT}
+    return result
 
 
 def _obstacle(env: gymnasium.Env[Any, Any], controller: Controller[Any]) -> str:
@@ -95,17 +108,43 @@ def _home_of(thing: object, method: str) -> type | None:
 
 
 class _NativeRun:
-    """A run in the making."""
+    """A run in the making, of which some samples are kept."""
 
-    def __init__(self, episode: Episode, controller: Controller[Any], steps: int, period: float) -> None:
+    def __init__(
+        self, episode: Episode, controller: Controller[Any], steps: int, period: float, kept: KeptSamples
+    ) -> None:
         self.loop, self.episode = ClosedLoop(episode.plant, controller), episode
-        self.steps, self.period = steps, period
+        self.steps, self.period, self.kept = steps, period, kept
         self.arms = self.loop.compiled().ensemble(1)
         self.loop.begin(self.arms, episode.state, controller.init(*_measured(episode.state)))
-        self.sample = Sample(*(np.empty((steps, *shape)) for shape in self.arms.stepper.outputs))
-        self.reference = ReferencePoint(*np.empty((3, steps, controller.reference_size)))
-        self.reward, self.payload = np.empty((2, steps))
-        self.count, self.end, self.terminated = 0, episode.state, False
+        self.samples: dict[str, Array] = {}
+        self.file: RolloutFile | None = None
+        self.room = self.arms.room(self._longest)
+        self.sample = Sample(*map(self.room.view, self.room.columns))
+        self.count, self.clips, self.end, self.terminated = 0, 0, episode.state, False
+
+    def driven(self, env: Any, progress: Callable[[float], object] | None, file: RolloutFile | None = None) -> Rollout:
+        """The run to its end, or to Ctrl-C."""
+        complete, started, self.file = False, perf_counter(), file
+        try:
+            while not self.over:
+                self.advance()
+                if progress is not None:
+                    progress(self.count / self.steps)
+            complete = True
+        except KeyboardInterrupt:
+            pass
+        return self.result(env, perf_counter() - started, complete)
+
+    @property
+    def _longest(self) -> int:
+        """Control periods that there is room for at once."""
+        return min(LONGEST, max(CHUNK, self.steps // 100), self.steps)
+
+    @property
+    def _first(self) -> int:
+        """Where the next stretch is put in that room."""
+        return 0
 
     @property
     def over(self) -> bool:
@@ -129,12 +168,40 @@ class _NativeRun:
         self.count, self.end, self.terminated = self.count + count, self._reached(time[count], sample), over
 
     def _keep(self, time: Array, sample: Sample, reference: ReferencePoint, reward: Array) -> None:
-        """Put samples at all times but the last in their place."""
-        new, plant = slice(self.count, self.count + len(reward)), self.episode.plant
-        for kept, part in zip((*self.sample, *self.reference), (*sample, *reference), strict=True):
-            kept[new] = part[: len(reward)]
-        self.reward[new], self.payload[new] = reward, plant.payload(time[0])
-        self.payload[new.stop - 1] = plant.payload(time[-1])
+        """Keep the samples, of all times but the last, that are to be kept."""
+        count = len(reward)
+        chosen = self.kept.among(self.count, count)
+        columns = {name: values[:count][chosen] for name, values in self._columns(time, sample, reference, reward)}
+        rows = self.kept.rows(self.count, count)[-self.kept.room(self.steps) :]
+        for name, values in columns.items():
+            if name not in self.samples:
+                self.samples[name] = np.empty((self.kept.room(self.steps), *values.shape[1:]))
+            self.samples[name][rows] = values[len(values) - len(rows) :]
+        self.clips += int(sample.clipped[:count].sum())
+        if self.file is not None:
+            marks = columns.pop("marks"), columns.pop("payload")
+            self.file.append({"measured_p": None, "measured_v": None, **columns}, self._marks(*marks))
+
+    def _nothing(self) -> tuple[Array, Sample, ReferencePoint, Array]:
+        """What there is to keep of no control periods."""
+        sample = Sample(*(np.empty((0, *shape)) for shape in self.arms.stepper.outputs))
+        size = self.loop.controller.reference_size
+        return np.zeros(1), sample, ReferencePoint(*np.empty((3, 0, size))), np.empty(0)
+
+    def _columns(
+        self, time: Array, sample: Sample, reference: ReferencePoint, reward: Array
+    ) -> Iterator[tuple[str, Array]]:
+        """All that is kept of a stretch, by its names in a `Rollout`."""
+        plant, count = self.episode.plant, len(reward)
+        p, payload = plant.positions(sample.q), np.full(count, plant.payload(time[0]))
+        payload[-1:] = plant.payload(time[count])
+        yield from (("time", time[:count]), ("p", p), ("v", sample.v), ("payload", payload), ("reward", reward))
+        if plant.effects:
+            told = (sample.measured_p, sample.measured_v) if plant.noise_size else (p, sample.v)
+            yield from zip(("measured_p", "measured_v"), told, strict=True)
+        yield from zip(("reference_p", "reference_v", "reference_a"), reference, strict=True)
+        yield from ((name, getattr(sample, name)) for name in ("torque", "applied", "estimate", "marks"))
+        yield from ((name, getattr(sample, name)[:, 0]) for name in ("clipped", "energy"))
 
     def _reached(self, time: float, sample: Sample) -> PlantState:
         """The plant after the last sample."""
@@ -146,10 +213,16 @@ class _NativeRun:
         """The rewards of the control periods until the environment ends the run, which is then told, or until
         something is not finite."""
         q, v = (np.concatenate((getattr(sample, name)[1:], self.arms.state[name])) for name in ("q", "v"))
-        sound = _finite(sample.torque, q, v)
+        sound = len(q) if self._sound(len(q)) else _finite(sample.torque, q, v)
         ahead = ReferencePoint(*(part[1 : sound + 1] for part in reference))
         reward, over = self.episode.judge(q[:sound], v[:sound], ahead, sample.applied[:sound])
         return (reward[: int(over.argmax()) + 1], True) if over.any() else (reward, False)
+
+    def _sound(self, count: int) -> bool:
+        """Whether all that was just recorded, and the state after it, is finite for certain."""
+        numbers = self.room.blocks[self._first : self._first + count].ravel(), self.arms.state.blocks.ravel()
+        with np.errstate(over="ignore", invalid="ignore"):
+            return all(math.isfinite(x @ x) for x in numbers)
 
     def _times(self) -> Array:
         """The times of the next stretch and its end: as long as nothing changes, in one call's length."""
@@ -166,7 +239,8 @@ class _NativeRun:
         """So many control periods."""
         noise = self.episode.rng.standard_normal((count, self.loop.noise["noise"]))
         signals = {name: part[:count] for name, part in zip(REFERENCE, reference, strict=True)} | {"noise": noise}
-        return Sample(*(values[:, 0] for values in self.arms.run(count, signals, record=True)))
+        self.arms.record_into(self.room, self._first, count, signals)
+        return Sample(*(part[self._first : self._first + count] for part in self.sample))
 
     def _place(self) -> tuple[Array, Any]:
         """Where the run is, to return there."""
@@ -185,42 +259,72 @@ class _NativeRun:
 
     def result(self, env: Any, wall_time: float, complete: bool) -> Rollout:
         """The run so far; the environment is taken there."""
-        sample, reference = Sample(*map(self._kept, self.sample)), ReferencePoint(*map(self._kept, self.reference))
-        clipped, plant = sample.clipped[:, 0], self.episode.plant
-        p = frozen(plant.positions(sample.q))
-        told = (sample.measured_p, sample.measured_v) if plant.noise_size else (p, sample.v)
+        columns = self._columns_kept()
+        marks = columns.pop("marks"), columns.pop("payload")
         return Rollout(
-            time=frozen(np.asarray(self.period * np.arange(self.count))),
-            p=p,
-            v=sample.v,
-            reference_p=reference.p,
-            reference_v=reference.v,
-            reference_a=reference.a,
-            torque=sample.torque,
-            applied=sample.applied,
-            clipped=clipped,
-            energy=sample.energy[:, 0],
-            reward=self._kept(self.reward),
-            estimate=sample.estimate,
+            **columns,
             control_period=self.period,
             wall_time=wall_time,
             complete=complete,
             terminated=self.terminated,
-            info=env.take_back(self.end, self.count, int(clipped.sum()), self.terminated),
-            measured_p=told[0] if plant.effects else None,
-            measured_v=told[1] if plant.effects else None,
-            marks=self._marks(sample.marks),
+            info=env.take_back(self.end, self.count, self.clips, self.terminated),
+            marks=self._marks(*marks),
+            every=self.kept.every,
         )
 
-    def _marks(self, values: Array) -> Mapping[str, Array]:
+    def _columns_kept(self) -> dict[str, Array]:
+        """All samples that were kept, in order of time, by their names in a `Rollout`."""
+        if not self.samples:  # interrupted at once
+            self._keep(*self._nothing())
+        order = self.kept.order(self.count)
+        return {name: self._in_order(values, order) for name, values in self.samples.items()}
+
+    def _in_order(self, values: Array, order: Any) -> Array:
+        """The samples so far, and no memory for more."""
+        whole = isinstance(order, slice) and order.stop == len(values)
+        return frozen(values if whole else values[order].copy())
+
+    def _marks(self, values: Array, payload: Array) -> Mapping[str, Array]:
         """By name, in the order in which `rollout` tells them."""
-        own, by_name = self.episode.plant, dict(zip(self.loop.marks, values.T, strict=True))
-        loaded = {"payload": self._kept(self.payload)} if own.loads else {}
+        own, by_name = self.episode.plant, dict(zip(self.loop.marks, map(frozen, values.T), strict=True))
+        loaded = {"payload": frozen(payload)} if own.loads else {}
         return MappingProxyType({name: by_name[name] for name in own.marks} | loaded | by_name)
 
-    def _kept(self, values: Array) -> Array:
-        """The samples so far, and no memory for more."""
-        return frozen(values if self.count == self.steps else values[: self.count].copy())
+
+class _WholeRun(_NativeRun):
+    """A run in the making whose samples are all kept, recorded where they stay."""
+
+    def __init__(
+        self, episode: Episode, controller: Controller[Any], steps: int, period: float, kept: KeptSamples
+    ) -> None:
+        super().__init__(episode, controller, steps, period, kept)
+        self.reference = ReferencePoint(*np.empty((3, steps, controller.reference_size)))
+        self.reward, self.payload = np.empty((2, steps))
+
+    @property
+    def _longest(self) -> int:
+        return self.steps
+
+    @property
+    def _first(self) -> int:
+        return self.count
+
+    def _keep(self, time: Array, sample: Sample, reference: ReferencePoint, reward: Array) -> None:
+        """Put what is not recorded with the samples, of all times but the last, in its place."""
+        new, plant = slice(self.count, self.count + len(reward)), self.episode.plant
+        for kept, part in zip(self.reference, reference, strict=True):
+            kept[new] = part[: len(reward)]
+        self.reward[new], self.payload[new] = reward, plant.payload(time[0])
+        self.payload[new.stop - 1] = plant.payload(time[-1])
+        self.clips += int(sample.clipped[: len(reward)].sum())
+
+    def _columns_kept(self) -> dict[str, Array]:
+        done = slice(0, self.count)
+        time = np.asarray(self.period * np.arange(self.count + 1))
+        sample, reference = Sample(*(x[done] for x in self.sample)), ReferencePoint(*(x[done] for x in self.reference))
+        columns = dict(self._columns(time, sample, reference, self.reward[done])) | {"payload": self.payload}
+        whole = self.count == self.steps
+        return {name: frozen(x if whole else x[done].copy()) for name, x in columns.items()}
 
 
 def _measured(state: PlantState) -> tuple[Array, Array]:

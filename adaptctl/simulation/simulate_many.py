@@ -16,7 +16,8 @@ from adaptctl.arrays import Array, checked, frozen, per_joint
 from adaptctl.compilation import Stepper, compile_step
 from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.compilation.loop import Source
-from adaptctl.control.controller import Controller, Reference, leaves, like
+from adaptctl.control.controller import Controller, Reference
+from adaptctl.control.memory import leaves, like
 from adaptctl.control.reference_check import warn_of_derivatives
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column

@@ -1,4 +1,4 @@
-"""The rate at which friction acts, and the integration steps that it needs."""
+"""The rates at which friction and springs act, and the integration steps that they need."""
 
 from __future__ import annotations
 
@@ -15,13 +15,21 @@ from adaptctl.dynamics.recursion.drive import SLOW
 from adaptctl.errors import InputError
 from adaptctl.simulation.effects import JointEffect
 from adaptctl.simulation.integrator import Integrator, LinearlyImplicitEuler, RungeKutta4
+from adaptctl.simulation.transmission import Transmission
 
 STABLE = 2.5
 """Of rate times step: Runge and Kutta's method is stable up to 2.78 on the real axis."""
 MOST = 8
 """steps of Runge and Kutta's method in a control period"""
 IMPLICIT = 4
-"""steps of the linearly implicit one: within 0.4 mrad of 144 to 556 of the other on arms with stiff friction"""
+"""at least so many steps of the linearly implicit one: within 0.4 mrad of 144 to 556 of the other on arms with stiff
+friction"""
+
+
+RESOLVED = 1.0
+"""Of a spring's frequency times step: Runge and Kutta's method loses 0.7 % of an oscillation's amplitude a radian."""
+MOST_FOR_SPRINGS = 2000
+"""steps in a control period"""
 
 
 def friction_rate(mechanism: Mechanism, effects: Sequence[JointEffect] = ()) -> float:
@@ -53,20 +61,49 @@ class Integration(NamedTuple):
 
 
 def integration(
-    mechanism: Mechanism, effects: Sequence[JointEffect], control_period: float, integrator: Integrator | None = None
+    mechanism: Mechanism,
+    effects: Sequence[JointEffect],
+    control_period: float,
+    integrator: Integrator | None = None,
+    transmission: Transmission | None = None,
 ) -> Integration:
-    """Integration of a control period (s) that friction cannot make unstable, by an integrator if one is asked for.
+    """Integration of a control period (s) that friction cannot make unstable, by an integrator if one is asked for,
+    and that follows the oscillations of elastic joints, if there are any.
 
     Otherwise by Runge and Kutta's method in the fewest steps that friction allows, 1 without it; where that is more
     than MOST, by the linearly implicit one, whose steps friction does not bound. Raises `InputError` where the mass
-    matrix is singular.
+    matrix is singular, or springs would need more than MOST_FOR_SPRINGS steps.
     """
-    if integrator is not None and integrator.implicit:
-        return Integration(IMPLICIT, integrator)
-    needed = max(1, math.ceil(friction_rate(mechanism, effects) * control_period / STABLE))
-    if integrator is None and needed > MOST:
-        return Integration(IMPLICIT, LinearlyImplicitEuler())
-    return Integration(needed, integrator or RungeKutta4())
+    p = sampled_configurations(mechanism)
+    waves, decay = (0.0, 0.0) if transmission is None else transmission.rates(mechanism, p)
+    friction = friction_rate(mechanism, effects)
+    resolved = _few(math.ceil(waves * control_period / RESOLVED), mechanism)
+    too_stiff = integrator is None and friction * control_period / STABLE > MOST
+    if too_stiff or (integrator is not None and integrator.implicit):
+        return Integration(max(IMPLICIT, resolved), integrator or LinearlyImplicitEuler())
+    stable = math.ceil((friction + decay) * control_period / STABLE)
+    return Integration(max(1, resolved, stable), integrator or RungeKutta4())
+
+
+def require_substeps(mechanism: Mechanism, transmission: Transmission, control_period: float, substeps: int) -> None:
+    """Raise `InputError` where springs make so many explicit steps of a control period (s) unstable."""
+    waves, decay = transmission.rates(mechanism, sampled_configurations(mechanism))
+    needed = _few(math.ceil(control_period * max(waves, decay) / STABLE), mechanism)
+    if substeps < needed:
+        raise InputError(
+            f"elastic joints: {substeps} substeps of {control_period:g} s are too few for springs that oscillate at "
+            f"{waves:.3g} rad/s and decay at {decay:.3g} 1/s with the inertias of {mechanism.name}: use at least "
+            f"{needed}"
+        )
+
+
+def _few(steps: int, mechanism: Mechanism) -> int:
+    if steps <= MOST_FOR_SPRINGS:
+        return steps
+    raise InputError(
+        f"elastic joints: springs and dampers this stiff, with the inertias of {mechanism.name}, would need {steps} "
+        f"steps in a control period, and {MOST_FOR_SPRINGS} are the most: make them softer, or leave the joints rigid"
+    )
 
 
 def _slopes(mechanism: Mechanism, p: Array, columns: range) -> Array:

@@ -10,7 +10,8 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.compilation import compile_function
 from adaptctl.compilation.limits import LARGEST_COMPILED
-from adaptctl.control.controller import Controller, ReferencePoint, leaves, like
+from adaptctl.control.controller import Controller, ReferencePoint
+from adaptctl.control.memory import leaves, like
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column

@@ -12,9 +12,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from adaptctl.errors import FileError, InputError
-from adaptctl.files import read_json, replacing, write_json
+from adaptctl.files import hashed, read_json, replacing, write_json
 from adaptctl.sweeps.rows import columns_of
-from adaptctl.sweeps.study import SweepStudy, hashed
+from adaptctl.sweeps.study import SweepStudy
 from adaptctl.version import __version__
 
 SCHEMA, TABLE, STUDY = "adaptctl/sweep/1", "sweep.parquet", "study.json"

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from difflib import get_close_matches
@@ -18,7 +16,7 @@ from adaptctl.caching import cached_property
 from adaptctl.errors import FileError, InputError, NotFoundError
 from adaptctl.experiments import EXPERIMENTS
 from adaptctl.experiments.experiment import CheckedSettings
-from adaptctl.files import read_toml
+from adaptctl.files import hashed, read_toml
 from adaptctl.sweeps.measurement import kind_of
 from adaptctl.sweeps.values import Span, as_span, parsed
 
@@ -156,11 +154,6 @@ class SweepStudy:
         values = {k: [x.low, x.high] if isinstance(x, Span) else list(x) for k, x in self.settings.items()}
         sampling = [self.sampling, self.samples, self.sampling_seed] if self.sampling != "grid" else []
         return hashed([self.experiment, values, sorted(self.controllers), sampling])
-
-
-def hashed(content: Any) -> str:
-    """SHA-256 of content in JSON's types."""
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def shipped() -> list[str]:

@@ -92,7 +92,7 @@ class Arms:
         for name, values in zip(single.plant.sizes, (q, v, state.drives, state.sensors), strict=True):
             self._lanes.state.put(name, arms, values)
         observation = np.concatenate((state.measured_p, state.measured_v, row), axis=1)
-        energy = self._energy.map(q, v, parameters)
+        energy = self._energy.map(q, v, parameters, state.drives)
         never, zero, torque = np.zeros(len(arms), dtype=np.bool_), np.zeros(len(arms)), np.zeros_like(v)
         return StepResult(observation, zero, never, never, zero, energy, self.clipped[arms], p, v, torque, state.marks)
 
@@ -219,7 +219,9 @@ class Arms:
         """Pick up and drop what is due, which counts in the energy already."""
         due = np.flatnonzero(result.time >= self._until)
         if due.size:
-            result.energy[due] = self._energy.map(self._lanes.state["q"][due], result.v[due], self._load(due))
+            result.energy[due] = self._energy.map(
+                self._lanes.state["q"][due], result.v[due], self._load(due), self._lanes.state["drives"][due]
+            )
 
     def _terminated(self, facts: Facts) -> Flags:
         """Which arms are lost, and which loops are where they may not work: those in doubt are looked at."""
@@ -243,4 +245,5 @@ class Arms:
     def _energy(self) -> Kernel:
         equations = self.single.mechanism.equations
         sizes = {"q": equations.joints, "v": equations.dof, "parameters": equations.parameters}
+        sizes["drives"] = self.single.plant.sizes["drives"]
         return compile_function(self.single.plant.energy_equation, sizes, name="energy")

@@ -92,7 +92,7 @@ class VectorStep:
             where(after.q @ after.q + after.v @ after.v < LARGEST, 1.0, 0.0),
             self._lost(error),
             self._surely_works(after.q, p),
-            plant.energy_equation(after.q, after.v, columns["parameters"]),
+            plant.energy_equation(after.q, after.v, columns["parameters"], after.drives),
             after.clipped[0],
         )
         observation = Column((*after.measured_p, *after.measured_v, *row))

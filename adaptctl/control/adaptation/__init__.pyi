@@ -1,5 +1,8 @@
 from adaptctl.control.adaptation.bounded_gain_forgetting import BoundedGainForgetting as BoundedGainForgetting
 from adaptctl.control.adaptation.composite import Composite as Composite
+from adaptctl.control.adaptation.composite_learning import CompositeLearning as CompositeLearning
+from adaptctl.control.adaptation.concurrent_learning import ConcurrentLearning as ConcurrentLearning
+from adaptctl.control.adaptation.consistent_lift import ConsistentLift as ConsistentLift
 from adaptctl.control.adaptation.cushioned_floor import CushionedFloor as CushionedFloor
 from adaptctl.control.adaptation.dead_zone import DeadZone as DeadZone
 from adaptctl.control.adaptation.gradient import Gradient as Gradient

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array
 from adaptctl.control.adaptation.law import AdaptationLaw
-from adaptctl.control.controller import Memory
 from adaptctl.control.gains.hold import scaled_eigenvalues
+from adaptctl.control.memory import Memory
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, column

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any, Generic, NamedTuple
 
 from adaptctl.arrays import Array
-from adaptctl.control.controller import Memory
+from adaptctl.control.memory import Memory
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, Tunable
 

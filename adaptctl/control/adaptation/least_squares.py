@@ -12,8 +12,8 @@ from adaptctl.arrays import Array, frozen_array
 from adaptctl.control.adaptation.gain import require_size
 from adaptctl.control.adaptation.law import AdaptationLaw
 from adaptctl.control.adaptation.prediction import require_cutoff
-from adaptctl.control.controller import Memory
 from adaptctl.control.gains.gains import positive_per_joint
+from adaptctl.control.memory import Memory
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, Scalar, column, sqrt

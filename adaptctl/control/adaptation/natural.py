@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
@@ -48,10 +49,7 @@ class Natural(AdaptationLaw[NoMemory]):
     rate: float | Array
 
     def __post_init__(self) -> None:
-        rate = np.array(self.rate, dtype=np.float64)
-        if rate.ndim > 1 or not (np.isfinite(rate).all() and np.all(rate > 0.0)):
-            raise InputError(f"natural adaptation: rate: expected positive numbers in 1/J, got {self.rate}")
-        object.__setattr__(self, "rate", frozen(rate))
+        object.__setattr__(self, "rate", checked_rate(self.rate))
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
         """Raise `InputError` unless all parameters are adapted, from a first estimate that rigid bodies can have."""
@@ -62,20 +60,8 @@ class Natural(AdaptationLaw[NoMemory]):
                 "with ReducedModel.full(mechanism), from a consistent estimate; "
                 "adaptctl.identifiability.nearest_consistent finds one with given fundamental parameters)"
             )
-        self._require_rates(model)
-        links = [model.mechanism.links[i] for i in model.mechanism.description.bodies]
-        for i, link in enumerate(links):
-            smallest = float(np.linalg.eigvalsh(pseudo_inertia(initial[10 * i : 10 * i + 10]))[0])
-            if not smallest > 0.0:
-                raise InputError(
-                    f"natural adaptation: no rigid body has the first estimate of {link.name}: its pseudo-inertia has "
-                    f"the eigenvalue {smallest:.3g}; start from physically consistent parameters"
-                )
-        for j in range(10 * len(links), len(initial)):
-            if not initial[j] > 0.0:
-                raise InputError(
-                    f"natural adaptation: the first estimate of {model.names[j]} must be positive, it is {initial[j]:g}"
-                )
+        require_rates(self.rate, model)
+        require_consistent(model, initial, "natural adaptation", "the first estimate")
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
         """No memory."""
@@ -83,22 +69,13 @@ class Natural(AdaptationLaw[NoMemory]):
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """The estimate a step along the geodesic of every link's pseudo-inertia."""
-        slope = self._each(model) * period.gradient(period.integral)
-        links = 10 * len(model.mechanism.description.bodies)
-        entries: list[Any] = []
-        for i in range(0, links, 10):
-            entries += moved_body(estimate.of[i : i + 10], slope.of[i : i + 10])
-        for x, g in zip(estimate.of[links:], slope.of[links:], strict=True):
-            half = 0.25 * (x * g)
-            even = 1.0 + half * half / 3.0
-            factor = (even - half) / (even + half)
-            entries.append(x * factor * factor)
-        return Column(entries), memory
+        slope = each_rate(self.rate, model) * period.gradient(period.integral)
+        return moved_bodies(estimate, slope, len(model.mechanism.description.bodies)), memory
 
     def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array:
         """Sum (...) of Bregman divergences over their rates, J; infinite where the truth is no rigid bodies'."""
         bodies = 10 * len(model.mechanism.description.bodies)
-        rates, total = np.array(self._each(model).of), np.zeros(estimate.shape[:-1])
+        rates, total = np.array(each_rate(self.rate, model).of), np.zeros(estimate.shape[:-1])
         for i in range(0, bodies, 10):
             total += divergence(pseudos(true[i : i + 10]), pseudos(estimate[..., i : i + 10])) / rates[i]
         ratio = true[bodies:] / estimate[..., bodies:]
@@ -106,26 +83,77 @@ class Natural(AdaptationLaw[NoMemory]):
             total += ((ratio - np.log(ratio) - 1.0) / rates[bodies:]).sum(axis=-1)
         return total
 
-    def _require_rates(self, model: ReducedModel) -> None:
-        """Raise `InputError` without a rate for each link with a body and each drive's parameter."""
-        bodies, count = _bodies_and_rates(model)
-        if np.shape(self.rate) not in ((), (count,)):
-            raise InputError(
-                f"natural adaptation: rate: expected a number, or {count} of them, one for each of {bodies} links and "
-                f"{count - bodies} parameters of drives, got {np.size(self.rate)}"
-            )
 
-    def _each(self, model: ReducedModel) -> Column:
-        """The rate of each parameter (P,)."""
-        bodies, count = _bodies_and_rates(model)
-        rates = each(self.rate, count).of
-        return Column((*(rate for rate in rates[:bodies] for _ in range(10)), *rates[bodies:]))
+def checked_rate(rate: ArrayLike) -> Array:
+    """A read-only rate, one number or (n,). Raises `InputError` unless positive."""
+    array = np.array(rate, dtype=np.float64)
+    if array.ndim > 1 or not (np.isfinite(array).all() and np.all(array > 0.0)):
+        raise InputError(f"natural adaptation: rate: expected positive numbers in 1/J, got {rate}")
+    return frozen(array)
+
+
+def require_rates(rate: ArrayLike, model: ReducedModel) -> None:
+    """Raise `InputError` without a rate for each link with a body and each drive's parameter."""
+    bodies, count = _bodies_and_rates(model)
+    if np.shape(rate) not in ((), (count,)):
+        raise InputError(
+            f"natural adaptation: rate: expected a number, or {count} of them, one for each of {bodies} links and "
+            f"{count - bodies} parameters of drives, got {np.size(rate)}"
+        )
+
+
+def require_consistent(model: ReducedModel, parameters: Array, law: str, what: str) -> None:
+    """Raise `InputError` unless parameters (P,) are those of rigid bodies, and of drives that are positive."""
+    mechanism = model.mechanism
+    links = [mechanism.links[i] for i in mechanism.description.bodies]
+    for i, link in enumerate(links):
+        smallest = float(np.linalg.eigvalsh(pseudo_inertia(parameters[10 * i : 10 * i + 10]))[0])
+        if not smallest > 0.0:
+            raise InputError(
+                f"{law}: no rigid body has {what} of {link.name}: its pseudo-inertia has the eigenvalue "
+                f"{smallest:.3g}; start from physically consistent parameters"
+            )
+    for name, value in list(zip(mechanism.parameter_names, parameters.tolist(), strict=True))[10 * len(links) :]:
+        if not value > 0.0:
+            raise InputError(f"{law}: {what} of {name} must be positive, it is {value:g}")
+
+
+def each_rate(rate: Any, model: ReducedModel) -> Column:
+    """The rate of each parameter (P,)."""
+    bodies, count = _bodies_and_rates(model)
+    rates = each(rate, count).of
+    return Column((*(rate for rate in rates[:bodies] for _ in range(10)), *rates[bodies:]))
 
 
 def _bodies_and_rates(model: ReducedModel) -> tuple[int, int]:
     """How many links have a body, and how many rates there are: theirs, and those of drives' parameters."""
     bodies = len(model.mechanism.description.bodies)
     return bodies, len(model.mechanism.parameter_names) - 9 * bodies
+
+
+def moved_bodies(parameters: Column, slope: Column, bodies: int) -> Column:
+    """All parameters (P,) after one step, each link's ten along its geodesic, a drive's along that of a number."""
+    links = 10 * bodies
+    entries: list[Any] = []
+    for i in range(0, links, 10):
+        entries += moved_body(parameters.of[i : i + 10], slope.of[i : i + 10])
+    for x, g in zip(parameters.of[links:], slope.of[links:], strict=True):
+        half = 0.25 * (x * g)
+        even = 1.0 + half * half / 3.0
+        factor = (even - half) / (even + half)
+        entries.append(x * factor * factor)
+    return Column(entries)
+
+
+def raised_slope(parameters: Column, slope: Column, bodies: int) -> Column:
+    """The velocity (P,) along which a step with this slope begins, its sign turned: the ten of P_i L_i P_i."""
+    links = 10 * bodies
+    entries: list[Any] = []
+    for i in range(0, links, 10):
+        P = pseudo(parameters.of[i : i + 10])
+        entries += the_ten(matrix_product(P, matrix_product(slope_matrix(slope.of[i : i + 10]), P)))
+    entries += [x * x * g for x, g in zip(parameters.of[links:], slope.of[links:], strict=True)]
+    return Column(entries)
 
 
 def moved_body(ten: Sequence[Scalar], slope: Sequence[Scalar]) -> list[Any]:

@@ -49,15 +49,17 @@ class TorqueFilter:
     cutoff: float
     period: float
 
-    def start(self, model: ReducedModel, q: Array, v: Array) -> Filtered:
-        """The memory before the first tick, at configurations q (..., n) and velocities v (..., r): W is zero there."""
+    def start(self, model: ReducedModel, q: Array | Column, v: Array | Column) -> Filtered:
+        """The memory before the first tick, at configurations q (..., n) and velocities v (..., r), arrays or columns:
+        W is zero there."""
         momentum, forces = momentum_terms(model.mechanism.equations, column(q), column(v), model.columns)
         kept: list[Any] = []
         for row, change, places in zip(momentum, forces, felt(model), strict=True):
             scaled = self.cutoff * row
             first = scaled - self._new * (scaled + change)
             kept += [first[j] for j in places]
-        return Filtered(stacked(kept, q.shape[:-1]), np.zeros(model.mechanism.dof))
+        first_rows = Column(kept) if isinstance(q, Column) else stacked(kept, q.shape[:-1])
+        return Filtered(first_rows, np.zeros(model.mechanism.dof))
 
     def predicted(self, model: ReducedModel, period: Period, memory: Filtered) -> Prediction:
         """The linear equation now, from configuration and velocities now and the torque of the period just passed."""

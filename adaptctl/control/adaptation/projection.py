@@ -11,7 +11,7 @@ import numpy as np
 from adaptctl.arrays import Array, frozen
 from adaptctl.control.adaptation.gain import require_size
 from adaptctl.control.adaptation.law import AdaptationLaw, Period
-from adaptctl.control.controller import Memory
+from adaptctl.control.memory import Memory
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, clip, column

@@ -13,6 +13,7 @@ from adaptctl.description.loops import Closure, Loops
 from adaptctl.dynamics.loops.constraint import Closing, ClosureSide, Follower, Loop, ancestry, common_ancestor
 from adaptctl.dynamics.recursion.segment import Segment, placements
 from adaptctl.errors import LoopError
+from adaptctl.packages import needed
 from adaptctl.scalars import Column, Mat, Vec
 
 _RANK = 1e-7
@@ -201,6 +202,7 @@ def _felt(block: Array) -> int:
     return int((values > _REGULAR).sum())
 
 
+@needed("a mechanism with loops")
 def _independent_rows(block: Array, rank: int) -> tuple[int, ...]:
     """The rows that determine the dependent joints best, by pivoted QR."""
     from scipy.linalg import qr  # loaded only where there are loops

@@ -84,8 +84,9 @@ class Continuation:
         _, reference, side = self._at_reference
         return np.where((sign == side) & (gap < LOST), smallest / reference, 0.0)
 
-    def surely_regular(self, q: Column) -> Scalar:
-        """1 where the regularity at q (n,) is at least NEAREST beyond doubt, else 0; over scalars of any kind.
+    def surely_regular(self, q: Column, lost: float = LOST) -> Scalar:
+        """1 where the regularity at q (n,) is at least NEAREST beyond doubt, else 0; over scalars of any kind, of which
+        single precision asks for more than LOST to be left open.
 
         The dependent block's smallest singular value is at least 1/|A^-1|, by Frobenius' norm, and for d dependent
         joints at most sqrt(d) times as much.
@@ -100,7 +101,7 @@ class Continuation:
             gap = maximum(gap, absolute(residual))
         regular = where(square * (NEAREST * smallest) ** 2 <= 1.0, 1.0, 0.0)
         regular = where(side * determinant(block) > 0.0, regular, 0.0)
-        return where(gap < LOST, regular, 0.0)
+        return where(gap < lost, regular, 0.0)
 
     def require_regular(self, q: Array) -> None:
         """Refuse configurations (..., n) near or beyond a singularity, with the worst of them."""

@@ -3,6 +3,7 @@
 from adaptctl.simulation.effects.actuator_lag import ActuatorLag
 from adaptctl.simulation.effects.control_delay import ControlDelay
 from adaptctl.simulation.effects.effect import ActuatorEffect, Effect, JointEffect, LoadEffect, SensorEffect
+from adaptctl.simulation.effects.elastic_joints import ElasticJoints
 from adaptctl.simulation.effects.encoder import Encoder
 from adaptctl.simulation.effects.filtered_differences import FilteredDifferences
 from adaptctl.simulation.effects.friction import Friction
@@ -17,6 +18,7 @@ __all__ = [
     "ActuatorLag",
     "ControlDelay",
     "Effect",
+    "ElasticJoints",
     "Encoder",
     "FilteredDifferences",
     "Friction",

@@ -12,6 +12,7 @@ from adaptctl.arrays import Array
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column, Scalar, absolute, maximum, where
 from adaptctl.simulation.effects.effect import ActuatorEffect, Effect, JointEffect, LoadEffect, SensorEffect
+from adaptctl.simulation.effects.elastic_joints import MOTOR, ElasticJoints
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,7 @@ class PlantEffects:
     sensors: tuple[SensorEffect, ...] = ()
     joints: tuple[JointEffect, ...] = ()
     loads: tuple[LoadEffect, ...] = ()
+    elastic: ElasticJoints | None = None
 
     @classmethod
     def of(cls, effects: Iterable[Effect]) -> PlantEffects:
@@ -37,18 +39,25 @@ class PlantEffects:
         for effect in given:
             if not isinstance(effect, Effect):
                 raise InputError(f"effects: expected plant effects, such as ControlDelay(2), got {effect!r}")
-        _require_single([e for e in given if isinstance(e, ActuatorEffect | SensorEffect)])
+        _require_single([e for e in given if isinstance(e, ActuatorEffect | SensorEffect | ElasticJoints)])
         return cls(
             tuple(sorted((e for e in given if isinstance(e, ActuatorEffect)), key=_rank)),
             tuple(sorted((e for e in given if isinstance(e, SensorEffect)), key=_rank)),
             tuple(e for e in given if isinstance(e, JointEffect)),
             tuple(e for e in given if isinstance(e, LoadEffect)),
+            next((e for e in given if isinstance(e, ElasticJoints)), None),
         )
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
         """Raise `InputError` where an effect does not fit."""
-        for effect in (*self.actuators, *self.sensors, *self.joints, *self.loads):
+        elastic = () if self.elastic is None else (self.elastic,)
+        for effect in (*self.actuators, *self.sensors, *self.joints, *self.loads, *elastic):
             effect.require(dof, links, control_period)
+
+    @property
+    def senses_motors(self) -> bool:
+        """Whether encoders sit on motors that springs part from the links."""
+        return self.elastic is not None and self.elastic.encoders == MOTOR
 
     @property
     def marks(self) -> tuple[str, ...]:
@@ -121,7 +130,7 @@ def _rank(effect: Any) -> int:
     return int(effect.rank)
 
 
-def _require_single(chain: list[ActuatorEffect | SensorEffect]) -> None:
+def _require_single(chain: list[ActuatorEffect | SensorEffect | ElasticJoints]) -> None:
     kinds = [type(effect) for effect in chain]
     for kind in kinds:
         if kinds.count(kind) > 1:

@@ -1,0 +1,72 @@
+"""`adaptctl export`: a robot's controller as C or WebAssembly, which needs no Python."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
+
+from adaptctl.cli.output import print_json
+
+if TYPE_CHECKING:
+    from adaptctl.codegen import Exported
+
+
+def export(
+    robot: Annotated[str, Parameter(help="A built-in robot's name, or a .urdf, .xml (MJCF) or .toml file.")],
+    /,
+    *,
+    out: Annotated[Path, Parameter(help="Folder to write, which must not exist.")],
+    law: Annotated[
+        str,
+        Parameter(
+            help="slotine-li, slotine-li-fixed, slotine-li-composite, passivity-integral, task-space, "
+            "adaptive-computed-torque, computed-torque or pd-gravity."
+        ),
+    ] = "slotine-li",
+    name: Annotated[str | None, Parameter(help="Begins all names in the code; the robot's unless given.")] = None,
+    scalar: Annotated[Literal["double", "float"], Parameter(help="Kind of number in C.")] = "double",
+    language: Annotated[Literal["c", "wasm"], Parameter(help="C99 or WebAssembly.")] = "c",
+    period: Annotated[float, Parameter(help="Control period, s: how long a torque is held.")] = 1e-3,
+    bandwidth: Annotated[float, Parameter(help="Largest Λ, 1/s.")] = 4.0,
+    unguarded: Annotated[bool, Parameter(help="Leave out the guards of torques, positions and velocities.")] = False,
+    check: Annotated[bool, Parameter(help="Simulate 600 s first, and put the outcome into the manifest.")] = False,
+    floating_base: Annotated[
+        bool, Parameter(help="Let a URDF file's root link float instead of being fixed to the ground.")
+    ] = False,
+    json: Annotated[bool, Parameter(help="Print the manifest instead of a summary.")] = False,
+) -> None:
+    """Write a robot's controller, gains by `adaptctl tune`, as code that needs no Python."""
+    from adaptctl.codegen import export as exported
+    from adaptctl.dynamics import load
+    from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
+    from adaptctl.tuning import tune
+    from adaptctl.tuning.named_laws import guarded, named_law
+
+    mechanism = load(robot, floating_base=floating_base)
+    tuning = tune(mechanism, period=period, bandwidth=bandwidth)
+    model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))
+    chosen = named_law(law, tuning, model)
+    controller = chosen if unguarded else guarded(chosen, tuning)
+    done = exported(
+        controller, out, name=name, scalar=scalar, language=language, unguarded=unguarded, check=check,
+        reference=tuning.reference,
+    )  # fmt: skip
+    if json:
+        print_json(done.manifest)
+    else:
+        _print(done)
+
+
+def _print(done: Exported) -> None:
+    manifest = done.manifest
+    print(f"{done.directory}: {', '.join(done.files)}")
+    print(f"{manifest['flops']} operations a tick, every {manifest['period']:g} s; guarded: {manifest['guarded']}")
+    if manifest["check"]:
+        first, last = (manifest["check"][f"rms_error_{which}_10_s"] for which in ("first", "last"))
+        errors = f": RMS error {first:.3g} at first, {last:.3g} in the end" if first is not None else ""
+        print(f"checked over {manifest['check']['duration']:g} s{errors}")
+    if "state_bytes" in manifest:
+        print(f"a state of {manifest['state_bytes']} bytes, about {manifest['stack_bytes_about']} bytes of stack")
+        print(f"test it: cc -std=c99 {done.name}.c test_{done.name}.c -lm && ./a.out")

@@ -1,0 +1,133 @@
+"""Straight-line C: the statements that compute expressions."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import islice
+
+from adaptctl.codegen.c_number import CNumber
+from adaptctl.compilation.graph import Expression, Op
+from adaptctl.compilation.pieces import Piece
+from adaptctl.compilation.routine import Routine
+
+LONGEST = 90
+"""Characters of what is written in place of a name, where it is used once."""
+
+INFIX = {Op.ADD: "+", Op.SUBTRACT: "-", Op.MULTIPLY: "*", Op.DIVIDE: "/", Op.LESS: "<", Op.LESS_EQUAL: "<="}
+TRUTHS = (Op.LESS, Op.LESS_EQUAL)
+ANGLES = {Op.SIN: "s", Op.COS: "c"}
+
+Given = Callable[[int, int], str]
+"""Text of an argument's number."""
+
+
+class CStatements:
+    """The statements of one piece of a routine, in order."""
+
+    def __init__(
+        self, prefix: str, number: CNumber, piece: Piece, symbols: Mapping[Routine, str], given: Given
+    ) -> None:
+        self.lines: list[str] = []
+        self.arrays = 0
+        self._prefix, self._number, self._symbols, self._given = prefix, number, symbols, given
+        self._found = piece.found
+        self._uses = Counter(y.index for x in piece.expressions for y in x.operands if isinstance(y, Expression))
+        self._text: dict[int, str] = {}
+        self._turned: set[int] = set()
+
+    def compute(self, x: Expression, *, named: bool) -> None:
+        """One expression: a name for it, or, used once and short, its text where it is used."""
+        if x.op is Op.CALL:
+            self._call(x)
+            return
+        if x.op in ANGLES:
+            self._turn(x)
+            return
+        if (place := self._place(x)) is not None:
+            self._text[x.index] = place
+            return
+        text = self._formula(x)
+        if not named and self._uses[x.index] <= 1 and len(text) <= LONGEST:
+            self._text[x.index] = f"({text})"
+            return
+        kind = "int" if x.op in TRUTHS else f"{self._prefix}_real"
+        self.lines.append(f"const {kind} x{x.index} = {text};")
+        self._text[x.index] = f"x{x.index}"
+
+    def store(self, place: str, value: Expression | float) -> None:
+        """A number to its place."""
+        self.lines.append(f"{place} = {self.operand(value)};")
+
+    def operand(self, x: Expression | float) -> str:
+        """The text of a number."""
+        if not isinstance(x, Expression):
+            return self._number.told(x)
+        if x.index not in self._text:
+            self._text[x.index] = self._place(x) or f"passed[{self._found[x.index]}]"
+        return self._text[x.index]
+
+    def _formula(self, x: Expression) -> str:
+        a, *rest = map(self.operand, x.operands)
+        end = self._number.suffix
+        if x.op in INFIX:
+            return f"{a} {INFIX[x.op]} {rest[0]}"
+        if x.op is Op.NEGATE:
+            return f"-{a}"
+        if x.op is Op.SELECT:
+            return f"{a} ? {rest[0]} : {rest[1]}"
+        if x.op in (Op.MINIMUM, Op.MAXIMUM):
+            return f"{self._prefix}_{x.op.value}({a}, {rest[0]})"
+        return f"{'sqrt' if x.op is Op.SQRT else 'fabs'}{end}({a})"
+
+    def _turn(self, x: Expression) -> None:
+        """Sine and cosine of an angle, both at once."""
+        angle = x.operands[0]
+        if angle.index not in self._turned:
+            self._turned.add(angle.index)
+            names = f"s{angle.index}", f"c{angle.index}"
+            self.lines += [f"{self._prefix}_real {name};" for name in names]
+            self.lines.append(f"{self._prefix}_sincos({self.operand(angle)}, &{names[0]}, &{names[1]});")
+        self._text[x.index] = f"{ANGLES[x.op]}{angle.index}"
+
+    def _call(self, x: Expression) -> None:
+        rest, routine, names = iter(x.operands), x.detail, []
+        for part, size in enumerate(routine.inputs):
+            group = [self.operand(y) for y in islice(rest, size)]
+            names.append(self._array(f"a{x.index}_{part}", size, group))
+        for part, size in enumerate(routine.layout.sizes):
+            names.append(self._array(f"r{x.index}_{part}", size))
+        self.lines.append(f"{self._symbols[routine]}({', '.join(names)});")
+
+    def _array(self, name: str, size: int, values: Sequence[str] = ()) -> str:
+        """The name of an array of numbers that is declared here; C has none of length 0."""
+        if size == 0:
+            return "NULL"
+        self.arrays += size
+        first = f" = {{{', '.join(values)}}}" if values else ""
+        self.lines.append(f"{'const ' if values else ''}{self._prefix}_real {name}[{size}]{first};")
+        return name
+
+    def _place(self, x: Expression) -> str | None:
+        """Where an expression is in memory already."""
+        if x.index in self._found:
+            return f"passed[{self._found[x.index]}]"
+        if x.op is Op.INPUT:
+            return self._given(*x.detail)
+        if x.op is Op.RESULT:
+            return f"r{x.operands[0].index}_{x.detail[0]}[{x.detail[1]}]"
+        return None
+
+
+def most_alive(expressions: Sequence[Expression], outputs: Iterable[Expression | float]) -> int:
+    """The most numbers that wait at one time to be used, done in this order: about what the stack holds."""
+    last = {y.index: k for k, x in enumerate(expressions) for y in x.operands if isinstance(y, Expression)}
+    own = {x.index for x in expressions if x.op not in (Op.INPUT, Op.CALL)}
+    kept = {x.index for x in outputs if isinstance(x, Expression)}
+    ending = Counter(k for i, k in last.items() if i in own)
+    alive = most = 0
+    for k, x in enumerate(expressions):
+        alive += x.index in own and (x.index in last or x.index in kept)
+        most = max(most, alive)
+        alive -= ending[k]
+    return most

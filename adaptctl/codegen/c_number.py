@@ -1,0 +1,54 @@
+"""Numbers in C: how the two kinds are written, what they are called with, and how far their sines reach."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+Kind: TypeAlias = Literal["double", "float"]
+
+
+@dataclass(frozen=True)
+class CNumber:
+    """One of C's two kinds of number, and `names`: what constants stand for, by magnitude, to be told beside them."""
+
+    kind: Kind
+    names: Mapping[float, str]
+
+    @property
+    def size(self) -> int:
+        """Bytes of a number."""
+        return 8 if self.kind == "double" else 4
+
+    @property
+    def suffix(self) -> str:
+        """What constants and the functions of math.h end in."""
+        return "" if self.kind == "double" else "f"
+
+    def rounded(self, x: float) -> float:
+        """The number of this kind that stands for x: what is finite and not 0 stays so."""
+        if self.kind == "double" or not math.isfinite(x) or x == 0.0:
+            return x
+        limits = np.finfo(np.float32)
+        within = min(max(abs(x), float(limits.tiny)), float(limits.max))
+        return math.copysign(float(np.float32(within)), x)
+
+    def constant(self, x: float) -> str:
+        """C's text for a number, without the name of what it stands for: hexadecimal unless it is short, since not
+        every compiler reads decimal digits alike."""
+        if math.isinf(x):
+            huge = f"HUGE_VAL{self.suffix.upper()}"  # INFINITY is a float
+            return f"(-{huge})" if x < 0.0 else huge
+        rounded = self.rounded(x)
+        short = rounded == int(rounded) and abs(rounded) < 1e6
+        text = f"{repr(rounded) if short else rounded.hex()}{self.suffix}"
+        return f"({text})" if text.startswith("-") else text
+
+    def told(self, x: float) -> str:
+        """C's text for a number within the law, with what it stands for in a comment."""
+        name = self.names.get(abs(x))
+        return f"{self.constant(x)} /* {name} */" if name else self.constant(x)

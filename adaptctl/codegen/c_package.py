@@ -1,0 +1,274 @@
+"""The texts of a C package: a controller, its tests, and how to build and use it."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
+from typing import Any, NamedTuple
+
+import jinja2
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.caching import cached_property
+from adaptctl.codegen.c_number import CNumber, Kind
+from adaptctl.codegen.c_program import CProgram, Signature, helpers
+from adaptctl.codegen.c_sine import sine_source
+from adaptctl.codegen.gain_rules import GainRule, gain_rules
+from adaptctl.codegen.interface import Field, Interface
+from adaptctl.codegen.loop_precision import OPEN
+from adaptctl.codegen.recorded import RecordedTick
+from adaptctl.codegen.starting import start_of
+from adaptctl.codegen.statuses import status_bits
+from adaptctl.compilation.graph import Op
+from adaptctl.control import Guarded
+from adaptctl.dynamics.loops.continuation import LOST
+from adaptctl.version import __version__
+
+SPDX = "BSD-3-Clause"
+TOLERANCE: Mapping[Kind, float] = {"double": 1e-11, "float": 1e-3}
+"""of vectors, in parts of the largest torque: what fusing products and sums, or single precision, may make of them"""
+
+
+class CPackage:
+    """A controller's C code by file, and what is known of it."""
+
+    def __init__(self, interface: Interface, name: str, kind: Kind) -> None:
+        self.interface, self.name, self.kind = interface, name, kind
+        self.number = CNumber(kind, interface.names_of_constants())
+        self.start = start_of(interface, LOST if kind == "double" else OPEN)
+        self.program = CProgram(name, self.number)
+        self.memory = tuple(field for field in interface.memory if field.size)
+        self.stack = 0
+
+    def files(self, ticks: Sequence[RecordedTick], last_state: Any) -> dict[str, str]:
+        """The C files by name."""
+        estimate = self.interface.estimate
+        leaves = dict(zip((f.name for f in self.interface.memory), self.interface.memory_of(last_state), strict=True))
+        recorded = {
+            "ticks": [self._tick(tick) for tick in ticks],
+            "start": self._array(ticks[0].p),
+            "tolerance": f"{TOLERANCE[self.kind]:g}",
+            "last_estimate": self._plain(leaves[estimate.name]) if estimate else "",
+        }
+        return {
+            f"{self.name}.h": self.filled("controller.h"),
+            f"{self.name}.c": self.filled("controller.c"),
+            f"{self.name}.hpp": self.filled("controller.hpp"),
+            "CMakeLists.txt": self.filled("CMakeLists.txt"),
+            f"test_{self.name}.c": self.filled("test.c"),
+            "vectors.h": self.filled("vectors.h", **recorded),
+            "example.c": self.filled("example.c", center=self._array(np.asarray(ticks[0].reference.p))),
+        }
+
+    @cached_property
+    def functions(self) -> str:
+        """The law and all it calls, and what `init` calls."""
+        name, start = self.name, self.start
+        law = self.program.source(self.interface.law, self._law_signature())
+        texts, self.stack = [law.text], law.stack
+        vector = self._vector_signature
+        if start.more is not None:
+            texts.append(self.program.source(start.more, vector("begun", ["q"], len(start.more.layout.sizes))).text)
+        if start.walk is not None:
+            texts.append(self.program.source(start.walk.step, vector("closed", ["p", "q"], 1)).text)
+            texts.append(self.program.source(start.walk.regular, vector("regular", ["q"], 1)).text)
+        helping = [helpers(name, self.program.operations)]
+        if self.program.operations & {Op.SIN, Op.COS}:
+            helping.insert(0, sine_source(name, self.number))
+        return "\n".join([*(text for text in helping if text), *texts])
+
+    @cached_property
+    def hash(self) -> str:
+        """64 bits of the code's own text, in hexadecimal."""
+        starts = [field.name + str(field.dimensions) + self._array(field.values) for field in self.memory]
+        text = "\n".join([self.functions, *starts, str(self.interface.marks), str(self.start.configurations)])
+        return hashlib.sha256(text.encode()).hexdigest()[:16].upper()
+
+    @cached_property
+    def rules(self) -> tuple[GainRule, ...]:
+        """What the gains must be."""
+        return gain_rules(self.interface.controller, self.interface.gains)
+
+    @property
+    def state_bytes(self) -> int:
+        """Size of the caller's state."""
+        numbers = max(sum(field.size for field in self.memory), 1)
+        return 16 + -(-2 * numbers * self.number.size // 8) * 8
+
+    @cached_property
+    def _content(self) -> dict[str, Any]:
+        """What all templates are filled with."""
+        interface, law = self.interface, self.interface.controller
+        fields, marks = interface.memory, interface.marks
+        guard = law if isinstance(law, Guarded) else None
+        return {
+            "name": self.name,
+            "P": self.name.upper(),
+            "title": title(interface),
+            "version": __version__,
+            "spdx": SPDX,
+            "scalar": self.kind,
+            "suffix": self.number.suffix,
+            "zero": self.number.constant(0.0),
+            "constant": self.number.constant,
+            "values": self._values,
+            "bits_type": f"uint{8 * self.number.size}_t",
+            "exponent": "UINT64_C(0x7FF0000000000000)" if self.kind == "double" else "UINT32_C(0x7F800000)",
+            "exponent_one": "UINT64_C(0x0010000000000000)" if self.kind == "double" else "UINT32_C(0x00800000)",
+            "last_bit": 8 * self.number.size - 1,
+            "joints": interface.joints,
+            "reference_size": law.reference_size,
+            "reference_in_joints": interface.follows_joints,
+            "period": repr(interface.period),
+            "hash": self.hash,
+            "bits": status_bits(interface),
+            "memory": self.memory,
+            "gains": interface.gains,
+            "estimate": interface.estimate,
+            "guarded": interface.guarded,
+            "brake": Field("brake", _per_joint(guard.stop_damping, law.dof)) if guard else None,
+            "brake_limit": Field("limit", _finite(_per_joint(guard.torque_limits, law.dof))) if guard else None,
+            "brake_text": "the guards' braking" if guard else "zero",
+            "marks": list(map(_Mark, (f.name for f in fields[len(fields) - len(marks) :]), map(str.upper, marks))),
+            "configurations": [fields[k] for k in self.start.configurations],
+            "computed": [fields[k] for k in self.start.computed],
+            "more": self.start.more,
+            "walk": self._walk(),
+            "functions": self.functions,
+            "rules": [self._told_rule(rule) for rule in self.rules],
+        }
+
+    def filled(self, template: str, **more: Any) -> str:
+        """A template filled with what is known of this controller."""
+        return filled(template, **self._content, **more)
+
+    def _walk(self) -> dict[str, Any] | None:
+        walk = self.start.walk
+        if walk is None:
+            return None
+        return {"home": walk.home, "home_text": self._array(walk.home), "primary": walk.primary, "looped": walk.looped}
+
+    def _told_rule(self, rule: GainRule) -> dict[str, Any]:
+        first = rule.field.place(0)
+        return {
+            "field": rule.field,
+            "pointer": f"&gains->{first}",
+            "sign": ">" if rule.positive else "" if rule.signed else ">=",
+            "infinite": rule.infinite,
+            "most": None if rule.most is None else self._array(rule.most.ravel()),
+            "bounds": rule.bounds,
+        }
+
+    def _law_signature(self) -> Signature:
+        """The law's function: numbers have the names of the structures they are in."""
+        name, restrict = self.name, f"{self.name.upper()}_RESTRICT"
+        fields, gains = self.interface.memory, _gain_places(self.interface.all_gains)
+        parameters = (
+            f"const {name}_memory *{restrict} memory", f"const {name}_gains *{restrict} gains",
+            f"const {name}_real *{restrict} p", f"const {name}_real *{restrict} v",
+            f"const {name}_reference *{restrict} reference", f"{name}_memory *{restrict} next",
+            f"{name}_real *{restrict} torque",
+        )  # fmt: skip
+
+        def given(part: int, k: int) -> str:
+            if part < 2:
+                return f"{'pv'[part]}[{k}]"
+            if part < 5:
+                return f"reference->{'pva'[part - 2]}[{k}]"
+            if part < 5 + len(fields):
+                return f"memory->{fields[part - 5].place(k)}"
+            return f"gains->{gains[k]}"
+
+        def place(part: int, k: int) -> str:
+            return f"torque[{k}]" if part == 0 else f"next->{fields[part - 1].place(k)}"
+
+        return Signature(f"{name}_law", parameters, given, place)
+
+    def _vector_signature(self, what: str, given: Sequence[str], results: int) -> Signature:
+        """A function of arrays."""
+        real, restrict = f"{self.name}_real", f"{self.name.upper()}_RESTRICT"
+        inputs = [f"const {real} *{restrict} {name}" for name in given]
+        outputs = [f"{real} *{restrict} out{k}" for k in range(results)]
+        return Signature(
+            f"{self.name}_{what}",
+            (*inputs, *outputs),
+            lambda part, k: f"{given[part]}[{k}]",
+            lambda part, k: f"out{part}[{k}]",
+        )
+
+    def _values(self, field: Field) -> str:
+        """Initial values, each with what it is called."""
+        if not field.values.shape:
+            return self.number.constant(float(field.values))
+        flat = field.values.ravel().tolist()
+        told = [f"{self.number.constant(x)}{_comment(field.label(k))}" for k, x in enumerate(flat)]
+        if field.values.ndim == 1:
+            return "{ " + ", ".join(told) + " }"
+        width = field.values.shape[-1]
+        rows = ["{ " + ", ".join(told[k : k + width]) + " }" for k in range(0, len(told), width)]
+        return "{ " + ", ".join(rows) + " }"
+
+    def _array(self, values: Array) -> str:
+        return "{ " + ", ".join(map(self.number.constant, np.ravel(values).tolist())) + " }"
+
+    def _plain(self, values: Array) -> str:
+        """Numbers in double precision, whatever the code's own."""
+        return "{ " + ", ".join(map(CNumber("double", {}).constant, np.ravel(values).tolist())) + " }"
+
+    def _tick(self, tick: RecordedTick) -> dict[str, Any]:
+        return {
+            "p": self._array(tick.p),
+            "v": self._array(tick.v),
+            "reference": [self._array(part) for part in tick.reference],
+            "torque": self._plain(tick.torque),
+            "status": tick.status,
+        }
+
+
+class _Mark(NamedTuple):
+    field: str
+    bit: str
+
+
+def title(interface: Interface) -> str:
+    """What the code is, in a line."""
+    law = type(interface.innermost).__name__ + (", guarded" if interface.guarded else "")
+    arm = interface.mechanism.name if interface.mechanism else f"{interface.controller.dof} joints"
+    printable = "".join(c if c.isprintable() and c not in "*/\\" else " " for c in arm)
+    return f"{law} for {printable}, every {interface.period:g} s"
+
+
+def filled(template: str, **content: object) -> str:
+    """A template of this package, filled."""
+    return _environment().get_template(f"{template}.jinja").render(**content)
+
+
+@cache
+def _environment() -> jinja2.Environment:
+    return jinja2.Environment(
+        loader=jinja2.PackageLoader("adaptctl.codegen", "templates"),
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        autoescape=False,  # C, not HTML
+    )
+
+
+def _comment(label: str) -> str:
+    return f" /* {label} */" if label else ""
+
+
+def _gain_places(fields: Iterable[Field]) -> list[str]:
+    """The text of each number of the law's column of gains."""
+    return [field.place(k) for field in fields for k in range(field.size)]
+
+
+def _per_joint(values: Any, dof: int) -> Array:
+    return np.broadcast_to(np.asarray(values, dtype=np.float64), (dof,)).copy()
+
+
+def _finite(values: Array) -> Array:
+    return np.minimum(values, float(np.finfo(np.float64).max))

@@ -1,0 +1,145 @@
+"""A traced routine as C functions: its own, those of the routines it calls, and of its pieces where it is long."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from adaptctl.codegen.c_function import CStatements, Given, most_alive
+from adaptctl.codegen.c_number import CNumber
+from adaptctl.compilation.graph import Expression, Op
+from adaptctl.compilation.layout import numbered
+from adaptctl.compilation.pieces import Piece, pieces
+from adaptctl.compilation.routine import Routine
+
+RETURN_ADDRESSES = 128
+"""Bytes of a call's frame besides numbers, about."""
+
+Place = Callable[[int, int], str]
+"""Text of where a result's number goes."""
+
+
+@dataclass(frozen=True)
+class Signature:
+    """How a routine's function is called: its name, its parameters, and the texts of its numbers within it."""
+
+    name: str
+    parameters: tuple[str, ...]
+    given: Given
+    place: Place
+
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        """The names of the parameters."""
+        return tuple(re.findall(r"\w+$", text)[0] for text in self.parameters)
+
+
+@dataclass(frozen=True)
+class CSource:
+    """C functions, and about how many bytes of stack the last of them takes with all it calls."""
+
+    text: str
+    stack: int
+
+
+class CProgram:
+    """Functions of several routines, each written once; `prefix` begins their names."""
+
+    def __init__(self, prefix: str, number: CNumber) -> None:
+        self.prefix, self.number = prefix, number
+        self.operations: set[Op] = set()
+        self._symbols: dict[Routine, str] = {}
+        self._stacks: dict[Routine, int] = {}
+
+    def source(self, routine: Routine, signature: Signature) -> CSource:
+        """The function of a routine with a signature of its own, after those it calls."""
+        texts = [self._called(inner) for inner in _callees(routine) if inner not in self._symbols]
+        text, stack = self._functions(routine, signature)
+        return CSource("\n".join([*texts, text]), stack)
+
+    def _called(self, routine: Routine) -> str:
+        """The function of a routine that others call."""
+        name = re.sub(r"[^A-Za-z0-9_]", "_", routine.name).strip("_") or "part"
+        self._symbols[routine] = f"{self.prefix}_{name}_{len(self._symbols)}"
+        real, restrict = f"{self.prefix}_real", f"{self.prefix.upper()}_RESTRICT"
+        given = [f"const {real} *{restrict} in{k}" for k in range(len(routine.inputs))]
+        made = [f"{real} *{restrict} out{k}" for k in range(len(routine.layout.sizes))]
+        signature = Signature(
+            self._symbols[routine],
+            (*given, *made),
+            lambda part, k: f"in{part}[{k}]",
+            lambda part, k: f"out{part}[{k}]",
+        )
+        text, self._stacks[routine] = self._functions(routine, signature)
+        return text
+
+    def _functions(self, routine: Routine, signature: Signature) -> tuple[str, int]:
+        """A routine's function and its stack; where it has several pieces, it calls one after the other."""
+        self.operations |= {x.op for x in routine.body}
+        parts = pieces(routine.body)
+        if len(parts) == 1:
+            return self._piece(routine, parts[0], signature)
+        restrict = f"{self.prefix.upper()}_RESTRICT"
+        shared = (*signature.parameters, f"{self.prefix}_real *{restrict} passed")
+        inner = [
+            Signature(f"{signature.name}_{k}", shared, signature.given, signature.place) for k in range(len(parts))
+        ]
+        made = [self._piece(routine, part, one) for part, one in zip(parts, inner, strict=True)]
+        size = 1 + max((place for part in parts for place in part.kept.values()), default=0)
+        calls = [f"{one.name}({', '.join(one.arguments)});" for one in inner]
+        whole = _function(signature, [f"{self.prefix}_real passed[{size}];", *calls], set(signature.arguments))
+        stack = max(stack for _, stack in made) + size * self.number.size + RETURN_ADDRESSES
+        return "\n".join([*(text for text, _ in made), whole]), stack
+
+    def _piece(self, routine: Routine, piece: Piece, signature: Signature) -> tuple[str, int]:
+        code = CStatements(self.prefix, self.number, piece, self._symbols, signature.given)
+        wanted: dict[int, list[str]] = {i: [f"passed[{place}]"] for i, place in piece.kept.items()}
+        first = any(x is routine.body[0] for x in piece.expressions) if routine.body else True
+        for (part, k), value in zip(numbered(routine.layout.sizes), routine.outputs, strict=True):
+            if isinstance(value, Expression):
+                wanted.setdefault(value.index, []).append(signature.place(part, k))
+            elif first:
+                code.store(signature.place(part, k), value)
+        for x in piece.expressions:
+            places = wanted.get(x.index, ())
+            code.compute(x, named=bool(places))
+            for place in places:
+                code.store(place, x)
+        used = set(re.findall(r"(?<![\w>.])[a-z]\w*", "\n".join(code.lines)))
+        alive = most_alive(piece.expressions, routine.outputs) + code.arrays
+        called = max((self._stacks[x.detail] for x in piece.expressions if x.op is Op.CALL), default=0)
+        return _function(signature, code.lines, used), alive * self.number.size + called + RETURN_ADDRESSES
+
+
+def helpers(prefix: str, operations: set[Op]) -> str:
+    """The smaller and the larger of two numbers, NaN when either is, where a law asks for them."""
+    texts = []
+    for op, sign in ((Op.MINIMUM, "<"), (Op.MAXIMUM, ">")):
+        if op in operations:
+            texts.append(
+                f"/* The {'smaller' if op is Op.MINIMUM else 'larger'} of two numbers; NaN when either is. */\n"
+                f"static {prefix}_real {prefix}_{op.value}({prefix}_real a, {prefix}_real b)\n"
+                f"{{\n    return ((a {sign} b) || (a != a)) ? a : b;\n}}\n"
+            )
+    return "\n".join(texts)
+
+
+def _function(signature: Signature, lines: list[str], used: set[str]) -> str:
+    unused = [f"(void){name};" for name in signature.arguments if name not in used]
+    body = "".join(f"    {line}\n" for line in (*unused, *lines))
+    return f"static void {signature.name}({', '.join(signature.parameters)})\n{{\n{body}}}\n"
+
+
+def _callees(routine: Routine) -> list[Routine]:
+    """All that a routine calls, at any depth, what is called before what calls it."""
+    found: dict[Routine, None] = {}
+
+    def visit(outer: Routine) -> None:
+        for inner in outer.calls:
+            if inner not in found:
+                visit(inner)
+                found[inner] = None
+
+    visit(routine)
+    return list(found)

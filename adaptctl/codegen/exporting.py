@@ -1,0 +1,260 @@
+"""`adaptctl.export`: a controller as a folder that needs no Python."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, TypeAlias, get_args
+
+import numpy as np
+
+from adaptctl.codegen.c_number import Kind
+from adaptctl.codegen.interface import Interface, require_controller
+from adaptctl.codegen.loop_precision import require_single_precision
+from adaptctl.codegen.recorded import default_reference, record
+from adaptctl.control import Controller, Reference
+from adaptctl.errors import FileError, InputError, printable
+from adaptctl.files import hashed, write_json
+from adaptctl.folders import replacing_folder
+from adaptctl.version import __version__
+
+Language: TypeAlias = Literal["c", "wasm"]
+SCHEMA = "adaptctl/export/1"
+MOST_STACK = 16 * 1024
+"""bytes, about, that a tick may take unless more is asked for"""
+RESERVED = frozenset(
+    [
+        "auto",
+        "break",
+        "case",
+        "char",
+        "const",
+        "continue",
+        "default",
+        "do",
+        "double",
+        "else",
+        "enum",
+        "extern",
+        "float",
+        "for",
+        "goto",
+        "if",
+        "inline",
+        "int",
+        "long",
+        "register",
+        "restrict",
+        "return",
+        "short",
+        "signed",
+        "sizeof",
+        "static",
+        "struct",
+        "switch",
+        "typedef",
+        "union",
+        "unsigned",
+        "void",
+        "volatile",
+        "while",
+        "bool",
+        "class",
+        "namespace",
+        "new",
+        "delete",
+        "this",
+        "template",
+        "true",
+        "false",
+        "and",
+        "or",
+        "not",
+        "xor",
+        "asm",
+        "catch",
+        "private",
+        "public",
+        "protected",
+        "operator",
+        "throw",
+        "try",
+        "typename",
+        "using",
+        "virtual",
+        "export",
+        "friend",
+        "mutable",
+        "explicit",
+    ]
+)
+LONGEST_NAME = 40
+
+
+@dataclass(frozen=True)
+class Exported:
+    """What was exported: where, under which name, its files, and its manifest."""
+
+    directory: Path
+    name: str
+    files: tuple[str, ...]
+    manifest: dict[str, Any]
+
+
+def export(
+    controller: Controller[Any],
+    directory: str | Path,
+    *,
+    name: str | None = None,
+    scalar: Kind = "double",
+    language: Language = "c",
+    unguarded: bool = False,
+    check: bool = False,
+    reference: Reference | None = None,
+    large_stack: bool = False,
+) -> Exported:
+    """Write a controller as a folder of C99 or WebAssembly that needs no Python; returns what was written.
+
+    `name` begins all names in the code, the mechanism's own unless given. `scalar` is the kind of number. The folder
+    must not exist, and is there whole or not at all. With `check` the controller is simulated for 600 s on `reference`,
+    a stated one unless given, and the outcome is in the manifest; recorded ticks are on it too. A controller should
+    be `Guarded`; `unguarded` lets one go without. `large_stack` allows more than about 16 kB of stack a tick.
+
+    Raises `InputError` for a controller that is not guarded, one whose check is not finite, a name that is no C
+    identifier, loops that single precision cannot keep closed; `FileError` for a folder that exists.
+    """
+    require_controller(controller)
+    _require_choice("scalar", scalar, get_args(Kind))
+    _require_choice("language", language, get_args(Language))
+    interface = Interface(controller)
+    if not (interface.guarded or unguarded):
+        raise InputError(
+            f"controller: {type(controller).__name__} has no guards: wrap it in `Guarded` with the torques, rates and "
+            "positions that the arm may have, or say that it may go unguarded"
+        )
+    chosen = _name(interface, name)
+    target = Path(os.path.realpath(directory))
+    if target.exists():
+        raise FileError(f"{directory}: exists already; choose a folder that does not")
+    if scalar == "float" and interface.mechanism is not None:
+        require_single_precision(interface.mechanism)
+    followed = default_reference(interface) if reference is None else reference
+    outcome = None
+    if check:
+        from adaptctl.codegen.vouching import vouched
+
+        outcome = vouched(interface, followed)
+    if language == "wasm":
+        from adaptctl.codegen.wasm_package import wasm_files
+
+        files, facts = wasm_files(interface, chosen, scalar)
+    else:
+        files, facts = _c_files(interface, chosen, scalar, followed, large_stack)
+    return _written(
+        target, interface, chosen, files, facts | {"scalar": scalar, "language": language, "check": outcome}
+    )
+
+
+def _c_files(
+    interface: Interface, name: str, scalar: Kind, reference: Reference, large_stack: bool
+) -> tuple[dict[str, str | bytes], dict[str, Any]]:
+    from adaptctl.codegen.c_package import TOLERANCE, CPackage
+    from adaptctl.codegen.readme import readme
+
+    package = CPackage(interface, name, scalar)
+    _ = package.functions
+    if package.stack > MOST_STACK and not large_stack:
+        raise InputError(
+            f"controller: a tick would take about {package.stack // 1024} kB of stack, at most {MOST_STACK // 1024} kB "
+            "is common on small processors: choose another adaptation law, or ask for a large stack"
+        )
+    ticks, last = record(interface, reference)
+    files: dict[str, str | bytes] = dict(package.files(ticks, last))
+    files["README.md"] = readme(package)
+    facts = {
+        "state_bytes": package.state_bytes,
+        "stack_bytes_about": package.stack,
+        "tolerance": TOLERANCE[scalar],
+        "vectors": len(ticks),
+        "abi_hash": package.hash,
+    }
+    return files, facts
+
+
+def _written(
+    target: Path, interface: Interface, name: str, files: dict[str, str | bytes], facts: dict[str, Any]
+) -> Exported:
+    hashes = {file: hashlib.sha256(_bytes(content)).hexdigest() for file, content in files.items()}
+    manifest = _manifest(interface, name, facts) | {"files": hashes}
+    with replacing_folder(target) as beside:
+        for file, content in files.items():
+            (beside / file).write_bytes(_bytes(content))
+        write_json(beside / "manifest.json", manifest)
+    return Exported(target, name, (*files, "manifest.json"), manifest)
+
+
+def _manifest(interface: Interface, name: str, facts: dict[str, Any]) -> dict[str, Any]:
+    """What is known of the code, in JSON's types."""
+    mechanism, model, law = interface.mechanism, interface.model, interface.controller
+    gains = {field.name: _jsonable(field.values) for field in interface.all_gains}
+    columns = list(model.names) if model is not None else None
+    return {
+        "schema": SCHEMA,
+        "name": name,
+        "adaptctl": __version__,
+        "numpy": np.__version__,
+        "spdx": "BSD-3-Clause",
+        "law": type(interface.innermost).__name__,
+        "adaptation": type(getattr(interface.innermost, "adaptation_law", None)).__name__
+        if getattr(interface.innermost, "adaptation_law", None) is not None
+        else None,
+        "guarded": interface.guarded,
+        "period": interface.period,
+        "mechanism": {"name": mechanism.name, "sha256": mechanism.description.sha256} if mechanism else None,
+        "basis": {"names": columns, "sha256": hashed(columns)} if columns else None,
+        "joints": list(interface.joints),
+        "gains": gains,
+        "gains_sha256": hashed(gains),
+        "flops": interface.law.operations.flops,
+        "operations": {str(op): count for op, count in sorted(interface.law.operations.items())},
+        "state_numbers": sum(law._memory_sizes.values()),
+        **facts,
+    }
+
+
+def _jsonable(values: Any) -> Any:
+    """Numbers in JSON, which has no infinity."""
+    plain = np.asarray(values).tolist()
+    return json.loads(json.dumps(plain).replace("-Infinity", '"-infinity"').replace("Infinity", '"infinity"'))
+
+
+def _bytes(content: str | bytes) -> bytes:
+    return content.encode() if isinstance(content, str) else content
+
+
+def _require_choice(what: str, value: object, known: tuple[str, ...]) -> None:
+    if value not in known:
+        raise InputError(f"{what}: expected {' or '.join(known)}, got {printable(repr(value))}")
+
+
+def _name(interface: Interface, name: str | None) -> str:
+    """The name that was given, or one made of the mechanism's. Raises `InputError` for no C identifier."""
+    if name is None:
+        own = interface.mechanism.name if interface.mechanism else "controller"
+        name = re.sub(r"[^a-z0-9_]", "_", own.lower()).strip("_")[:LONGEST_NAME]
+        name = name if re.match(r"[a-z]", name) else f"arm_{name}"
+        return f"{name}_" if name in RESERVED else name
+    if (
+        not isinstance(name, str)
+        or not re.fullmatch(rf"[A-Za-z][A-Za-z0-9_]{{0,{LONGEST_NAME - 1}}}", name, re.ASCII)
+        or name in RESERVED
+    ):
+        raise InputError(
+            f"name: expected a C identifier of at most {LONGEST_NAME} letters, digits and underscores, a letter first "
+            f"and no word of C, got {printable(repr(name))}"
+        )
+    return name

@@ -1,0 +1,81 @@
+"""What gains must be, found by asking the law itself, for code that checks them where Python is not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.codegen.interface import Field
+from adaptctl.control import Controller
+from adaptctl.errors import AdaptctlError, GainError
+
+LARGEST_FACTOR = 1e4
+"""A gain that may be this many times as large is taken to have no bound."""
+HALVINGS = 6
+
+
+@dataclass(frozen=True)
+class GainRule:
+    """What the numbers of a gain must be, one by one, others as they are."""
+
+    field: Field
+    positive: bool = False
+    """above 0"""
+    signed: bool = True
+    """may be below 0"""
+    infinite: bool = False
+    """may be infinite"""
+    most: Array | None = None
+    """the greatest, where the control period sets one"""
+    bounds: bool = False
+    """the first half is to lie below the second"""
+
+
+def gain_rules(controller: Controller[Any], fields: tuple[Field, ...]) -> tuple[GainRule, ...]:
+    """Rules of the gains that a tick reads, in their order."""
+    return tuple(_rule(controller, field) for field in fields)
+
+
+def _rule(controller: Controller[Any], field: Field) -> GainRule:
+    name = next(name for name in controller.numbers if name.replace(".", "_") == field.name)
+    values = controller.numbers[name]
+    return GainRule(
+        field,
+        positive=not _allowed(controller, name, np.where(values > 0.0, 0.0, values)) and bool(np.all(values > 0.0)),
+        signed=bool(np.any(values < 0.0)) or _allowed(controller, name, -values),
+        infinite=bool(np.isinf(values).any()),
+        most=_most(controller, name, values),
+        bounds=name.split(".")[-1] == "estimate_bounds",
+    )
+
+
+def _allowed(controller: Controller[Any], name: str, values: Array) -> bool:
+    try:
+        controller.tuned({name: values})
+    except (AdaptctlError, ValueError, ArithmeticError):
+        return False
+    return True
+
+
+def _carried(controller: Controller[Any], name: str, values: Array) -> bool:
+    try:
+        controller.tuned({name: values})
+    except GainError:
+        return False
+    except (AdaptctlError, ValueError, ArithmeticError):
+        return True
+    return True
+
+
+def _most(controller: Controller[Any], name: str, values: Array) -> Array | None:
+    """The greatest gains that the period carries, all as many times as large; None where it does not ask."""
+    if not np.isfinite(values).all() or _carried(controller, name, LARGEST_FACTOR * values):
+        return None
+    low, high = 1.0, LARGEST_FACTOR
+    for _ in range(HALVINGS):
+        middle = float(np.sqrt(low * high))
+        low, high = (middle, high) if _carried(controller, name, middle * values) else (low, middle)
+    return np.asarray(low * values)

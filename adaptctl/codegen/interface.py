@@ -1,0 +1,189 @@
+"""What a controller takes, keeps and returns, by name: the part of the code that people read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.caching import cached_property
+from adaptctl.compilation.graph import Op
+from adaptctl.compilation.routine import Routine, trace
+from adaptctl.control import Controller, Guarded, TaskSpaceSlotineLi
+from adaptctl.control.controller import ReferencePoint
+from adaptctl.control.memory import leaves
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
+from adaptctl.identifiability import ReducedModel
+from adaptctl.scalars import Column
+from adaptctl.simulation.closed_loop import guards
+
+GIVEN = ("p", "v", *(f"reference.{part}" for part in ReferencePoint._fields))
+
+
+@dataclass(frozen=True)
+class Field:
+    """A named array of numbers: its shape, its first value, and what each number is called, where that is known."""
+
+    name: str
+    values: Array
+    labels: tuple[str, ...] = ()
+
+    @property
+    def size(self) -> int:
+        """Count of numbers."""
+        return int(self.values.size)
+
+    @property
+    def dimensions(self) -> str:
+        """C's text of the shape; nothing for a single number."""
+        return "".join(f"[{n}]" for n in self.values.shape)
+
+    def place(self, k: int) -> str:
+        """C's text of the k-th number."""
+        where = np.unravel_index(k, self.values.shape) if self.values.shape else ()
+        return self.name + "".join(f"[{int(i)}]" for i in where)
+
+    def label(self, k: int) -> str:
+        """What the k-th number is called."""
+        return self.labels[k % len(self.labels)] if self.labels else ""
+
+
+@dataclass(frozen=True, eq=False)
+class Interface:
+    """A controller as code sees it."""
+
+    controller: Controller[Any]
+
+    @cached_property
+    def law(self) -> Routine:
+        """One tick, traced: what the native code here is made from too."""
+        law = self.controller
+        sizes = law._given_sizes | law._memory_sizes | law.gain_sizes
+        return trace(law._equation(), sizes, name="law")
+
+    @cached_property
+    def innermost(self) -> Controller[Any]:
+        """The law within the guards, if there are any."""
+        law: Any = self.controller
+        while isinstance(law, Guarded):
+            law = law.of
+        return law
+
+    @property
+    def guarded(self) -> bool:
+        """Whether guards stand before the motors."""
+        return isinstance(self.controller, Guarded)
+
+    @cached_property
+    def model(self) -> ReducedModel | None:
+        """The model whose parameters are estimated."""
+        return getattr(self.innermost, "model", None)
+
+    @cached_property
+    def mechanism(self) -> Mechanism | None:
+        """The mechanism that is driven; a user's law may not tell."""
+        return self.model.mechanism if self.model else getattr(self.innermost, "mechanism", None)
+
+    @cached_property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints in the order of p, v and torque."""
+        if self.mechanism is None:
+            return tuple(f"joint{k + 1}" for k in range(self.controller.dof))
+        return tuple(joint.name for joint in self.mechanism.primary_joints)
+
+    @property
+    def follows_joints(self) -> bool:
+        """Whether reference points are positions of the joints."""
+        law = self.innermost
+        if isinstance(law, TaskSpaceSlotineLi):
+            return law.reference_in_joints
+        return law.reference_size == law.dof
+
+    @cached_property
+    def period(self) -> float:
+        """Control period, s: the law's own, or 1 ms where it has none, which it then does not depend on."""
+        return float(getattr(self.controller, "period", None) or getattr(self.innermost, "period", None) or 1e-3)
+
+    @cached_property
+    def started(self) -> list[Array]:
+        """The memory at home and at rest."""
+        return [np.asarray(x, dtype=np.float64) for x in leaves(self.controller._blank)]
+
+    @cached_property
+    def memory(self) -> tuple[Field, ...]:
+        """The fields of the memory, empty ones too."""
+        paths = [path.removeprefix("state.").replace(".", "_") for path in self.controller._memory_sizes]
+        found = zip(paths, self.started, strict=True)
+        return tuple(Field(name, values, self._labels(name, values.size)) for name, values in found)
+
+    @cached_property
+    def estimate(self) -> Field | None:
+        """The field that holds the estimate."""
+        wanted = getattr(self.controller._blank, "estimate", None)
+        pairs = zip(self.memory, leaves(self.controller._blank), strict=True)
+        return next((field for field, leaf in pairs if leaf is wanted), None)
+
+    @cached_property
+    def gains(self) -> tuple[Field, ...]:
+        """The gains that a tick reads, and their values."""
+        used = self._gain_places
+        return tuple(field for field, places in self._gain_fields() if used & places)
+
+    @cached_property
+    def all_gains(self) -> tuple[Field, ...]:
+        """All gains, in the order of the law's column."""
+        return tuple(field for field, _ in self._gain_fields())
+
+    @cached_property
+    def marks(self) -> tuple[str, ...]:
+        """What the guards tell of a tick."""
+        return tuple(getattr(guards(self.controller._blank), "_fields", ()))
+
+    def memory_of(self, state: Any) -> list[Array]:
+        """The leaves of a state in Python, in the order of `memory`."""
+        return [np.asarray(x, dtype=np.float64) for x in leaves(state)]
+
+    def names_of_constants(self) -> dict[float, str]:
+        """What constants of the law stand for, by magnitude: parameters that are compiled in."""
+        values = getattr(self.innermost, "parameters", None)
+        if self.mechanism is None or isinstance(values, Column) or values is None:
+            return {}
+        found: dict[float, str] = {}
+        for name, value in zip(self.mechanism.parameter_names, np.abs(np.asarray(values)).tolist(), strict=False):
+            if value not in (0.0, 0.5, 1.0, 2.0):
+                found[value] = f"{found[value]}, {name}" if value in found else name
+        return found
+
+    @property
+    def _gain_places(self) -> set[int]:
+        part = len(GIVEN) + len(self.controller._memory_sizes)
+        return {x.detail[1] for x in self.law.body if x.op is Op.INPUT and x.detail[0] == part}
+
+    def _gain_fields(self) -> Iterator[tuple[Field, set[int]]]:
+        first = 0
+        for name, values in self.controller.numbers.items():
+            field = Field(name.replace(".", "_"), values, self._labels(name, values.shape[-1] if values.ndim else 0))
+            yield field, set(range(first, first + field.size))
+            first += field.size
+
+    def _labels(self, name: str, size: int) -> tuple[str, ...]:
+        """What numbers are called by their count: parameters or joints; tree joints where there are loops."""
+        if self.model is not None and size == len(self.model.names) and "q" not in name.split("_"):
+            return tuple(self.model.names)
+        if size == len(self.joints):
+            return self.joints
+        if self.mechanism is not None and size == len(self.mechanism.links):
+            return self.mechanism.description.joint_names
+        return ()
+
+
+def require_controller(controller: object) -> None:
+    """Refuse what is no controller whose steps are those of its law."""
+    if not isinstance(controller, Controller):
+        raise InputError(f"controller: expected a Controller, got {type(controller).__name__}")
+    if type(controller).step is not Controller.step:
+        raise InputError(f"controller: {type(controller).__name__} has a step of its own, which no graph knows of")

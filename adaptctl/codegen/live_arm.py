@@ -1,0 +1,172 @@
+"""A closed loop as WebAssembly for a page: the law, the arm and its reference of one experiment, running live."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.codegen.interface import Interface
+from adaptctl.codegen.wasm_module import WasmModule
+from adaptctl.compilation import trace
+from adaptctl.compilation.layout import Layout
+from adaptctl.compilation.limits import LARGEST_COMPILED
+from adaptctl.control import Controller, Reference, Sinusoids
+from adaptctl.control.controller import GAINS
+from adaptctl.control.gains.workspace import sampled_configurations
+from adaptctl.control.memory import leaves, like
+from adaptctl.control.references import SinusoidNumbers, sinusoids_at
+from adaptctl.dynamics.recursion.kinematics import frames, link_poses
+from adaptctl.scalars import Column, clip
+from adaptctl.simulation import Plant
+from adaptctl.simulation.effects import Payload
+from adaptctl.simulation.plant_state import PlantState
+
+MOST = 60_000
+"""bytes of a module in a page"""
+HEAVIEST = 0.25
+"""of the arm's mass, the payload that a slider goes up to"""
+LONGEST = 3000
+"""flops of a law, above which its loop is not traced at all"""
+
+
+@dataclass(frozen=True)
+class LiveArm:
+    """A module, and what a page must know to run it, in JSON's types."""
+
+    binary: bytes
+    facts: dict[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class LiveLoop:
+    """A control period with time, gains, parameters and friction as arguments, over scalars of any kind."""
+
+    plant: Plant
+    controller: Controller[Any]
+    reference: Sinusoids
+
+    @property
+    def state(self) -> dict[str, int]:
+        """Lengths of the columns that pass from one period to the next."""
+        law = self.controller
+        return self.plant.sizes | {f"memory_{k}": size for k, size in enumerate(law._memory_sizes.values())}
+
+    @property
+    def arguments(self) -> dict[str, int]:
+        """Lengths of all columns: those of `state`, then what a page sets."""
+        parameters = {"parameters": self.plant.mechanism.equations.parameters, "friction": self.plant.dof}
+        return self.state | {"time": 1} | parameters | self.controller.gain_sizes
+
+    def equation(self, time: Column, friction: Column, **columns: Column) -> tuple[Column, ...]:
+        """The columns passed on; the torque, the error, the reference (r,), and the links' origins (3N,)."""
+        law = self.controller.substituted(columns[GAINS]) if GAINS in columns else self.controller
+        p, v = self.plant.primary(columns["q"]), columns["v"]
+        point = sinusoids_at(time[0], SinusoidNumbers(*(Column(x.tolist()) for x in self.reference.numbers)))
+        memory = like(self.controller._blank, (columns[name] for name in self.state if name.startswith("memory")))
+        torque, after = law.law(p, v, point, memory)
+        limits = np.asarray(self.plant.torque_limits).tolist()
+        held = Column(clip(x, -most, most) for x, most in zip(torque, limits, strict=True)) - friction * v
+        free = replace(self.plant, torque_limits=np.full(self.plant.dof, np.inf))
+        outcome = free.equation(columns | {"torque": held, "noise": Column(())})
+        places = [x for frame in frames(self.plant.mechanism.equations.links, columns["q"]) for x in frame.origin]
+        passed_on = outcome.q, outcome.v, outcome.drives, outcome.sensors, *leaves(after)
+        return (*passed_on, torque, p - point.p, point.p, Column(places))
+
+
+def live_arm(
+    plant: Plant, controller: Controller[Any], reference: Reference, begun: PlantState, parameters: Array
+) -> LiveArm | str:
+    """The loop from a plant's state on, with true parameters (P,); or why it cannot be shown, in a sentence."""
+    if reason := _obstacle(plant, controller, reference):
+        return reason
+    loop = LiveLoop(plant, controller, reference)  # type: ignore[arg-type]  # _obstacle saw that these are Sinusoids
+    module = WasmModule()
+    routine = trace(loop.equation, loop.arguments, name="period")
+    places = module.export("period", routine)
+    binary = module.binary()
+    if len(binary) > MOST:
+        size = f"{len(binary) / 1000:.0f} kB"
+        return f"its equations take {size} as WebAssembly, and a page gets at most {MOST // 1000} kB"
+    memory = leaves(controller.init(begun.p, begun.v))
+    first = [begun.q, begun.v, begun.drives, begun.sensors, *memory]
+    own = dict(zip(loop.arguments, (at // 8 for at in places.inputs), strict=True))
+    made = [at // 8 for at in places.outputs]
+    facts = _facts(loop, own, made, routine.layout) | {
+        "start": [np.ravel(x).tolist() for x in first],
+        "parameter": np.asarray(parameters).tolist(),
+        "load": _load(plant, parameters),
+        "heaviest": _heaviest(plant),
+    }
+    return LiveArm(binary, facts)
+
+
+def _obstacle(plant: Plant, controller: Controller[Any], reference: Reference) -> str:
+    """Why a loop cannot be shown live; nothing when it can."""
+    if plant.effects:
+        names = ", ".join(type(effect).__name__ for effect in plant.effects)
+        return f"what stands between controller and joints ({names}) is not part of a live arm"
+    if not isinstance(reference, Sinusoids):
+        return f"its reference is no sum of sinusoids, but a {type(reference).__name__}"
+    if len(plant.mechanism.links) > LARGEST_COMPILED or Interface(controller).law.operations.flops > LONGEST:
+        return f"its law takes too many operations for a module of {MOST // 1000} kB"
+    return ""
+
+
+def _facts(loop: LiveLoop, own: dict[str, int], made: list[int], layout: Layout) -> dict[str, Any]:
+    mechanism, states = loop.plant.mechanism, len(loop.state)
+    damping = getattr(Interface(loop.controller).innermost, "damping", 1.0)
+    poses = link_poses(mechanism, sampled_configurations(mechanism, 40))
+    return {
+        "period": loop.plant.control_period,
+        "joints": [joint.name for joint in mechanism.primary_joints],
+        "state": [own[name] for name in loop.state],
+        "next": made[:states],
+        "sizes": list(loop.state.values()),
+        "time": own["time"],
+        "parameters": own["parameters"],
+        "friction": own["friction"],
+        "gains": own.get(GAINS),
+        "gain": loop.controller.packed.tolist() if np.isfinite(loop.controller.packed).all() else [],
+        "groups": list(_groups(loop.controller)),
+        "damping": np.broadcast_to(damping, loop.plant.dof).tolist(),
+        "torque": made[states],
+        "error": made[states + 1],
+        "goal": made[states + 2],
+        "places": made[states + 3],
+        "parents": list(mechanism.description.parents),
+        "reach": float(np.linalg.norm(poses.translations, axis=-1).max()),
+        "size": layout.sizes[-1],
+    }
+
+
+def _groups(controller: Controller[Any]) -> Iterator[dict[str, Any]]:
+    """Gains that a slider makes larger or smaller together."""
+    names = {"bandwidth": "Λ, bandwidth", "damping": "K, damping", "gain": "Γ, adaptation gain"}
+    found: dict[str, list[list[int]]] = {}
+    first = 0
+    for name, values in controller.numbers.items():
+        kind = name.rsplit(".", 1)[-1]
+        if kind in names:
+            found.setdefault(kind, []).append([first, int(values.size)])
+        first += values.size
+    for kind, places in found.items():
+        yield {"name": names[kind], "places": places}
+
+
+def _load(plant: Plant, parameters: Array) -> list[float]:
+    """What a kilogram in the origin of the last body adds to the parameters (P,); nothing where they are related."""
+    description = plant.mechanism.description
+    if len(parameters) < len(description.inertial_parameters):
+        return []
+    loaded = Payload(1.0).added_to(parameters, len(description.bodies) - 1)
+    return [float(x) for x in loaded - parameters]
+
+
+def _heaviest(plant: Plant) -> float:
+    """kg, about a quarter of the arm, with two digits."""
+    masses = [abs(float(link.inertia[0])) for link in plant.mechanism.links]
+    return float(f"{max(HEAVIEST * sum(masses), 0.1):.1g}")

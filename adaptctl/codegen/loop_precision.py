@@ -1,0 +1,47 @@
+"""Whether single precision keeps a mechanism's loops closed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
+from adaptctl.scalars import Column, column
+
+OPEN = 1e-5
+"""m or rad that single precision may leave a loop open"""
+AROUND = 0.3
+"""rad or m about home in which it is tried"""
+POSITIONS = 24
+
+
+def require_single_precision(mechanism: Mechanism) -> None:
+    """Raise `InputError` where loops, followed in single precision, are left open by more than OPEN."""
+    continuation: Any = mechanism.continuation
+    if continuation is None:
+        return
+    worst = 0.0
+    for q, p in _nearby(mechanism):
+        guess = Column(np.float32(x) for x in q.tolist())
+        closed = continuation.equations.closed(Column(np.float32(x) for x in p.tolist()), guess)
+        gaps = continuation.equations.residual(column(np.array([float(x) for x in closed])))
+        worst = max(worst, *(abs(float(gap)) for gap in gaps))
+    if not worst <= OPEN:
+        raise InputError(
+            f"scalar: in single precision the loops of {mechanism.name} stay open by {worst:.2g} m or rad, at most "
+            f"{OPEN:g} is allowed: export it in double"
+        )
+
+
+def _nearby(mechanism: Mechanism) -> list[tuple[Array, Array]]:
+    """Closed configurations (n,) about home, and positions (r,) a tick away from each."""
+    rng = np.random.default_rng(0)
+    away = rng.uniform(-AROUND, AROUND, (POSITIONS, mechanism.dof))
+    p = mechanism.home + away
+    continuation: Any = mechanism.continuation
+    p = p[continuation.reachable(p)]
+    p = np.concatenate([mechanism.home[None], p])
+    return list(zip(mechanism.configuration(p), p + 0.005, strict=True))

@@ -1,0 +1,18 @@
+"""The README of an exported package."""
+
+from __future__ import annotations
+
+from adaptctl.codegen.c_package import CPackage
+from adaptctl.codegen.c_sine import SINGLE_FARTHEST
+from adaptctl.compilation.sine import FARTHEST
+
+
+def readme(package: CPackage) -> str:
+    """What somebody who uses the code must know, in Markdown."""
+    return package.filled(
+        "README.md",
+        flops=package.interface.law.operations.flops,
+        state_bytes=package.state_bytes,
+        stack=package.stack,
+        far=f"{FARTHEST if package.kind == 'double' else SINGLE_FARTHEST:.0f}",
+    )

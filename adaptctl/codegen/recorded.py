@@ -1,0 +1,81 @@
+"""Ticks recorded from Python: what exported code is to repeat."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.codegen.interface import Interface
+from adaptctl.codegen.statuses import status_of
+from adaptctl.control import Reference, ReferencePoint, Sinusoids, TaskSpaceSlotineLi
+from adaptctl.control.gains.workspace import position_range
+from adaptctl.scalars import column
+
+TICKS = 100
+AMPLITUDE, OFF = 0.1, 0.02
+"""rad or m: how far the default reference moves, and how far from it the arm is"""
+SLOWEST, SPREAD = 0.2, 0.06
+"""Hz: the first joint's frequency, and what each other has more"""
+MARGIN = 0.15
+"""rad or m between the default reference's centre and the joints' limits"""
+
+
+@dataclass(frozen=True)
+class RecordedTick:
+    """What went into a tick in Python, and what came out."""
+
+    p: Array
+    v: Array
+    reference: ReferencePoint
+    torque: Array
+    status: int
+
+
+def default_reference(interface: Interface) -> Reference:
+    """Sinusoids of 0.1 rad (0.05 m in the world) about home, or about what the joints' limits allow nearest to it."""
+    law, size = interface.innermost, interface.controller.reference_size
+    center, amplitude = centre(interface), AMPLITUDE
+    if isinstance(law, TaskSpaceSlotineLi) and not law.reference_in_joints:
+        x, _ = law.point(column(law.model.mechanism.configuration(center)))
+        center, amplitude = np.array(x.of), 0.5 * AMPLITUDE
+    elif not interface.follows_joints:
+        center = np.zeros(size)
+    return Sinusoids(center, np.full(size, amplitude), np.asarray(SLOWEST + SPREAD * np.arange(size)))
+
+
+def centre(interface: Interface) -> Array:
+    """Home (r,), moved into the joints' limits where there are no loops."""
+    home, mechanism = np.asarray(interface.controller.home, dtype=np.float64), interface.mechanism
+    if mechanism is None or mechanism.description.loops is not None:
+        return home
+    lower, upper = position_range(mechanism)
+    margin = np.minimum(MARGIN, 0.5 * (upper - lower))
+    return np.clip(home, lower + margin, upper - margin)
+
+
+def record(interface: Interface, reference: Reference, ticks: int = TICKS) -> tuple[list[RecordedTick], Any]:
+    """Ticks of the controller itself on a motion near the reference, and its state after them."""
+    controller, rows = interface.controller, []
+    time = np.asarray(interface.period * np.arange(ticks), dtype=np.float64)
+    p, v = _motion(interface, reference, time)
+    points = reference(time)
+    state = controller.init(p[0], np.zeros(controller.dof))
+    for k in range(ticks):
+        point = ReferencePoint(*(np.ascontiguousarray(np.asarray(part)[k]) for part in points))
+        torque, state = controller.step(state, p[k], v[k], point)
+        rows.append(RecordedTick(p[k], v[k], point, torque, status_of(interface, state)))
+    return rows, state
+
+
+def _motion(interface: Interface, reference: Reference, time: Array) -> tuple[Array, Array]:
+    """Positions and velocities (T, r): along the reference where it is one of joints, a little off."""
+    r = interface.controller.dof
+    rate = np.asarray(2.0 * np.pi * (3.0 + np.arange(r)), dtype=np.float64)
+    off, slope = OFF * np.sin(rate * time[:, None] + 1.0), OFF * rate * np.cos(rate * time[:, None] + 1.0)
+    if not interface.follows_joints:
+        return centre(interface) + off, slope
+    points = reference(time)
+    return np.asarray(points.p) + off, np.asarray(points.v) + slope

@@ -1,0 +1,106 @@
+"""The memory before the first tick, as code: what begins alike everywhere, and what begins with the arm's position."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.codegen.interface import Interface
+from adaptctl.compilation.routine import Routine, trace
+from adaptctl.control.adaptive import AdaptiveController
+from adaptctl.control.memory import leaves
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
+from adaptctl.scalars import Column
+
+ASIDE = 0.02
+"""rad or m from home, where it is seen what depends on positions"""
+
+
+@dataclass(frozen=True)
+class Walk:
+    """The way of a mechanism's loops from home to the first position: one step of it, and whether it ends well."""
+
+    step: Routine
+    """p (r,), q (n,) -> the closed configuration at p, from one nearby"""
+    regular: Routine
+    """q (n,) -> 1 where loops are closed and away from singularities beyond doubt, else 0"""
+    home: Array
+    """(n,)"""
+    primary: tuple[int, ...]
+    looped: tuple[int, ...]
+    """the primary joints that move a loop"""
+
+
+@dataclass(frozen=True)
+class Start:
+    """How a memory begins: `fields` by index that are the configuration (n,), and those that `more` computes of it."""
+
+    configurations: tuple[int, ...]
+    computed: tuple[int, ...]
+    more: Routine | None
+    """q (n,) -> the computed fields, at rest"""
+    walk: Walk | None
+
+
+def start_of(interface: Interface, open_by: float) -> Start:
+    """How a controller's memory begins, its loops left open by at most `open_by` (m or rad).
+
+    Raises `InputError` where it depends on positions in another way.
+    """
+    law, mechanism = interface.controller, interface.mechanism
+    p = law.home + ASIDE * np.linspace(0.5, 1.0, law.dof)
+    aside = interface.memory_of(law.start(p, np.zeros(law.dof)))
+    moved = [k for k, (a, b) in enumerate(zip(interface.started, aside, strict=True)) if not np.array_equal(a, b)]
+    q = None if mechanism is None else mechanism.configuration(p)
+    configurations = tuple(k for k in moved if np.array_equal(aside[k], p if q is None else q))
+    computed = tuple(k for k in moved if k not in configurations)
+    more = _computed(interface, computed) if computed else None
+    walk = _walk(mechanism, open_by) if mechanism is not None and mechanism.continuation is not None else None
+    return Start(configurations, computed, more, walk)
+
+
+def _computed(interface: Interface, fields: tuple[int, ...]) -> Routine:
+    """The start of the adaptation law's memory over scalars."""
+    law: Any = interface.innermost
+    names = [interface.memory[k].name for k in fields]
+    if not isinstance(law, AdaptiveController) or law.adaptation_law is None:
+        raise InputError(
+            f"{type(law).__name__}: its memory's {', '.join(names)} begins with positions in an unknown way"
+        )
+    adaptation, sizes = law.adaptation_law, [interface.memory[k].size for k in fields]
+    initial, rest = np.array(law.initial), Column.zeros(law.dof)
+
+    def begun(q: Column) -> tuple[Column, ...]:
+        memory: Any = adaptation.start(law.model, initial, q, rest, law.period)  # type: ignore[arg-type]
+        return tuple(part for part in leaves(memory) if isinstance(part, Column))
+
+    routine = trace(begun, {"q": law.model.mechanism.equations.joints}, name="begun")
+    if list(routine.layout.sizes) != sizes:
+        raise InputError(f"{type(adaptation).__name__}: its memory's {', '.join(names)} begins in an unknown way")
+    return routine
+
+
+def _walk(mechanism: Mechanism, open_by: float) -> Walk:
+    continuation: Any = mechanism.continuation
+    equations, primary = continuation.equations, tuple(continuation.primary)
+
+    def step(p: Column, q: Column) -> Column:
+        ahead = equations.rates(q, p - Column(q[i] for i in primary))
+        return equations.closed(p, q + ahead)
+
+    def regular(q: Column) -> Any:
+        return continuation.surely_regular(q, open_by)
+
+    tracers: dict[str, tuple[Callable[..., Any], dict[str, int]]] = {
+        "closed": (step, {"p": len(primary), "q": equations.joints}),
+        "regular": (regular, {"q": equations.joints}),
+    }
+    made = [trace(function, sizes, name=name) for name, (function, sizes) in tracers.items()]
+    home = np.asarray(continuation.reference, dtype=np.float64)
+    looped = tuple(k for k, moves in enumerate(equations.closing.looped) if moves)
+    return Walk(made[0], made[1], home, primary, looped)

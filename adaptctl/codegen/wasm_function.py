@@ -1,0 +1,93 @@
+"""Straight-line WebAssembly: the code that computes expressions on its stack, and keeps what is used again."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from itertools import islice
+
+from adaptctl.codegen.wasm_encoding import CALL, F64, GET, I32, SELECT, SET, constant, load, store, unsigned
+from adaptctl.compilation.graph import Expression, Op
+
+BINARY = {
+    Op.ADD: b"\xa0", Op.SUBTRACT: b"\xa1", Op.MULTIPLY: b"\xa2", Op.DIVIDE: b"\xa3", Op.MINIMUM: b"\xa4",
+    Op.MAXIMUM: b"\xa5", Op.LESS: b"\x63", Op.LESS_EQUAL: b"\x65",
+}  # fmt: skip
+UNARY = {Op.NEGATE: b"\x9a", Op.SQRT: b"\x9f", Op.ABSOLUTE: b"\x99"}
+TRUTHS, ANGLES = (Op.LESS, Op.LESS_EQUAL), {Op.SIN: 0, Op.COS: 1}
+
+
+class Called:
+    """A function that others call: its index, and where in memory its arguments and results are."""
+
+    def __init__(self, index: int, inputs: Sequence[int], outputs: Sequence[int]) -> None:
+        self.index, self.inputs, self.outputs = index, inputs, outputs
+
+
+class WasmCode:
+    """The code of a function whose first `parameters` variables are its arguments."""
+
+    def __init__(
+        self, body: Sequence[Expression], outputs: Iterable[Expression | float], given: Callable[[int, int], bytes],
+        parameters: int = 0,
+    ) -> None:  # fmt: skip
+        self.code = bytearray()
+        self.locals: list[bytes] = []
+        self._first, self._given = parameters, given
+        self._uses = Counter(y.index for x in body for y in x.operands if isinstance(y, Expression))
+        self._uses.update(y.index for y in outputs if isinstance(y, Expression))
+        self._text: dict[int, bytes] = {}
+        self._turned: dict[int, int] = {}
+
+    def compute(self, x: Expression, sincos: Callable[[], int]) -> None:
+        """One expression: kept in a variable where it is used again, else written where it is used."""
+        if x.op in ANGLES:
+            self._text[x.index] = GET + unsigned(self._sine(x.operands[0], sincos) + ANGLES[x.op])
+            return
+        text = self._formula(x)
+        if self._uses[x.index] > 1:
+            text = self.keep(text, I32 if x.op in TRUTHS else F64)
+        self._text[x.index] = text
+
+    def call(self, x: Expression, called: Called, results: Iterable[Expression]) -> None:
+        """A call: arguments to their places, and at once all results that are used to variables."""
+        rest, routine = iter(x.operands), x.detail
+        for at, size in zip(called.inputs, routine.inputs, strict=True):
+            for k, y in enumerate(islice(rest, size)):
+                self.code += store(at + 8 * k, self.operand(y))
+        self.code += CALL + unsigned(called.index)
+        for result in results:
+            part, k = result.detail
+            self._text[result.index] = self.keep(load(called.outputs[part] + 8 * k), F64)
+
+    def operand(self, x: Expression | float) -> bytes:
+        """Code that puts a number on the stack."""
+        return self._text[x.index] if isinstance(x, Expression) else constant(x)
+
+    def keep(self, text: bytes, kind: bytes) -> bytes:
+        """Code that puts on the stack what some code makes, which is run once."""
+        number = self.new(kind)
+        self.code += text + SET + unsigned(number)
+        return GET + unsigned(number)
+
+    def new(self, kind: bytes) -> int:
+        """A variable of a kind."""
+        self.locals.append(kind)
+        return self._first + len(self.locals) - 1
+
+    def _formula(self, x: Expression) -> bytes:
+        if x.op is Op.INPUT:
+            return self._given(*x.detail)
+        operands = [self.operand(y) for y in x.operands]
+        if x.op is Op.SELECT:
+            return operands[1] + operands[2] + operands[0] + SELECT
+        return b"".join(operands) + (BINARY | UNARY)[x.op]
+
+    def _sine(self, angle: Expression, sincos: Callable[[], int]) -> int:
+        """The first of the two variables that hold an angle's sine and cosine."""
+        if angle.index not in self._turned:
+            sine, cosine = self.new(F64), self.new(F64)
+            call = CALL + unsigned(sincos()) + SET + unsigned(cosine) + SET + unsigned(sine)
+            self.code += self.operand(angle) + call
+            self._turned[angle.index] = sine
+        return self._turned[angle.index]

@@ -1,0 +1,120 @@
+"""WebAssembly modules straight from graphs: no compiler, no linker, one memory."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from adaptctl.codegen import wasm_encoding as wasm
+from adaptctl.codegen.wasm_encoding import F64, GET, I64, SELECT, unsigned
+from adaptctl.codegen.wasm_function import Called, WasmCode
+from adaptctl.compilation.graph import Expression, Op
+from adaptctl.compilation.layout import numbered
+from adaptctl.compilation.routine import Routine, trace
+from adaptctl.compilation.sine import FARTHEST, reduced
+
+FIRST = 64
+"""Bytes at the beginning of memory that nothing uses."""
+
+
+@dataclass(frozen=True)
+class WasmPlaces:
+    """Where a function's arguments and results are: the first byte of each in the module's memory."""
+
+    inputs: tuple[int, ...]
+    outputs: tuple[int, ...]
+
+
+class WasmModule:
+    """Functions of traced routines; `export` adds one under a name, `binary` is the module."""
+
+    def __init__(self) -> None:
+        self._types: list[bytes] = []
+        self._functions: list[tuple[int, bytes]] = []
+        self._exports: dict[str, int] = {}
+        self._called: dict[Routine, Called] = {}
+        self._memory = FIRST
+        self._turning: int | None = None
+
+    def export(self, name: str, routine: Routine) -> WasmPlaces:
+        """A function without arguments, which reads and writes at the places returned."""
+        called = self._function(routine)
+        self._exports[name] = called.index
+        return WasmPlaces(tuple(called.inputs), tuple(called.outputs))
+
+    def binary(self) -> bytes:
+        """The module."""
+        pages = -(-self._memory // wasm.PAGE)
+        memory = unsigned(6) + b"memory" + b"\x02\x00"
+        names = [unsigned(len(name)) + name.encode() + b"\x00" + unsigned(k) for name, k in self._exports.items()]
+        return b"".join(
+            [
+                wasm.MAGIC,
+                wasm.section(wasm.TYPES, wasm.vector(self._types)),
+                wasm.section(wasm.FUNCTIONS, wasm.vector([unsigned(kind) for kind, _ in self._functions])),
+                wasm.section(wasm.MEMORIES, wasm.vector([b"\x00" + unsigned(pages)])),
+                wasm.section(wasm.EXPORTS, wasm.vector([memory, *names])),
+                wasm.section(wasm.CODE, wasm.vector([code for _, code in self._functions])),
+            ]
+        )
+
+    def _function(self, routine: Routine) -> Called:
+        if routine not in self._called:
+            inputs, outputs = [self._room(n) for n in routine.inputs], [self._room(n) for n in routine.layout.sizes]
+            for inner in routine.calls:
+                self._function(inner)
+            code = WasmCode(routine.body, routine.outputs, lambda part, k: wasm.load(inputs[part] + 8 * k))
+            results: dict[Expression, list[Expression]] = {}
+            for x in routine.body:
+                if x.op is Op.RESULT:
+                    results.setdefault(x.operands[0], []).append(x)
+            for x in routine.body:
+                if x.op is Op.CALL:
+                    code.call(x, self._called[x.detail], results.get(x, ()))
+                elif x.op is not Op.RESULT:
+                    code.compute(x, self._sincos)
+            for (part, k), value in zip(numbered(routine.layout.sizes), routine.outputs, strict=True):
+                code.code += wasm.store(outputs[part] + 8 * k, code.operand(value))
+            index = self._added(wasm.signature((), ()), code.locals, bytes(code.code))
+            self._called[routine] = Called(index, inputs, outputs)
+        return self._called[routine]
+
+    def _room(self, numbers: int) -> int:
+        at, self._memory = self._memory, self._memory + 8 * numbers
+        return at
+
+    def _added(self, kind: bytes, variables: Sequence[bytes], code: bytes) -> int:
+        if kind not in self._types:
+            self._types.append(kind)
+        self._functions.append((self._types.index(kind), wasm.body(variables, code)))
+        return len(self._functions) - 1
+
+    def _sincos(self) -> int:
+        """The function from an angle to its sine and cosine, NaN where it is too far: the operations of native code."""
+        if self._turning is None:
+            routine = trace(lambda x: reduced(x[0]), {"x": 1})
+            angle = GET + b"\x00"
+            code = WasmCode(routine.body, routine.outputs, lambda _part, _k: angle, parameters=1)
+            for x in routine.body:
+                code.compute(x, lambda: 0)
+            sine, cosine = (code.keep(code.operand(value), F64) for value in routine.outputs[:2])
+            quarter = code.keep(code.operand(routine.outputs[2]) + b"\xbd", I64)
+            odd = quarter + _integer(1) + b"\x83\xa7"  # i32.wrap(k & 1)
+            near = angle + b"\x99" + wasm.constant(FARTHEST) + b"\x65"
+            after = quarter + _integer(1) + b"\x7c"
+            turned = [(cosine + sine + odd + SELECT, quarter), (sine + cosine + odd + SELECT, after)]
+            for value, sign in turned:
+                signed = value + b"\xbd" + sign + _integer(2) + b"\x83" + _integer(62) + b"\x86\x85\xbf"
+                code.code += signed + wasm.constant(float("nan")) + near + SELECT
+            self._turning = self._added(wasm.signature([F64], [F64, F64]), code.locals, bytes(code.code))
+        return self._turning
+
+
+def _integer(n: int) -> bytes:
+    """A whole number below 64, of 64 bits."""
+    return b"\x42" + bytes([n])
+
+
+def memory_of(places: Mapping[str, int]) -> dict[str, int]:
+    """WasmPlaces by name as numbers of 8 bytes, which is how JavaScript's Float64Array counts."""
+    return {name: at // 8 for name, at in places.items()}

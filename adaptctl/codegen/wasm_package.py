@@ -1,0 +1,70 @@
+"""A controller as a WebAssembly module with a class of JavaScript around it."""
+
+from __future__ import annotations
+
+import base64
+from typing import Any
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.codegen.c_number import Kind
+from adaptctl.codegen.c_package import filled, title
+from adaptctl.codegen.interface import Interface
+from adaptctl.codegen.starting import start_of
+from adaptctl.codegen.statuses import FAULTS, status_bits
+from adaptctl.codegen.wasm_module import WasmModule
+from adaptctl.dynamics.loops.continuation import LOST
+from adaptctl.errors import InputError
+from adaptctl.version import __version__
+
+
+def wasm_files(interface: Interface, name: str, scalar: Kind) -> tuple[dict[str, str | bytes], dict[str, Any]]:
+    """The files of a package, and what is known of them. Raises `InputError` for single precision."""
+    if scalar != "double":
+        raise InputError("scalar: WebAssembly is exported in double; choose the language c for float")
+    module, start = WasmModule(), start_of(interface, LOST)
+    law = module.export("law", interface.law)
+    more = {"begun": start.more}
+    if start.walk is not None:
+        more |= {"closed": start.walk.step, "regular": start.walk.regular}
+    places = {key: module.export(key, routine) for key, routine in more.items() if routine is not None}
+    binary, walk, bits = module.binary(), start.walk, status_bits(interface)[len(FAULTS) :]
+    brake = np.asarray(getattr(interface.controller, "stop_damping", 0.0), dtype=np.float64)
+    facts = {
+        "joints": interface.controller.dof,
+        "reference": interface.controller.reference_size,
+        "period": interface.period,
+        "given": _numbers(law.inputs[:5]),
+        "memory": _numbers(law.inputs[5 : 5 + len(interface.memory)]),
+        "sizes": [field.size for field in interface.memory],
+        "torque": _numbers(law.outputs[:1])[0],
+        "next": _numbers(law.outputs[1:]),
+        "gains": _numbers(law.inputs[5 + len(interface.memory) :]),
+        "gain": [float(x) if np.isfinite(x) else float(np.finfo(np.float64).max) for x in interface.controller.packed],
+        "start": [_plain(field.values) for field in interface.memory],
+        "configurations": list(start.configurations),
+        "computed": list(start.computed),
+        "places": {key: [_numbers(found.inputs), _numbers(found.outputs)] for key, found in places.items()},
+        "walk": {"home": _plain(walk.home), "primary": list(walk.primary), "looped": list(walk.looped)}
+        if walk
+        else None,
+        "estimate": interface.memory.index(interface.estimate) if interface.estimate else None,
+        "marks": [[k, bit.value] for k, bit in enumerate(bits, start=len(interface.memory) - len(bits))],
+        "guarded": interface.guarded,
+        "brake": _plain(np.broadcast_to(brake, interface.controller.dof)),
+    }
+    text = base64.b64encode(binary).decode("ascii")
+    script = filled("controller.js", name=name, title=title(interface), version=__version__, facts=facts, binary=text)
+    about = filled("README.wasm.md", name=name, title=title(interface), version=__version__, size=len(binary))
+    files: dict[str, str | bytes] = {f"{name}.wasm": binary, f"{name}.js": script, "README.md": about}
+    return files, {"wasm_bytes": len(binary), "tolerance": 1e-12}
+
+
+def _numbers(places: Any) -> list[int]:
+    """Places as numbers of 8 bytes, which is how JavaScript's Float64Array counts."""
+    return [at // 8 for at in places]
+
+
+def _plain(values: Array) -> list[float]:
+    return [float(x) for x in np.ravel(values)]

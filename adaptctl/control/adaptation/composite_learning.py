@@ -1,0 +1,153 @@
+"""Composite learning: least squares that remember what once was excited."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.compilation import outlined
+from adaptctl.control.adaptation.composite import residual
+from adaptctl.control.adaptation.gradient import TINY
+from adaptctl.control.adaptation.law import Period
+from adaptctl.control.adaptation.least_squares import (
+    ForgettingLeastSquares,
+    from_triangle,
+    full_rows,
+    symmetric_product,
+    upper_rows,
+)
+from adaptctl.control.adaptation.prediction import Filtered, TorqueFilter
+from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
+from adaptctl.errors import InputError
+from adaptctl.identifiability import ReducedModel
+from adaptctl.scalars import Column, Scalar, each, maximum, sqrt, where
+
+
+class LearningMemory(NamedTuple):
+    """The memory of composite learning, in units of the first gain: with S = Gamma^1/2, S Q S and S z."""
+
+    information: Any
+    """(k (k + 1)/2,) the upper triangle of Q, row by row: zero at the start"""
+    known: Any
+    """(k,) z, which is Q times the true parameters as far as nothing disturbs"""
+    learned: Any
+    """(1,) how many joints' equations passed the threshold in the last period"""
+    filtered: Filtered
+
+
+@dataclass(frozen=True, eq=False)
+class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
+    """estimate' = -P (Y's + W'R (W estimate - F[tau]) + recall (Q estimate - z)),  P^-1 = Gamma^-1 + Q
+    Q' = W'RW - forgetting Q W'(W Q W')^+ W Q,  z' likewise, so that z = Q true: composite learning (Pan and Yu 2018)
+    whose memory Q, z of all that was excited forgets by direction (Kulhavy 1987, Cao and Schwartz 2000).
+
+    Along what W sees now the past is forgotten, at `forgetting` (1/s); what it does not see is kept for as long as it
+    is not seen again. `recall` (1/s) is how fast the estimate returns to what the memory says, along all that was well
+    excited alike, and `threshold` the excitation w'Gamma w R (1/s) below which a joint's equation is noise: nothing is
+    learned from it, nor forgotten. `gain`, `weight` and `cutoff` are those of `CushionedFloor`.
+
+    Guarantees, without disturbance: with V = s'Ms/2 + error' P^-1 error/2 and eps = W error, V' <= -s'Ks - eps'R eps/2
+    - recall error'Q error: s and eps go to zero, and so does the error in the excited subspace, the range of Q, also
+    after excitation has ended (interval excitation: where Q is positive definite once, all of the error; excited and
+    unexcited subspaces: Shen, Wang, Wen and Lu, arXiv 2408.01731). A parameter that changes is learned again at
+    forgetting along what is excited then.
+
+    Gives up: what `Composite` does. After a change, what is no longer excited is remembered as it was, wrong or right.
+    Costs a rank-one change of Q twice a joint, k^2 operations each, a Cholesky factorisation, k^3/3, and a memory of
+    k (k + 3)/2.
+    """
+
+    tunable = ("gain", "weight", "cutoff", "forgetting", "recall", "threshold", "alarm")
+
+    called: ClassVar[str] = "composite learning"
+
+    recall: float = 2.0
+    threshold: float = 0.0
+    alarm: float = np.inf
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name, unit in (("recall", "1/s"), ("threshold", "1/s")):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0.0):
+                raise InputError(f"{self.called}: {name}: expected a finite number of at least 0 {unit}, got {value}")
+
+        if not self.alarm > 0.0:
+            raise InputError(f"{self.called}: alarm: expected a positive number of W, or infinity, got {self.alarm}")
+
+    def require(self, model: ReducedModel, initial: Array, period: float) -> None:
+        """Raise `InputError` where gain, weight or cutoff do not fit, or the period is too long to recall so fast."""
+        super().require(model, initial, period)
+        if self.recall * period > 0.5:
+            raise InputError(
+                f"{self.called}: recall: {self.recall:g} 1/s is too fast for a control period of {period:g} s; "
+                f"use at most {0.5 / period:g} 1/s"
+            )
+
+    def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> LearningMemory:
+        """The memory before the first tick: nothing is remembered, and the filters are at rest."""
+        k = len(model.columns)
+        filtered = TorqueFilter(self.cutoff, period).start(model, q, v)
+        return LearningMemory(np.zeros(k * (k + 1) // 2), np.zeros(k), np.zeros(1), filtered)
+
+    def law(
+        self, model: ReducedModel, estimate: Column, period: Period, memory: LearningMemory
+    ) -> tuple[Column, LearningMemory]:
+        """The memory after forgetting and learning, joint by joint; then the estimate after a descent by its gain."""
+        rows, torque, filtered = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory.filtered)
+        missed, weights = residual(rows, estimate, torque), each(self.weight, model.mechanism.dof)
+        kept, scale = self._kept(missed @ (weights * missed), period), self._scale
+        information, known = kept * memory.information, kept * memory.known
+        slope, learned = scale * period.gradient(period.integral), 0.0
+        forgotten = self.forgetting * period.elapsed / (1.0 + self.forgetting * period.elapsed)
+        for row, told, miss, weight in zip(rows, torque, missed, weights, strict=True):
+            root = sqrt(weight)
+            scaled = (root * scale) * row
+            counts = where(scaled @ scaled > self.threshold, 1.0, 0.0)
+            shares = Column((counts * forgotten, counts * period.elapsed))
+            information, known = _remembered(information, known, scaled, root * told, shares)
+            slope = slope + (shares[1] * root * miss) * scaled
+            learned = learned + counts * period.share
+        inverse_scale = Column(1.0 / x for x in scale)
+        error = symmetric_product(information, inverse_scale * estimate) - known
+        slope = slope + (self.recall * period.elapsed) * error
+        step = solve_symmetric(_gained(information, len(estimate)), slope)
+        return estimate - scale * step, LearningMemory(information, known, Column((learned,)), filtered)
+
+    def _kept(self, power: Scalar, period: Period) -> Scalar:
+        """The share of all memory that is left after a period with so much power missed (W)."""
+        excess = maximum(power / self.alarm - 1.0, 0.0)
+        return 1.0 / (1.0 + (self.forgetting * period.elapsed) * excess)
+
+    def covariance(self, memory: LearningMemory) -> Array:
+        """P (k, k), in units of the parameters squared per J s."""
+        k, scale = len(self.gain), np.sqrt(self.gain)
+        return np.asarray(np.linalg.inv(np.eye(k) + from_triangle(memory.information, k)) * np.outer(scale, scale))
+
+    def remembered(self, memory: LearningMemory) -> Array:
+        """Q (k, k), in J s per unit of the parameters squared."""
+        scale = np.sqrt(self.gain)
+        return np.asarray(from_triangle(memory.information, len(self.gain)) / np.outer(scale, scale))
+
+
+def _gained(information: Column, k: int) -> list[list[Scalar]]:
+    """1 + Q (k, k)."""
+    upper = upper_rows(information, k)
+    return full_rows([[row[0] + 1.0, *row[1:]] for row in upper])
+
+
+def _remember(information: Column, known: Column, row: Column, told: Scalar, shares: Column) -> tuple[Column, Column]:
+    """Q and z after one joint's equation row' x = told: first the share shares[0] of what they say along it is
+    forgotten, then shares[1] of it learned."""
+    k, along = len(row), symmetric_product(information, row)
+    lost = shares[0] / (row @ along + TINY)
+    fading, heavy = lost * along, shares[1] * row
+    pairs = ((i, j) for i in range(k) for j in range(i, k))
+    after = Column(x - fading[i] * along[j] + heavy[i] * row[j] for x, (i, j) in zip(information, pairs, strict=True))
+    return after, known - (row @ known) * fading + told * heavy
+
+
+_remembered = outlined(_remember)

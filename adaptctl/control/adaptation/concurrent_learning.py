@@ -1,0 +1,139 @@
+"""Concurrent learning: a bounded stack of samples, learned from again and again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.compilation import outlined
+from adaptctl.control.adaptation.gain import Descent
+from adaptctl.control.adaptation.law import Period
+from adaptctl.control.adaptation.prediction import Filtered, TorqueFilter, felt, require_cutoff
+from adaptctl.control.gains.gains import positive_per_joint
+from adaptctl.errors import InputError
+from adaptctl.identifiability import ReducedModel
+from adaptctl.scalars import Column, Scalar, each, spread, where
+
+LONGEST = 64
+"""samples that a stack may have"""
+
+
+class Stack(NamedTuple):
+    """The memory of concurrent learning."""
+
+    rows: Any
+    """W of every sample kept, the newest first, without what is always zero: zero where none is kept yet"""
+    torques: Any
+    """(samples r,) F[tau] of each, N m"""
+    learned: Any
+    """(1,) 1 where the last period's sample was kept, else 0"""
+    filtered: Filtered
+
+
+@dataclass(frozen=True, eq=False)
+class ConcurrentLearning(Descent[Stack]):
+    """estimate' = -Gamma (Y's + sum_j W_j'R (W_j estimate - F[tau]_j)) over the samples j of a bounded stack
+    (Chowdhary and Johnson 2010). `gain`, `weight` R and `cutoff` are those of `Composite`; `samples` is how many are
+    kept.
+
+    A sample is kept where it tells something new: where its rows differ from those kept last by
+    sum_i R_i d_i'Gamma d_i (1/s) above `threshold`. It then takes the oldest one's place, so that what has changed,
+    a payload, is forgotten with the samples of before.
+
+    Guarantees, without disturbance: V = s'Ms/2 + error' Gamma^-1 error/2 falls as -s'Ks - sum_j eps_j'R eps_j with
+    eps_j = W_j error; where the stack's W_j are of full rank together, under interval excitation, s and the error go to
+    zero exponentially, also at rest. Every equation is solved implicitly, one after the other, so that no weight is too
+    large for the period.
+
+    Gives up: what `Composite` does. The stack is of the recent past, not of the best samples, and rates differ as much
+    as the stack is badly conditioned: `CompositeLearning` forgets by direction, and has one rate. Costs 4 operations an
+    entry of the stack.
+    """
+
+    tunable = ("gain", "weight", "cutoff", "threshold")
+
+    weight: Array = 1.0  # type: ignore[assignment]  # a number becomes an array for the model's joints
+    cutoff: float = 20.0
+    samples: int = 12
+    threshold: float = 1.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        positive_per_joint(self.weight, np.size(self.weight), "concurrent learning: weight")
+        if isinstance(self.samples, bool) or not isinstance(self.samples, int | np.integer):
+            raise InputError(f"concurrent learning: samples: expected a whole number, got {self.samples!r}")
+        if not 1 <= self.samples <= LONGEST:
+            raise InputError(
+                f"concurrent learning: samples: a stack has from 1 to {LONGEST} samples, got {self.samples}: without "
+                "any it is Gradient"
+            )
+        if not (np.isfinite(self.threshold) and self.threshold > 0.0):
+            raise InputError(
+                f"concurrent learning: threshold: expected a positive number of 1/s, got {self.threshold}: with none, "
+                "every period would push an older sample out"
+            )
+
+    def require(self, model: ReducedModel, initial: Array, period: float) -> None:
+        """Raise `InputError` unless gain, weight and cutoff fit the parameters, the joints and the period (s)."""
+        super().require(model, initial, period)
+        positive_per_joint(self.weight, model.mechanism.dof, "concurrent learning: weight")
+        require_cutoff(self.cutoff, period)
+
+    def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Stack:
+        """The memory before the first tick: an empty stack, and the filters at rest."""
+        entries, r = sum(map(len, felt(model))), model.mechanism.dof
+        filtered = TorqueFilter(self.cutoff, period).start(model, q, v)
+        return Stack(np.zeros(self.samples * entries), np.zeros(self.samples * r), np.zeros(1), filtered)
+
+    def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Stack) -> tuple[Column, Stack]:
+        """The estimate after a trapezium step for the tracking error, then each equation of the stack in turn."""
+        estimate = estimate - self.applied(period.gradient(period.integral))
+        rows, torque, filtered = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory.filtered)
+        sample = Column(row[j] for row, places in zip(rows, felt(model), strict=True) for j in places)
+        new = where(self._novelty(model, sample, memory.rows) > self.threshold, period.share, 0.0)
+        kept, torques = _pushed(memory.rows, sample, new), _pushed(memory.torques, torque, new)
+        for row, told, weight in self._equations(model, kept, torques):
+            estimate = _solved(estimate, self.applied(row), row, Column((told, weight * period.elapsed)))
+        return estimate, Stack(kept, torques, Column((new,)), filtered)
+
+    def _novelty(self, model: ReducedModel, sample: Column, kept: Column) -> Scalar:
+        """How much a sample differs from the newest one kept."""
+        apart, total = sample - Column(kept.of[: len(sample)]), 0.0
+        for row, weight in _sorted_out(model, apart, each(self.weight, model.mechanism.dof)):
+            total = total + weight * (row @ self.applied(row))
+        return total
+
+    def _equations(self, model: ReducedModel, kept: Column, torques: Column) -> Iterator[tuple[Column, Scalar, Scalar]]:
+        """Rows (k,), torques and weights of all that is kept."""
+        weights, size, r = each(self.weight, model.mechanism.dof), len(kept) // self.samples, model.mechanism.dof
+        for k in range(self.samples):
+            told, block = torques.of[k * r : (k + 1) * r], Column(kept.of[k * size : (k + 1) * size])
+            for (row, weight), torque in zip(_sorted_out(model, block, weights), told, strict=True):
+                yield row, torque, weight
+
+
+def _sorted_out(model: ReducedModel, sample: Column, weights: Column) -> Iterator[tuple[Column, Scalar]]:
+    """The rows (k,) of a sample, with their weights."""
+    entries = iter(sample)
+    for places, weight in zip(felt(model), weights, strict=True):
+        yield spread(Column(next(entries) for _ in places), places, len(model.columns)), weight
+
+
+def _pushed(stack: Column, sample: Column, new: Scalar) -> Column:
+    """The stack with a sample on top and the oldest one gone, where it is new; else as it was."""
+    before = Column((*sample, *stack.of[: len(stack) - len(sample)]))
+    return Column(where(new > 0.0, x, y) for x, y in zip(before, stack, strict=True))
+
+
+def _solve(estimate: Column, loaded: Column, row: Column, told: Column) -> Column:
+    """The estimate after an implicit step for one equation row' x = told[0] of weight told[1], `loaded` being Gamma
+    times the row."""
+    share = told[1] / (1.0 + told[1] * (row @ loaded))
+    return estimate - (share * (row @ estimate - told[0])) * loaded
+
+
+_solved = outlined(_solve)

@@ -1,0 +1,141 @@
+"""A law's memory between ticks: columns by name, and all of them in one array."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from copy import copy
+from functools import cache
+from itertools import accumulate
+from typing import Any, TypeVar
+
+import numpy as np
+
+from adaptctl.arrays import Array
+
+Memory = TypeVar("Memory", bound=tuple[Any, ...])
+"""A law's memory between ticks: a NamedTuple of columns and of such memories, arrays on the outside."""
+
+Parts = tuple[tuple[str, Any], ...]
+"""Names of a memory's parts, each with its length or, where it is a memory, with its type in one array."""
+
+
+def leaves(memory: tuple[Any, ...]) -> list[Any]:
+    """The columns of a memory, those of the memories within it in their place."""
+    flat: list[Any] = []
+    for part in memory:
+        if isinstance(part, tuple):
+            flat.extend(leaves(part))
+        else:
+            flat.append(part)
+    return flat
+
+
+def paths(memory: tuple[Any, ...], to: str = "state") -> Iterator[str]:
+    """Names of a memory's columns, one for each leaf."""
+    for name, part in zip(_names(memory), memory, strict=True):
+        if isinstance(part, tuple):
+            yield from paths(part, f"{to}.{name}")
+        else:
+            yield f"{to}.{name}"
+
+
+def like(pattern: Memory, parts: Iterable[Any]) -> Memory:
+    """The memory of the pattern's kind that has these leaves."""
+    return _filled(pattern, iter(parts))
+
+
+def _filled(pattern: Any, parts: Iterator[Any]) -> Any:
+    filled: list[Any] = []
+    for part in pattern:
+        filled.append(_filled(part, parts) if isinstance(part, tuple) else next(parts))
+    return type(pattern)(*filled)
+
+
+def _names(memory: Any) -> tuple[str, ...]:
+    return getattr(memory, "_fields", tuple(map(str, range(len(memory)))))
+
+
+class InOneArray(tuple[Any, ...]):
+    """A memory whose columns are views of one array (..., n), which native code reads and makes.
+
+    It is a memory of its law's own kind, and like it in all but that: its parts are looked up when they are asked for.
+    What is made of it with other parts, as by `_replace`, is an ordinary memory.
+    """
+
+    __slots__ = ()
+    __hash__ = None  # type: ignore[assignment]  # as arrays have none
+    _parts: tuple[Callable[[Array], Any], ...]
+    _kind: Callable[..., Any]
+
+    @property
+    def _array(self) -> Array:
+        """All columns (..., n), one after the other."""
+        array: Array = tuple.__getitem__(self, 0)
+        return array
+
+    @classmethod
+    def _of(cls, array: Array) -> Any:
+        """The memory whose columns are in this array. (Names begin with "_" as no part's does.)"""
+        return tuple.__new__(cls, (array,))
+
+    def __new__(cls, *parts: Any) -> Any:
+        """An ordinary memory of these parts."""
+        return cls._kind(*parts)
+
+    def __iter__(self) -> Iterator[Any]:
+        array = self._array
+        return iter([part(array) for part in self._parts])
+
+    def __len__(self) -> int:
+        return len(self._parts)
+
+    def __getitem__(self, place: Any) -> Any:
+        return tuple(self)[place]
+
+    def __eq__(self, other: object) -> bool:
+        return self is other
+
+    def __ne__(self, other: object) -> bool:
+        return self is not other
+
+    def __repr__(self) -> str:
+        return repr(self._kind(*self))
+
+    def _replace(self, **parts: Any) -> Any:
+        return self._kind(*self)._replace(**parts)
+
+    def __reduce__(self) -> Any:
+        return self._kind, tuple(copy(part) if isinstance(part, tuple) else part.copy() for part in self)
+
+
+def in_one_array(memory: tuple[Any, ...]) -> type[InOneArray]:
+    """The type of memories like this one (leaves (..., n)) in one array."""
+    parts = zip(_names(memory), memory, strict=True)
+    described = ((name, in_one_array(x) if isinstance(x, tuple) else np.shape(x)[-1]) for name, x in parts)
+    return _type(getattr(memory, "_kind", type(memory)), tuple(described))
+
+
+@cache
+def _type(kind: Any, parts: Parts) -> type[InOneArray]:
+    lengths = [_length(part) for _, part in parts]
+    places = [slice(end - n, end) for n, end in zip(lengths, accumulate(lengths), strict=True)]
+    views = tuple(_view(part, place) for (_, part), place in zip(parts, places, strict=True))
+    named = {name: _field(view) for (name, _), view in zip(parts, views, strict=True)}
+    own = {"__slots__": (), "_parts": views, "_kind": kind, "_length": sum(lengths)}
+    return type(kind.__name__, (InOneArray, kind), {**named, **own, "__module__": kind.__module__})
+
+
+def _field(view: Callable[[Array], Any]) -> property:
+    return property(lambda memory: view(memory._array))
+
+
+def _length(part: Any) -> int:
+    return part if isinstance(part, int) else part._length
+
+
+def _view(part: Any, place: slice) -> Callable[[Array], Any]:
+    if isinstance(part, int):
+        return lambda array: array[..., place]
+    if not part._parts:
+        return lambda array: part._kind()
+    return lambda array: part._of(array[..., place])

@@ -1,0 +1,111 @@
+"""Bodies that are fixed to links: solids of even density, and what arms commonly carry."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.arrays import Array, frozen_array, numbers
+from adaptctl.errors import InputError
+from adaptctl.simulation.effects import Payload
+
+STEEL = 7850.0
+"""kg/m^3"""
+
+
+def point(mass: float, place: ArrayLike = (0.0, 0.0, 0.0)) -> Payload:
+    """A point of a mass (kg) at a place (3,) in its link's frame, m. Raises `InputError` for a mass below zero."""
+    return Payload(mass, frozen_array(place, (3,), "place"))
+
+
+def sphere(mass: float, place: ArrayLike = (0.0, 0.0, 0.0), *, density: float = STEEL) -> Payload:
+    """A solid ball of a density (kg/m^3). Raises `InputError`."""
+    _require(density=density, mass=mass)
+    return Payload(mass, frozen_array(place, (3,), "place"), ball_moment(mass, density) * np.eye(3))
+
+
+def box(mass: float, size: ArrayLike, place: ArrayLike = (0.0, 0.0, 0.0)) -> Payload:
+    """A solid box whose edges, of these lengths (3,) in m, lie along the link's axes. Raises `InputError`."""
+    x, y, z = frozen_array(size, (3,), "size").tolist()
+    _require(x=x, y=y, z=z)
+    tensor = mass / 12.0 * np.diag([y * y + z * z, x * x + z * z, x * x + y * y])
+    return Payload(mass, frozen_array(place, (3,), "place"), tensor)
+
+
+def cylinder(
+    mass: float,
+    radius: float,
+    length: float,
+    place: ArrayLike = (0.0, 0.0, 0.0),
+    *,
+    axis: ArrayLike = (0.0, 0.0, 1.0),
+) -> Payload:
+    """A solid cylinder of a radius and a length (m) about an axis (3,) in the link's frame. Raises `InputError`."""
+    _require(radius=radius, length=length)
+    along = frozen_array(axis, (3,), "axis")
+    size = float(np.linalg.norm(along))
+    _require(axis=size)
+    outer = np.outer(along, along) / size**2
+    about, across = mass * radius**2 / 2.0, mass * (3.0 * radius**2 + length**2) / 12.0
+    return Payload(mass, frozen_array(place, (3,), "place"), about * outer + across * (np.eye(3) - outer))
+
+
+def gripper(place: ArrayLike = (0.0, 0.0, 0.0)) -> Payload:
+    """A two-finger gripper: 0.9 kg, a cylinder of 75 mm across and 160 mm along z."""
+    return cylinder(0.9, 0.0375, 0.16, place)
+
+
+def camera(place: ArrayLike = (0.0, 0.0, 0.0)) -> Payload:
+    """A depth camera with its mount: 0.2 kg, a box of 90, 25 and 25 mm."""
+    return box(0.2, (0.09, 0.025, 0.025), place)
+
+
+def motor(place: ArrayLike = (0.0, 0.0, 0.0)) -> Payload:
+    """A joint's motor, its rotor at rest: 1.5 kg, a cylinder of 70 mm across and 90 mm along z."""
+    return cylinder(1.5, 0.035, 0.09, place)
+
+
+CATALOGUE = {"gripper": gripper, "camera": camera, "motor": motor}
+"""Bodies by name."""
+
+
+EVEN = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0])
+"""The ten of a tensor that is the same about every axis."""
+
+
+def ball_moment(mass: float, density: float) -> float:
+    """The moment of inertia (kg m^2) of a solid ball about its centre."""
+    return float(0.4 * mass * (3.0 * mass / (4.0 * np.pi * density)) ** (2.0 / 3.0))
+
+
+def ball_tens(masses: ArrayLike, places: ArrayLike, density: float = np.inf) -> Array:
+    """The tens (..., 10) of balls of these masses (...) at places (..., 3): points, where the density is infinite."""
+    m, x = np.asarray(masses, dtype=np.float64), np.asarray(places, dtype=np.float64)
+    own = 0.4 * m * (3.0 * m / (4.0 * np.pi * density)) ** (2.0 / 3.0)
+    return np.asarray(m[..., None] * _per_mass(x) + own[..., None] * EVEN)
+
+
+def ball_tens_slopes(masses: Array, places: Array, density: float) -> Array:
+    """Slopes (..., 10, 4) of `ball_tens` with the mass and the three coordinates."""
+    own = (2.0 / 3.0) * (3.0 * masses / (4.0 * np.pi * density)) ** (2.0 / 3.0)
+    with_mass = _per_mass(places) + own[..., None] * EVEN
+    slopes = [with_mass]
+    for i in range(3):
+        # The tens per mass are quadratic in each coordinate, so central differences are exact.
+        step = np.eye(3)[i]
+        slopes.append(0.5 * masses[..., None] * (_per_mass(places + step) - _per_mass(places - step)))
+    return np.stack(slopes, axis=-1)
+
+
+def _per_mass(places: Array) -> Array:
+    """The tens (..., 10) of a point of 1 kg."""
+    x, y, z = np.moveaxis(places, -1, 0)
+    return np.stack([np.ones_like(x), x, y, z, y * y + z * z, -x * y, x * x + z * z, -x * z, -y * z, x * x + y * y], -1)
+
+
+def _require(**sizes: float) -> None:
+    for name, value in sizes.items():
+        least = 0.0 if name == "mass" else np.nextafter(0.0, 1.0)
+        if not least <= float(numbers(value, name)) < np.inf:
+            wanted = "of at least 0 kg" if name == "mass" else "above 0"
+            raise InputError(f"{name}: expected a number {wanted}, got {value!r}")

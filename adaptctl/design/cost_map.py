@@ -1,0 +1,64 @@
+"""What a point mass costs at every place of an arm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.arrays import Array, checked, positive_number
+from adaptctl.design.bodies import ball_tens
+from adaptctl.design.places import PlaceBounds
+from adaptctl.design.task import DesignTask
+
+EACH = 9
+"""PlaceBounds along each edge of a link's box that are looked at."""
+
+
+@dataclass(frozen=True, eq=False)
+class LinkCost:
+    """The places of a link where a point mass costs least and most, as changes of the arm's cost by shares of it."""
+
+    link: str
+    least: float
+    cheapest: Array
+    """(3,) m in the link's frame"""
+    most: float
+    dearest: Array
+    at_center: float
+    """at the link's centre of mass"""
+
+
+@dataclass(frozen=True, eq=False)
+class CostMap:
+    """The change of an objective's cost by a point of a mass (kg), over places on links, as share of the cost."""
+
+    task: DesignTask
+    mass: float
+    objective: str
+
+    def at(self, link: str, places: ArrayLike) -> Array:
+        """Changes (...) at places (..., 3) in a link's frame. Raises `InputError` for unknown links."""
+        x = checked(places, 3, f"{link}: places")
+        M, first = self.task.matrix(self.objective), 10 * self.task.link(link)
+        before = M @ self.task.parameters
+        tens = ball_tens(np.full(x.shape[:-1], self.mass), x)
+        after = np.linalg.norm(before + tens @ M[:, first : first + 10].T, axis=-1)
+        size = float(np.linalg.norm(before))
+        return np.asarray((after - size) / size)
+
+    def over(self, places: PlaceBounds, each: int = EACH) -> LinkCost:
+        """The cheapest and the dearest of a grid of places on a link."""
+        grid = places.grid(each)
+        changes = self.at(places.link, grid)
+        low, high = int(np.argmin(changes)), int(np.argmax(changes))
+        at_center = float(self.at(places.link, self.task.center_of_mass(places.link)))
+        return LinkCost(places.link, float(changes[low]), grid[low], float(changes[high]), grid[high], at_center)
+
+
+def cost_map(task: DesignTask, mass: float = 1.0, objective: str = "energy") -> CostMap:
+    """The map of what a point of a mass (kg) costs. Raises `InputError` for other than a positive mass."""
+    task.matrix(objective)
+    task.require_energy()
+    return CostMap(task, positive_number(mass, "mass"), objective)

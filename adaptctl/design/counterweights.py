@@ -1,0 +1,218 @@
+"""Counterweights: balls of steel on links that make an arm's motion cheaper, found within bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from adaptctl.arrays import Array, positive_number
+from adaptctl.caching import cached_property
+from adaptctl.description.inertia import is_physically_consistent
+from adaptctl.design.added_mass import PERCENT
+from adaptctl.design.bodies import STEEL, ball_tens, ball_tens_slopes, sphere
+from adaptctl.design.places import PlaceBounds
+from adaptctl.design.task import OBJECTIVES, DesignTask, component_counts
+from adaptctl.errors import InputError
+from adaptctl.simulation.effects import Payload
+
+DRAWN, STARTS = 4096, 10
+"""Designs that are looked at first, evenly spread, and the best of them that are improved."""
+NO_MASS = 1e-6
+"""Share of the mass allowed below which there is no counterweight."""
+
+
+@dataclass(frozen=True, eq=False)
+class Counterweight:
+    """A ball of a mass (kg) at a place (3,) in a link's frame, m."""
+
+    link: str
+    mass: float
+    place: Array
+    density: float
+    """kg/m^3"""
+
+    @property
+    def body(self) -> Payload:
+        """The ball as a body on the link."""
+        return sphere(self.mass, self.place, density=self.density)
+
+
+@dataclass(frozen=True, eq=False)
+class Counterweights:
+    """The counterweights that make an objective's cost least, within bounds, and what they change."""
+
+    task: DesignTask
+    objective: str
+    percent: float
+    """% energy error at which components are counted"""
+    within: tuple[PlaceBounds, ...]
+    weights: tuple[Counterweight, ...]
+    evaluations: int
+
+    @cached_property
+    def parameters(self) -> Array:
+        """The inertial parameters (P,) with the counterweights."""
+        D = np.array(self.task.parameters)
+        for weight in self.weights:
+            first = 10 * self.task.link(weight.link)
+            D[first : first + 10] += ball_tens(weight.mass, weight.place, weight.density)
+        return D
+
+    @cached_property
+    def balanced(self) -> DesignTask:
+        """The same task of the mechanism with the counterweights."""
+        return self.task.with_parameters(self.parameters)
+
+    @property
+    def cost_before(self) -> float:
+        """The objective's cost without counterweights: J, share of torque limits, kg m^2, or number of components."""
+        return _cost(self.task, self.objective, self.percent)
+
+    @property
+    def cost_after(self) -> float:
+        """The objective's cost with them."""
+        return _cost(self.balanced, self.objective, self.percent)
+
+    @property
+    def saved(self) -> float:
+        """Share of the cost that they remove."""
+        return 1.0 - self.cost_after / self.cost_before if self.cost_before > 0.0 else 0.0
+
+    @property
+    def inconsistent(self) -> tuple[str, ...]:
+        """Links whose ten no rigid body can have, with the counterweights: none that were right without them."""
+        names, tens = self.task.mechanism.description.body_names, self.parameters
+        pairs = ((name, tens[10 * i : 10 * i + 10]) for i, name in enumerate(names))
+        return tuple(name for name, ten in pairs if not is_physically_consistent(ten))
+
+
+def optimal_counterweights(
+    task: DesignTask,
+    within: Sequence[PlaceBounds],
+    objective: str = "energy",
+    *,
+    percent: float = PERCENT,
+    density: float = STEEL,
+    seed: int = 0,
+) -> Counterweights:
+    """The balls, one on each of some links, with the least cost over masses and places within bounds.
+
+    The objective is the energy carried ("energy", J), the torques ("torque", share of limits), the mass matrix's
+    entries off the diagonal ("coupling", kg m^2), or the number of essential components that keep the energy to an
+    error of `percent` ("components"; among as few, with the least error). Balls have a positive definite
+    pseudo-inertia, so that links which rigid bodies can be stay so. From the best of an even sample, by trust regions
+    within bounds (SciPy's `least_squares`): global as far as the sample is dense. Raises `InputError` for what is
+    unknown or out of bounds.
+    """
+    if objective not in OBJECTIVES:
+        raise InputError(f"objective: expected one of {', '.join(OBJECTIVES)}, got {objective!r}")
+    links = [places.link for places in within]
+    if not links or len(set(links)) < len(links):
+        raise InputError(f"counterweights: expected places on at least one link, each once, got {', '.join(links)}")
+    task.components(percent)
+    task.require_energy()
+    search = _Search(task, tuple(within), objective, positive_number(density, "density: expected a positive number"))
+    z = search.fewest(percent, seed) if objective == "components" else search.least(None, seed)
+    masses, places = search.physical(z)
+    found = [
+        Counterweight(name, mass, place, density)
+        for name, mass, place, most in zip(links, masses.tolist(), places, search.masses.tolist(), strict=True)
+        if mass > NO_MASS * most
+    ]
+    return Counterweights(task, objective, percent, tuple(within), tuple(found), search.evaluations)
+
+
+class _Search:
+    """Residuals M (D + change) over designs z (4 L,) in the unit cube: a link's mass, then its place."""
+
+    def __init__(self, task: DesignTask, within: tuple[PlaceBounds, ...], objective: str, density: float) -> None:
+        M = task.matrix(objective)
+        firsts = [10 * task.link(places.link) for places in within]
+        self.fixed = M @ task.parameters
+        self.shares = np.stack([M[:, first : first + 10] for first in firsts])
+        self.masses = np.array([places.mass for places in within])
+        self.lower = np.stack([places.lower for places in within])
+        self.width = np.stack([places.upper for places in within]) - self.lower
+        self.density, self.evaluations = density, 0
+
+    def physical(self, z: Array) -> tuple[Array, Array]:
+        """Masses (..., L) in kg and places (..., L, 3) in m."""
+        each = z.reshape(*z.shape[:-1], len(self.masses), 4)
+        return each[..., 0] * self.masses, self.lower + each[..., 1:] * self.width
+
+    def residuals(self, z: Array) -> Array:
+        """M (D + change) (..., n) of designs (..., 4 L)."""
+        self.evaluations += int(np.prod(z.shape[:-1]))
+        tens = ball_tens(*self.physical(z), self.density)
+        return self.fixed + np.einsum("...li,lni->...n", tens, self.shares)
+
+    def slopes(self, z: Array) -> Array:
+        """Slopes (n, 4 L) of the residuals of one design (4 L,)."""
+        each = ball_tens_slopes(*self.physical(z), self.density)
+        each[..., 0] *= self.masses[:, None]
+        each[..., 1:] *= self.width[:, None, :]
+        return np.concatenate(list(self.shares @ each), axis=-1)
+
+    def least(self, kept: int | None, seed: int, designs: Array | None = None) -> Array:
+        """The design of least residuals; with `kept`, of the least share that is beyond as many components."""
+        from scipy.optimize import least_squares
+
+        def share(z: Array) -> Array:
+            return _beyond(self.residuals(z), kept)
+
+        def slopes(z: Array) -> Array:
+            return _beyond_slopes(self.residuals(z), self.slopes(z), kept)
+
+        drawn = self.drawn(seed) if designs is None else designs
+        order = np.argsort(np.linalg.norm(share(drawn), axis=-1), kind="stable")
+        settings: dict[str, Any] = {"bounds": (0.0, 1.0), "xtol": 1e-9, "ftol": 1e-9, "max_nfev": 200}
+        found = [least_squares(share, z, slopes, **settings) for z in drawn[order[:STARTS]]]
+        return np.asarray(min(found, key=lambda result: result.cost).x, dtype=np.float64)
+
+    def fewest(self, percent: float, seed: int) -> Array:
+        """The design with the fewest components: one less at a time, for as long as the error allows."""
+        drawn = self.drawn(seed)
+        counts = component_counts(self.residuals(drawn), percent)
+        best = drawn[int(np.argmin(counts))]
+        count = int(counts.min())
+        while count > 0:
+            z = self.least(count - 1, seed, drawn)
+            fewer = int(component_counts(self.residuals(z), percent))
+            if fewer >= count:
+                break
+            best, count = z, fewer
+        return self.least(count, seed, np.vstack([best, drawn]))
+
+    def drawn(self, seed: int) -> Array:
+        """Designs (DRAWN + 1, 4 L) spread evenly over the cube, and the one without counterweights first."""
+        from scipy.stats import qmc
+
+        size = 4 * len(self.masses)
+        cube = qmc.Sobol(size, rng=np.random.default_rng(seed)).random(DRAWN)
+        return np.vstack([np.r_[np.tile([0.0, 0.5, 0.5, 0.5], len(self.masses))], cube])
+
+
+def _beyond(residuals: Array, kept: int | None) -> Array:
+    """The residuals themselves, or as shares of all of them those beyond the `kept` largest."""
+    if kept is None:
+        return residuals
+    smallest = np.sort(np.abs(residuals), axis=-1)[..., : residuals.shape[-1] - kept]
+    return smallest / np.linalg.norm(residuals, axis=-1, keepdims=True)
+
+
+def _beyond_slopes(residuals: Array, slopes: Array, kept: int | None) -> Array:
+    """Slopes of `_beyond` (n, 4 L) where no two sizes are alike."""
+    if kept is None:
+        return slopes
+    smallest = np.argsort(np.abs(residuals), kind="stable")[: len(residuals) - kept]
+    size = float(np.linalg.norm(residuals))
+    of_size = residuals @ slopes / size
+    signs = np.sign(residuals[smallest])[:, None]
+    return np.asarray(signs * (slopes[smallest] - residuals[smallest, None] * of_size / size) / size)
+
+
+def _cost(task: DesignTask, objective: str, percent: float) -> float:
+    return float(task.components(percent)) if objective == "components" else task.cost(objective)

@@ -1,0 +1,90 @@
+"""PlaceBounds on links where mass may be: boxes in the links' frames."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.arrays import Array, frozen_array
+from adaptctl.description.reach import attachments, joint_line
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
+
+BEYOND, LEAST = 0.5, 0.1
+"""Share of a link's length that places reach beyond its joints, and the least that they do, m."""
+SHARE = 0.2
+"""Of a link's mass that may be added."""
+SLACK = 1e-9
+"""m beyond a box within which a place is in it still"""
+
+
+@dataclass(frozen=True, eq=False)
+class PlaceBounds:
+    """The box of places (3,) from `lower` to `upper`, m in a link's frame, and the mass (kg) that fits there at most.
+
+    Raises `InputError` for masses below zero and for boxes whose ends are the wrong way around.
+    """
+
+    link: str
+    lower: Array
+    upper: Array
+    mass: float
+
+    def __post_init__(self) -> None:
+        lower = frozen_array(self.lower, (3,), f"{self.link}: lower")
+        upper = frozen_array(self.upper, (3,), f"{self.link}: upper")
+        if np.any(lower > upper):
+            raise InputError(f"{self.link}: places: expected lower <= upper, got {lower.tolist()}, {upper.tolist()}")
+        if not (np.isfinite(self.mass) and self.mass >= 0.0):
+            raise InputError(f"{self.link}: expected a mass of at least 0 kg, got {self.mass}")
+        object.__setattr__(self, "lower", lower)
+        object.__setattr__(self, "upper", upper)
+
+    @classmethod
+    def of(cls, mechanism: Mechanism, link: str, share: float = SHARE, beyond: float = BEYOND) -> PlaceBounds:
+        """The box about a link's joints, its ends and its centre of mass, and beyond by a share of its length.
+
+        The mass is a share of the link's own. Raises `InputError` for unknown links and shares below zero.
+        """
+        if not 0.0 <= share < np.inf or not 0.0 <= beyond < np.inf:
+            raise InputError(f"places: expected shares of at least 0, got {share} of mass and {beyond} of length")
+        i = _index(mechanism, link)
+        own = mechanism.links[i]
+        points = [joint_line(own)[0], *attachments(mechanism.description)[i]]
+        if own.inertia[0] > 0.0:
+            points.append(own.inertia[1:4] / own.inertia[0])
+        low, high = np.min(points, axis=0), np.max(points, axis=0)
+        margin = max(LEAST, beyond * float(np.linalg.norm(high - low)))
+        return cls(link, low - margin, high + margin, share * float(own.inertia[0]))
+
+    def require(self, place: ArrayLike) -> None:
+        """Raise `InputError` with the bounds for a place (3,) outside the box."""
+        x = frozen_array(place, (3,), f"{self.link}: place")
+        if np.any(x < self.lower - SLACK) or np.any(x > self.upper + SLACK):
+            low, high = np.round(self.lower, 4).tolist(), np.round(self.upper, 4).tolist()
+            raise InputError(f"{self.link}: the place {x.tolist()} is outside the bounds {low} to {high} m")
+
+    def grid(self, each: int) -> Array:
+        """PlaceBounds (each^3, 3) evenly over the box."""
+        axes = [np.linspace(a, b, each) for a, b in zip(self.lower, self.upper, strict=True)]
+        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+
+
+def bounds(
+    mechanism: Mechanism, links: Iterable[str], share: float = SHARE, beyond: float = BEYOND
+) -> tuple[PlaceBounds, ...]:
+    """The default places on some links. Raises `InputError` for unknown links, and for a link given twice."""
+    names = tuple(links)
+    if len(set(names)) < len(names) or not names:
+        raise InputError(f"links: expected at least one, each once, got {', '.join(names) or 'none'}")
+    return tuple(PlaceBounds.of(mechanism, name, share, beyond) for name in names)
+
+
+def _index(mechanism: Mechanism, link: str) -> int:
+    names = mechanism.description.body_names
+    if link not in names:
+        raise InputError(f"{mechanism.name}: there is no link {link!r} with inertia; links: {', '.join(names)}")
+    return mechanism.description.bodies[names.index(link)]

@@ -1,0 +1,206 @@
+"""Parameters that a design can do without: made zero by symmetry, by balance, or by moving a part of a link."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.caching import cached_property
+from adaptctl.design.bodies import STEEL, ball_tens
+from adaptctl.design.places import PlaceBounds
+from adaptctl.design.task import DesignTask
+from adaptctl.dynamics.equation_costs import equation_costs
+from adaptctl.errors import InputError
+from adaptctl.identifiability import FundamentalBasis
+from adaptctl.identifiability.regrouping_equations import regrouping_equations
+from adaptctl.identifiability.selection import TOLERANCE
+
+Way = Literal["symmetry", "balance", "relocation"]
+MIRRORED = {
+    "x": ("mc_x", "I_xy", "I_xz"),
+    "y": ("mc_y", "I_xy", "I_yz"),
+    "z": ("mc_z", "I_xz", "I_yz"),
+}
+"""What vanishes where a link is its own mirror image along an axis of its frame."""
+ROUND_OFF = 1e-11
+"""Size of coefficients that are zero."""
+EACH = 13
+"""PlaceBounds along each edge of a link's box that are tried; the ends are among them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Removal:
+    """A change of design after which fewer fundamental parameters are enough, for certain."""
+
+    basis: FundamentalBasis
+    way: Way
+    link: str
+    known: tuple[str, ...]
+    """inertial parameters that are zero by symmetry"""
+    columns: tuple[int, ...]
+    """(k',) indices of the parameters that are enough afterwards"""
+    regrouping: Array
+    """(k', P) onto them: Y D = Y[:, columns] regrouping D for all D of the changed design"""
+    zero: tuple[str, ...]
+    """fundamental parameters that are zero afterwards"""
+    mass: float = 0.0
+    """kg that are added, or moved from the link's centre of mass"""
+    place: Array | None = None
+    """(3,) where to, m in the link's frame"""
+    holds: bool = False
+    """whether the mechanism's own parameters are so already"""
+
+    @property
+    def rank(self) -> int:
+        """The number of parameters that are enough afterwards."""
+        return len(self.columns)
+
+    @property
+    def gone(self) -> tuple[str, ...]:
+        """Fundamental parameters that need not be carried any more."""
+        left = {self.basis.parameter_names[j] for j in self.columns}
+        return tuple(name for name in self.basis.names if name not in left)
+
+    @property
+    def words(self) -> str:
+        """What is to be done, or is so already and need only be relied on."""
+        if not self.link:
+            return "rely on every symmetry that links have already"
+        if self.place is None:
+            axes = [axis for axis, names in MIRRORED.items() if f"{self.link}.{names[0]}" in self.known]
+            mirror = f"its own mirror image along {' and '.join(axes)}"
+            return f"{self.link} is {mirror} already" if self.holds else f"make {self.link} {mirror}"
+        x = ", ".join(f"{value:.3f}" for value in self.place + 0.0)
+        if self.way == "balance":
+            return f"add {self.mass:.3g} kg to {self.link} at ({x}) m"
+        return f"move {self.mass:.3g} kg of {self.link} from its centre of mass to ({x}) m"
+
+    @cached_property
+    def before(self) -> tuple[str, ...]:
+        """Regrouping equations that the change touches, as they were."""
+        return tuple(equation for equation in self.basis.equations() if equation not in self._left)
+
+    @cached_property
+    def after(self) -> tuple[str, ...]:
+        """What stands in their place."""
+        own = set(self.basis.equations())
+        return (*(f"{name}* = 0" for name in self.zero), *(equation for equation in self._left if equation not in own))
+
+    @cached_property
+    def _left(self) -> tuple[str, ...]:
+        return regrouping_equations(self.regrouping, self.columns, self.basis.parameter_names)
+
+
+def operations_saved(task: DesignTask, removal: Removal) -> int:
+    """Floating-point operations that an adaptive tick's equations save with the parameters that are left."""
+    mechanism = task.mechanism
+    friction = range(mechanism.energetic, len(mechanism.parameter_names))
+    before, after = (equation_costs(mechanism, (*c, *friction)).tick for c in (task.basis.columns, removal.columns))
+    return before - after
+
+
+def removals(task: DesignTask, within: Sequence[PlaceBounds], density: float = STEEL) -> tuple[Removal, ...]:
+    """Every removal on some links, the largest first, then the one with the least mass.
+
+    By symmetry: a link that is its own mirror image along axes of its frame. By balance: a ball added to a link within
+    its bounds makes one fundamental parameter zero that is not. By relocation: a part of the link's own mass, taken
+    from its centre of mass, does so. Each is meant alone, but for one of all symmetries that links have already.
+    Raises `InputError` for unknown links.
+    """
+    found = [removal for places in within for removal in _of_link(task, places, density)]
+    so_already = dict.fromkeys(name for removal in found if removal.holds for name in removal.known)
+    together = by_symmetry(task, tuple(so_already)) if so_already else None
+    if together is not None:
+        found.append(together)
+    return tuple(sorted(found, key=lambda removal: (removal.rank, removal.mass)))
+
+
+def by_symmetry(task: DesignTask, known: Sequence[str], link: str = "") -> Removal | None:
+    """The removal by inertial parameters that are zero by symmetry, of a link or of several; None without effect."""
+    basis = task.basis
+    wrong = [name for name in known if name not in basis.parameter_names]
+    if wrong:
+        raise InputError(f"{task.mechanism.name}: there is no inertial parameter {wrong[0]!r}")
+    K = np.array(basis.regrouping)
+    places = [basis.parameter_names.index(name) for name in known]
+    K[:, places] = 0.0
+    columns = _independent_columns(K, basis)
+    if len(columns) == basis.rank:
+        return None
+    zero = tuple(name for name, row in zip(basis.names, K, strict=True) if not np.any(row))
+    solved = np.linalg.lstsq(K[:, columns], K, rcond=None)[0]
+    regrouping: Array = np.where(np.abs(solved) < ROUND_OFF, 0.0, solved)
+    holds = not np.any(task.parameters[places])
+    return Removal(basis, "symmetry", link, tuple(known), columns, regrouping, zero, holds=holds)
+
+
+def _of_link(task: DesignTask, places: PlaceBounds, density: float) -> Iterator[Removal]:
+    for axes in ("x", "y", "z", "xy", "xz", "yz"):
+        known = dict.fromkeys(f"{places.link}.{name}" for axis in axes for name in MIRRORED[axis])
+        removal = by_symmetry(task, tuple(known), places.link)
+        if removal is not None:
+            yield removal
+    carried = task.carried()
+    for i, name in enumerate(task.basis.names):
+        if name in carried:
+            yield from _by_mass(task, places, density, i)
+
+
+def _by_mass(task: DesignTask, places: PlaceBounds, density: float, row: int) -> Iterator[Removal]:
+    """Balance and relocation that make the row's fundamental parameter zero, where the bounds allow it."""
+    first = 10 * task.link(places.link)
+    share = task.basis.regrouping[row, first : first + 10]
+    if not np.any(share):
+        return
+    wanted = -float(task.basis.regrouping[row] @ task.parameters)
+    taken = float(share @ ball_tens(1.0, task.center_of_mass(places.link)))
+    ways: tuple[tuple[Way, float], ...] = (("balance", 0.0), ("relocation", taken))
+    for way, per_mass in ways:
+        found = _least_mass(share, wanted, per_mass, places, density)
+        if found is not None:
+            yield _without(task.basis, way, places.link, row, *found)
+
+
+def _least_mass(
+    share: Array, wanted: float, taken: float, places: PlaceBounds, density: float
+) -> tuple[float, Array] | None:
+    """The least mass, at the best place of a grid, whose ball changes the row's parameter as wanted."""
+    from scipy.optimize import brentq
+
+    grid = places.grid(EACH)
+    most = ball_tens(np.full(len(grid), places.mass), grid, density) @ share - places.mass * taken
+    best = int(np.argmax(most * np.sign(wanted)))
+    x = grid[best]
+
+    def short(mass: float) -> float:
+        return float(share @ ball_tens(mass, x, density)) - mass * taken - wanted
+
+    if short(0.0) * short(places.mass) >= 0.0:
+        return None
+    return float(brentq(short, 0.0, places.mass, xtol=1e-12)), x
+
+
+def _without(basis: FundamentalBasis, way: Way, link: str, row: int, mass: float, place: Array) -> Removal:
+    left = [i for i in range(basis.rank) if i != row]
+    columns, zero = tuple(basis.columns[i] for i in left), (basis.names[row],)
+    return Removal(basis, way, link, (), columns, basis.regrouping[left], zero, mass, place)
+
+
+def _independent_columns(K: Array, basis: FundamentalBasis) -> tuple[int, ...]:
+    """Columns (k',) of K (k, P) that span all of them, rising: those of the basis first, as far as they are enough."""
+    scaled = K * basis.scales / basis.scales[list(basis.columns), None]
+    own = set(basis.columns)
+    others = [j for j in range(K.shape[1]) if j not in own]
+    directions, kept = np.zeros((0, len(K))), []
+    for j in (*basis.columns, *others):
+        left = scaled[:, j]
+        for _ in range(2):
+            left = left - directions.T @ (directions @ left)
+        if (size := float(np.linalg.norm(left))) > TOLERANCE:
+            directions = np.vstack([directions, left / size])
+            kept.append(j)
+    return tuple(sorted(kept))

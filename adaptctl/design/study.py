@@ -1,0 +1,122 @@
+"""A study of a mechanism's design: what masses cost, which counterweights help, which parameters can go."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.caching import cached_property
+from adaptctl.description import GROUND, Link
+from adaptctl.design.added_mass import PERCENT, AddedMass, added_mass
+from adaptctl.design.bodies import CATALOGUE, point
+from adaptctl.design.cost_map import CostMap, LinkCost, cost_map
+from adaptctl.design.counterweights import Counterweights, optimal_counterweights
+from adaptctl.design.places import BEYOND, SHARE, PlaceBounds, bounds
+from adaptctl.design.removals import Removal, operations_saved, removals
+from adaptctl.design.task import DesignTask
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError, NotFoundError
+from adaptctl.simulation.effects import Payload
+
+MOST_LINKS = 6
+"""Links that carry counterweights where none are named."""
+UPRIGHT = 1e-6
+"""rad off the vertical"""
+SHOWN = 6
+"""Removals by symmetry, and as many by masses, whose operations are counted."""
+
+
+@dataclass(frozen=True, eq=False)
+class DesignStudy:
+    """What a mechanism's design can gain over a task."""
+
+    task: DesignTask
+    body: Payload
+    within: tuple[PlaceBounds, ...]
+    """bounds of every link"""
+    percent: float
+    counterweights: Counterweights
+    removals: tuple[Removal, ...]
+
+    @cached_property
+    def map(self) -> CostMap:
+        """What a point of the body's mass costs."""
+        return cost_map(self.task, self.body.mass)
+
+    @cached_property
+    def links(self) -> tuple[LinkCost, ...]:
+        """The cheapest and the dearest place on every link."""
+        return tuple(self.map.over(places) for places in self.within)
+
+    @cached_property
+    def added(self) -> tuple[AddedMass, ...]:
+        """The body at the centre of mass of every link."""
+        centers = (self.task.center_of_mass(places.link) for places in self.within)
+        pairs = zip(self.within, centers, strict=True)
+        return tuple(added_mass(self.task, p.link, self.body, x, percent=self.percent) for p, x in pairs)
+
+    @cached_property
+    def worthwhile(self) -> tuple[tuple[Removal, int], ...]:
+        """The removals of either kind that leave least, and operations saved a tick; of equal ones the lightest."""
+        lightest: dict[tuple[tuple[str, ...], bool], Removal] = {}
+        for removal in self.removals:
+            lightest.setdefault((removal.gone, removal.way == "symmetry"), removal)
+        chosen = [
+            removal
+            for by_shape in (True, False)
+            for removal in [r for (_, shape), r in lightest.items() if shape is by_shape][:SHOWN]
+        ]
+        return tuple((removal, operations_saved(self.task, removal)) for removal in chosen)
+
+
+def design_study(
+    task: DesignTask,
+    body: Payload | str | float = 1.0,
+    *,
+    links: Iterable[str] = (),
+    share: float = SHARE,
+    beyond: float = BEYOND,
+    objective: str = "energy",
+    percent: float = PERCENT,
+    seed: int = 0,
+) -> DesignStudy:
+    """The study of a body, by itself, by name or as a point's mass in kg, and of counterweights on some links.
+
+    Where no links are named, the heaviest six carry some, but for those that turn about the vertical on the ground.
+    Raises `InputError`.
+    """
+    carried = named_body(body)
+    every = bounds(task.mechanism, task.mechanism.description.body_names, share, beyond)
+    chosen = bounds(task.mechanism, tuple(links) or _heaviest(task.mechanism, every), share, beyond)
+    found = optimal_counterweights(task, chosen, objective, percent=percent, seed=seed)
+    return DesignStudy(task, carried, every, percent, found, removals(task, every))
+
+
+def named_body(body: Payload | str | float) -> Payload:
+    """A body by name, or a point by its mass in kg, above zero. Raises `InputError`."""
+    if isinstance(body, str):
+        if body not in CATALOGUE:
+            raise NotFoundError(f"there is no body {body!r}; bodies: {', '.join(CATALOGUE)}, or a mass in kg")
+        return CATALOGUE[body]()
+    found = body if isinstance(body, Payload) else point(body)
+    if not found.mass > 0.0:
+        raise InputError(f"expected a body with a mass above 0 kg, got {found.mass:g}")
+    return found
+
+
+def _heaviest(mechanism: Mechanism, every: tuple[PlaceBounds, ...]) -> tuple[str, ...]:
+    """The links with the heaviest counterweights, but for those that turn about the vertical on the ground."""
+    idle = {link.name for link in mechanism.links if _lifts_nothing(link, mechanism.description.gravity)}
+    later = [places for places in every if places.mass > 0.0 and places.link not in idle] or list(every)
+    heaviest = sorted(later, key=lambda places: -places.mass)[:MOST_LINKS]
+    return tuple(places.link for places in later if places in heaviest)
+
+
+def _lifts_nothing(link: Link, gravity: Array) -> bool:
+    """Whether a link turns on the ground about an axis along gravity."""
+    axis = link.near.rotation @ link.joint.axis
+    upright = float(np.linalg.norm(np.cross(axis, gravity))) <= UPRIGHT * float(np.linalg.norm(gravity))
+    return link.parent == GROUND and link.joint.kind.turns and upright

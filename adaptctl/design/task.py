@@ -1,0 +1,239 @@
+"""The motion that a design is judged by: its energies, torques and couplings, linear in the parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import combinations
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.arrays import Array, checked, frozen, frozen_array
+from adaptctl.caching import cached_property
+from adaptctl.control.controller import Reference
+from adaptctl.control.gains.torque_limits import finite_torque_limits
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
+from adaptctl.identifiability import EssentialSpace, FundamentalBasis, Priority, essential_space, fundamental_basis
+from adaptctl.identifiability.energy_matrix import energies
+from adaptctl.identifiability.factorisation import triangle
+from adaptctl.identifiability.sampling import (
+    States,
+    characteristic_length,
+    characteristic_rate,
+    random_accelerations,
+    states_within_limits,
+)
+
+Objective = Literal["energy", "torque", "coupling", "components"]
+OBJECTIVES: tuple[str, ...] = get_args(Objective)
+STILL = 1e-9
+"""rad, m, rad/s or m/s by which states must differ to be a motion"""
+SAMPLES, MOST = 1000, 100_000
+NO_ENERGY = 1e-12
+"""Share of the energy by which it must vary."""
+SPEED = 0.25
+"""Of sqrt(g/L): about 1 rad/s for an arm of half a metre."""
+CARRIED = 1e-6
+"""Share of the energy below which a parameter counts as zero."""
+
+
+@dataclass(frozen=True, eq=False)
+class DesignTask:
+    """States of a mechanism in motion: positions, velocities and accelerations (samples, r), and where they are from.
+
+    What a design is judged by is linear in the parameters D (P,): its cost is |M D| with a matrix M (P, P). Raises
+    `InputError` for arrays of other shapes, for a mechanism whose parameters are not ten a link, and for states that
+    are all alike: a task without motion has no energy to carry.
+    """
+
+    mechanism: Mechanism
+    p: Array
+    v: Array
+    a: Array
+    origin: str
+
+    def __post_init__(self) -> None:
+        if self.mechanism.parameter_names != self.mechanism.description.parameter_names:
+            raise InputError(f"{self.mechanism.name}: a design needs ten parameters a link, but relations bind some")
+        for what in ("p", "v", "a"):
+            values = checked(getattr(self, what), self.mechanism.dof, f"task: {what}")
+            object.__setattr__(self, what, frozen(np.array(np.atleast_2d(values))))
+        if not self.p.shape == self.v.shape == self.a.shape:
+            raise InputError(f"task: expected one shape, got {self.p.shape}, {self.v.shape} and {self.a.shape}")
+        if max(float(np.ptp(self.p, axis=0).max()), float(np.ptp(self.v, axis=0).max())) < STILL:
+            raise InputError("task: no motion: its states are all alike; give states that differ, or a reference")
+
+    @classmethod
+    def within_limits(
+        cls, mechanism: Mechanism, samples: int = SAMPLES, seed: int = 0, speed: float = SPEED
+    ) -> DesignTask:
+        """Random states within the joints' limits, at normal speeds about `speed` sqrt(g/L), or the joints' limits.
+
+        Accelerations are normal about the square of that. At a `speed` of 1 kinetic and potential energy weigh alike;
+        an arm at work moves at about a quarter of it. With loops, positions are on the reference's branch. Raises
+        `InputError`.
+        """
+        if not 2 <= samples <= MOST or not 0.0 <= speed < np.inf:
+            raise InputError(f"task: expected 2 to {MOST} samples and a speed of at least 0, got {samples} and {speed}")
+        generator, rate = np.random.default_rng(seed), characteristic_rate(mechanism)
+        p = states_within_limits(mechanism, samples, seed).p
+        v = speed / rate * random_accelerations(mechanism, samples, generator)
+        a = speed**2 * random_accelerations(mechanism, samples, generator)
+        fastest = np.array([joint.limits.velocity for joint in mechanism.primary_joints])
+        words = f"{samples} random states within the joints' limits, at {speed:g} sqrt(g/L), seed {seed}"
+        return cls(mechanism, p, np.clip(v, -fastest, fastest), a, words)
+
+    @classmethod
+    def along(cls, mechanism: Mechanism, reference: Reference, duration: float, samples: int = SAMPLES) -> DesignTask:
+        """The states of a reference at evenly spaced times from 0 to a duration (s)."""
+        if not 2 <= samples <= MOST or not 0.0 < duration < np.inf:
+            raise InputError(
+                f"task: expected 2 to {MOST} samples and a positive duration, got {samples} and {duration}"
+            )
+        p, v, a = reference(np.linspace(0.0, duration, samples))
+        return cls(mechanism, p, v, a, f"{samples} states of the reference over {duration:g} s")
+
+    @cached_property
+    def space(self) -> EssentialSpace:
+        """The essential space, its singular values and V1 those of the task's energies, in J (RMS)."""
+        return replace(essential_space(self.mechanism), states=self.origin, energies=partial(_same, self._energy))
+
+    @cached_property
+    def basis(self) -> FundamentalBasis:
+        """The fundamental basis by the default priority."""
+        return fundamental_basis(self.space, Priority())
+
+    @cached_property
+    def parameters(self) -> Array:
+        """The mechanism's own parameters D (P,) that enter energies."""
+        own = self.mechanism.inertial_parameters[: self.mechanism.energetic]
+        return frozen_array(own, own.shape, "parameters")
+
+    @cached_property
+    def torque_limits(self) -> Array:
+        """Limits (r,) that torques are compared with, N m or N."""
+        return finite_torque_limits(self.mechanism)
+
+    def require_energy(self) -> None:
+        """Raise `InputError` where the energy is the same in all states, so that no share of it can be told."""
+        whole = float(np.linalg.norm(self.mechanism.energy(self.p, self.v))) / np.sqrt(len(self.p))
+        if self.cost("energy") <= NO_ENERGY * whole:
+            raise InputError(
+                f"{self.mechanism.name}: its energy is the same in all states of the task: let it move, or move faster"
+            )
+
+    def matrix(self, objective: str) -> Array:
+        """M (n, P) of an objective's cost |M D|: "energy" in J, "torque" as share of the limits, "coupling" in kg m^2.
+
+        Each is a root of a mean of squares over the states: of energies about their mean, which is half the mean
+        square of their differences among all pairs (Sheu and Walker 1991, equation 8); of the joints' torques, which
+        add up; of the mass matrix's entries off the diagonal. "components" has the energy's, its rows S V1'.
+        """
+        rows: dict[str, Callable[[], Array]] = {
+            "energy": lambda: self._energy,
+            "torque": lambda: self._torque,
+            "coupling": lambda: self._coupling,
+            "components": lambda: self._components,
+        }
+        if objective not in rows:
+            raise InputError(f"objective: expected one of {', '.join(rows)}, got {objective!r}")
+        return rows[objective]()
+
+    def cost(self, objective: str, parameters: ArrayLike | None = None) -> float:
+        """The cost |M D| of parameters D (P,), the mechanism's own by default."""
+        return float(np.linalg.norm(self.matrix(objective) @ self._given(parameters)))
+
+    def torques(self, parameters: ArrayLike | None = None) -> Array:
+        """Root mean square torques (r,) of parameters D (P,), N m or N."""
+        return np.linalg.norm(self._joint_torques @ self._given(parameters), axis=-1)
+
+    def components(self, percent: float, parameters: ArrayLike | None = None) -> int:
+        """The number of essential components that keep the energy to an error in percent (equation 23)."""
+        return int(component_counts(self._components @ self._given(parameters), percent))
+
+    def carried(self, parameters: ArrayLike | None = None, share: float = CARRIED) -> tuple[str, ...]:
+        """Names of the fundamental parameters whose loss would change the energy by more than a share of it."""
+        return tuple(
+            name for name, weight in zip(self.basis.names, self.weights(parameters), strict=True) if weight > share
+        )
+
+    def weights(self, parameters: ArrayLike | None = None) -> Array:
+        """Shares (k,) of the energy that would be lost with each fundamental parameter alone."""
+        D = self._given(parameters)
+        each = np.linalg.norm(self._energy[:, list(self.basis.columns)], axis=0)
+        return each * np.abs(self.basis.regrouping @ D) / max(self.cost("energy", D), np.finfo(float).tiny)
+
+    def link(self, name: str) -> int:
+        """The place of a link among those that own parameters. Raises `InputError` naming those that there are."""
+        names = self.mechanism.description.body_names
+        if name not in names:
+            raise InputError(
+                f"{self.mechanism.name}: there is no link {name!r} with inertia; links: {', '.join(names)}"
+            )
+        return names.index(name)
+
+    def center_of_mass(self, link: str) -> Array:
+        """The centre of mass (3,) of a link in its frame, m; its origin where it has no mass."""
+        ten = self.parameters[10 * self.link(link) :][:4]
+        return np.asarray(ten[1:4] / ten[0]) if ten[0] > 0.0 else np.zeros(3)
+
+    def with_parameters(self, parameters: ArrayLike) -> DesignTask:
+        """The same states of the mechanism with other parameters (P,) that enter energies; friction stays."""
+        own = np.array(self.mechanism.inertial_parameters)
+        own[: self.mechanism.energetic] = self._given(parameters)
+        return replace(self, mechanism=self.mechanism.with_parameters(own))
+
+    def _given(self, parameters: ArrayLike | None) -> Array:
+        return self.parameters if parameters is None else checked(parameters, len(self.parameters), "parameters")
+
+    @cached_property
+    def _energy(self) -> Array:
+        values = energies(self.mechanism, States(self.p, self.v, self.origin))
+        return triangle(values - values.mean(axis=0)) / np.sqrt(len(values))
+
+    @cached_property
+    def _components(self) -> Array:
+        return self.space.singular_values[: self.space.rank, None] * self.space.basis.T
+
+    @cached_property
+    def _joint_torques(self) -> Array:
+        Y = self.mechanism.torque_regressor(self.p, self.v, self.a, range(self.mechanism.energetic))
+        return np.stack([triangle(Y[:, j]) for j in range(Y.shape[1])]) / np.sqrt(len(Y))
+
+    @cached_property
+    def _torque(self) -> Array:
+        return triangle(np.concatenate(self._joint_torques / self.torque_limits[:, None, None]))
+
+    @cached_property
+    def _coupling(self) -> Array:
+        weightless = Mechanism(replace(self.mechanism.description, gravity=np.zeros(3)))
+        rest, unit = np.zeros_like(self.p), np.eye(self.mechanism.dof)
+        length = characteristic_length(self.mechanism)
+        arms = [1.0 if joint.kind.turns else length for joint in self.mechanism.primary_joints]
+        columns = range(self.mechanism.energetic)
+        rows = [np.zeros((1, len(columns)))]
+        for j in range(1, self.mechanism.dof):
+            forces = weightless.torque_regressor(self.p, rest, rest + unit[j], columns)
+            rows += [arms[i] * arms[j] * forces[:, i] for i in range(j)]
+        pairs = max(1, len(list(combinations(arms, 2))))
+        return triangle(np.concatenate(rows)) / np.sqrt(pairs * len(self.p))
+
+
+def component_counts(weights: Array, percent: float) -> Array:
+    """Numbers (...) of components that keep the energy to an error in percent, from weights beta (..., k).
+
+    Raises `InputError` for an error that is not a percentage of at least 0.
+    """
+    if not (np.isfinite(percent) and percent >= 0.0):
+        raise InputError(f"energy error: expected a percentage of at least 0, got {percent}")
+    squares = np.sort(np.square(weights), axis=-1)
+    tails = np.cumsum(squares, axis=-1)
+    return np.sum(tails > (percent / 100.0) ** 2 * tails[..., -1:], axis=-1)
+
+
+def _same(values: Array) -> Array:
+    return values

@@ -1,0 +1,37 @@
+"""Packages that only some of the work asks for, named where they are missing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from adaptctl.errors import MissingExtraError
+
+DISTRIBUTIONS = {
+    "clarabel": "'adaptctl[consistency]'",
+    "cvxpy": "'adaptctl[consistency]'",
+    "dask": "'adaptctl[sweep]'",
+    "distributed": "'adaptctl[sweep]'",
+    "optuna": "'adaptctl[search]'",
+    "pinocchio": "pin",
+    "rerun": "rerun-sdk",
+    "rosbags": "'adaptctl[logs]'",
+    "stable_baselines3": "'adaptctl[rl]'",
+}
+"""What pip calls the packages whose name for it is not that of their import."""
+
+
+@contextmanager
+def needed(what: str) -> Iterator[None]:
+    """Context, or decorator, in which a package that is not installed is named with the command that installs it.
+
+    `what` is what needs it. Raises `MissingExtraError`. The core (load, basis, tick, `simulate_many`) runs with NumPy,
+    llvmlite, msgspec and threadpoolctl alone.
+    """
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        missing = str(error.name).partition(".")[0]
+        if missing == "adaptctl":
+            raise
+        raise MissingExtraError(f"{what} needs {missing}: pip install {DISTRIBUTIONS.get(missing, missing)}") from error

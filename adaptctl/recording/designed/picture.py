@@ -1,0 +1,131 @@
+"""An arm coloured by what a mass costs, in a rerun recording and as a figure."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import rerun as rr
+from matplotlib.colors import LinearSegmentedColormap, TwoSlopeNorm
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from adaptctl.arrays import Array
+from adaptctl.design import CostMap, DesignStudy
+from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.recursion.kinematics import link_poses
+from adaptctl.recording.drawing import sheet
+from adaptctl.recording.palette import BODY, INK, MUTED, Color, run_color
+from adaptctl.recording.scene import TIMELINE, WORLD, entity, quaternions
+from adaptctl.recording.skeleton import Skeleton, Solid
+
+SPOTS = 24
+"""Balls that a shape is drawn by."""
+CLOUD = 5
+"""Places along each edge of a link's box."""
+SCALE = LinearSegmentedColormap.from_list(
+    "cost", [(0.0, run_color(0).hex), (0.5, BODY.hex), (0.75, run_color(1).hex), (1.0, Color(160, 24, 24).hex)]
+)
+BALL = Color(240, 200, 40)
+
+
+class Spots(NamedTuple):
+    """Places on the arm and what a mass costs there: link (n,), place (n, 3) in its frame, radius (n,), change (n,)."""
+
+    link: Array
+    place: Array
+    radius: Array
+    change: Array
+
+
+def spots(costs: CostMap, parts: Skeleton) -> Spots:
+    """Places along all links of an arm."""
+    rows = []
+    names = costs.task.mechanism.description.body_names
+    for shape in parts.shapes:
+        name = costs.task.mechanism.links[shape.link].name
+        if shape.solid is Solid.JOINT or name not in names:
+            continue
+        places = shape.start + np.linspace(0.0, 1.0, SPOTS)[:, None] * (shape.end - shape.start)
+        values = costs.at(name, places)
+        rows += [(shape.link, *x, shape.radius, value) for x, value in zip(places.tolist(), values, strict=True)]
+    table = np.array(rows)
+    return Spots(table[:, 0], table[:, 1:4], table[:, 4], table[:, 5])
+
+
+def norm(study: DesignStudy, change: Array) -> TwoSlopeNorm:
+    """The scale of colours from the best place to the worst; what neither gains nor loses is in its middle."""
+    low = min(*(cost.least for cost in study.links), float(change.min()), 0.0)
+    high = max(float(change.max()), 0.0)
+    least = 1e-3 * max(high, -low, 1e-9)
+    return TwoSlopeNorm(0.0, min(low, -least), max(high, least))
+
+
+def colors(change: Array, scale: TwoSlopeNorm) -> NDArray[np.uint8]:
+    """Colours (n, 4), 0 to 255, of changes (n,)."""
+    return np.asarray(SCALE(scale(change), bytes=True), dtype=np.uint8)
+
+
+def log_costs(recording: rr.RecordingStream, study: DesignStudy, parts: Skeleton, time: Array, p: Array) -> None:
+    """Draw the arm in motion through positions p (T, r) as balls coloured by what a mass costs there."""
+    mechanism, found = study.task.mechanism, spots(study.map, parts)
+    scale, poses = norm(study, found.change), link_poses(mechanism, p)
+    for i, link in enumerate(mechanism.links):
+        path, own = f"{WORLD}/arm/{entity(link.name)}", found.link == i
+        columns = rr.Transform3D.columns(
+            translation=poses.translations[:, i], quaternion=quaternions(poses.rotations[:, i])
+        )
+        recording.send_columns(path, [rr.TimeColumn(TIMELINE, duration=time)], columns)
+        if own.any():
+            shown = rr.Points3D(found.place[own], radii=found.radius[own], colors=colors(found.change[own], scale))
+            recording.log(f"{path}/cost", shown, static=True)
+    for places in study.within:
+        grid = places.grid(CLOUD)
+        shades = colors(np.clip(study.map.at(places.link, grid), scale.vmin, scale.vmax), scale)
+        small = rr.Points3D(grid, radii=[0.004], colors=shades)
+        recording.log(f"{WORLD}/arm/{entity(places.link)}/room", small, static=True)
+    log_counterweights(recording, study)
+
+
+def log_counterweights(recording: rr.RecordingStream, study: DesignStudy, name: str = "arm") -> None:
+    """Draw the counterweights in their true size."""
+    for weight in study.counterweights.weights:
+        radius = (3.0 * weight.mass / (4.0 * np.pi * weight.density)) ** (1.0 / 3.0)
+        ball = rr.Points3D([weight.place], radii=[radius], colors=[BALL], labels=[f"{weight.mass:.3g} kg"])
+        recording.log(f"{WORLD}/{name}/{entity(weight.link)}/counterweight", ball, static=True)
+
+
+def arm_figure(study: DesignStudy, parts: Skeleton, p: Array) -> Figure:
+    """Figure of the arm at positions p (r,) from the side and from above, coloured by what a mass costs."""
+    found = spots(study.map, parts)
+    world, scale = _in_world(study.task.mechanism, p, found.link, found.place), norm(study, found.change)
+    figure = sheet(4.4)
+    weights = study.counterweights.weights
+    names = [link.name for link in study.task.mechanism.links]
+    links = np.array([names.index(weight.link) for weight in weights], dtype=np.float64)
+    balls = _in_world(study.task.mechanism, p, links, np.array([w.place for w in weights]).reshape(-1, 3))
+    for axes, (i, j), title in zip(
+        figure.subplots(1, 2), ((0, 2), (0, 1)), ("from the side", "from above"), strict=True
+    ):
+        order = np.argsort(world[:, 3 - i - j])
+        axes.scatter(
+            world[order, i], world[order, j], s=130.0, c=found.change[order], cmap=SCALE, norm=scale, linewidths=0.0
+        )
+        axes.scatter(
+            balls[:, i], balls[:, j], s=110.0, color=BALL.hex, edgecolors=INK.hex, marker="o", label="counterweight"
+        )
+        axes.set_aspect("equal", "datalim")
+        axes.set_xlabel("x [m]")
+        axes.set_ylabel(("x", "y", "z")[j] + " [m]")
+        axes.set_title(title)
+        if len(weights):
+            axes.legend(loc="best")
+    bar = figure.colorbar(axes.collections[0], ax=figure.axes, shrink=0.8, format="{x:+.0%}")
+    bar.set_label(f"change of the energy carried by {study.body.mass:g} kg", color=MUTED.hex)
+    return figure
+
+
+def _in_world(mechanism: Mechanism, p: Array, link: Array, place: Array) -> Array:
+    poses, index = link_poses(mechanism, p), link.astype(np.int64)
+    turned = np.einsum("nij,nj->ni", poses.rotations[index], place)
+    return np.asarray(poses.translations[index] + turned)

@@ -1,0 +1,72 @@
+"""What studies of designs say, the same in the terminal, the report and the recording."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from adaptctl.arrays import Array
+from adaptctl.design import DesignStudy, DesignTask
+
+
+def header(study: DesignStudy) -> str:
+    """The robot, the task, and what its motion depends on."""
+    task = study.task
+    return (
+        f"{task.mechanism.name}: {len(task.parameters)} inertial parameters, {task.basis.rank} independent, "
+        f"{len(task.carried())} of them not zero; over {task.origin}"
+    )
+
+
+def told(study: DesignStudy) -> str:
+    """The outcome in a sentence or two."""
+    found, best = study.counterweights, min(study.links, key=lambda cost: cost.least)
+    worst = max(study.links, key=lambda cost: cost.most)
+    text = (
+        f"{study.body.mass:g} kg changes the energy that {study.task.mechanism.name} carries by "
+        f"{change(best.least)} at best, on {best.link}, and by {change(worst.most)} at worst, on {worst.link}."
+    )
+    weights = " and ".join(f"{weight.mass:.3g} kg on {weight.link}" for weight in found.weights)
+    if weights:
+        text += f" Counterweights of {weights} make {100.0 * found.saved:.3g} % less {found.objective}."
+    return text
+
+
+def facts(study: DesignStudy) -> Iterator[tuple[str, str]]:
+    """Questions that a person asks first, and the answers."""
+    found, before = study.counterweights, study.task
+    after = found.balanced
+    yield "Independent parameters", f"{before.basis.rank}, {len(before.carried())} not zero"
+    yield (
+        f"Components to {study.percent:g} %",
+        f"{before.components(study.percent)} → {after.components(study.percent)}",
+    )
+    yield "Energy carried", _fall(before.cost("energy"), after.cost("energy"), "J")
+    yield "Torque over limits", _fall(100.0 * before.cost("torque"), 100.0 * after.cost("torque"), "%")
+    yield "Coupling", _fall(before.cost("coupling"), after.cost("coupling"), "kg m²")
+    yield "Counterweights", " + ".join(f"{w.mass:.3g} kg" for w in found.weights) or "none"
+
+
+def _fall(before: float, after: float, unit: str) -> str:
+    return f"{before:.3g} → {after:.3g} {unit}"
+
+
+def quantities(task: DesignTask, percent: float) -> Iterator[tuple[str, str]]:
+    """What a motion costs, in words and numbers."""
+    yield "independent parameters", f"{task.basis.rank}"
+    yield "of them not zero", f"{len(task.carried())}"
+    yield f"components to {percent:g} % of energy", f"{task.components(percent)}"
+    yield "energy (RMS about its mean)", f"{task.cost('energy'):.4g} J"
+    yield "torque (RMS over limits)", f"{100.0 * task.cost('torque'):.3g} %"
+    yield "coupling (RMS off the diagonal)", f"{task.cost('coupling'):.3g} kg m²"
+    for joint, torque in zip(task.mechanism.primary_joints, task.torques().tolist(), strict=True):
+        yield f"{joint.name} (RMS)", f"{torque:.3g} {'N m' if joint.kind.turns else 'N'}"
+
+
+def change(share: float) -> str:
+    """A change as percentage with its sign."""
+    return f"{100.0 * share:+.2f} %"
+
+
+def place(x: Array) -> str:
+    """A place in m."""
+    return f"({', '.join(f'{value:.3f}' for value in x + 0.0)})"

@@ -1,0 +1,55 @@
+"""Joints that are elastic: motors that turn the links through springs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.arrays import Array
+from adaptctl.errors import InputError
+from adaptctl.simulation.effects.effect import Effect, at_least_zero
+
+LINK, MOTOR = "link", "motor"
+"""Where encoders may sit."""
+
+
+@dataclass(frozen=True, eq=False)
+class ElasticJoints(Effect):
+    """Joints whose motors, at theta with velocities w, turn the links through springs and dampers (Spong 1987).
+
+        J w' = torque - f,   M(q) v' + C v + g + friction = f,   f = stiffness (theta - p) + damping (w - v)
+
+    `stiffness` is in N m/rad (N/m of a prismatic joint) and `damping` in N m s/rad, each one number or one a joint
+    (r,). J (kg m^2, behind the gears) is the rotor inertia of the mechanism's drives, which then no longer turns with
+    the links, and `motor_inertia` besides: with ever greater stiffness the plant becomes the rigid one with that much
+    rotor inertia. Friction stays with the links. Rotors turn about their joints' axes alone, as Spong assumes: their
+    energy does not depend on how the links that carry them move.
+
+    `encoders` sit behind the spring, on the "link", or before it, on the "motor": there controllers are told theta and
+    w, as most robots tell them. The state of the motors is the last 2r numbers of `PlantState.drives`: theta, then w.
+    """
+
+    stiffness: ArrayLike
+    damping: ArrayLike = 0.0
+    motor_inertia: ArrayLike = 0.0
+    encoders: str = LINK
+
+    def __post_init__(self) -> None:
+        if self.encoders not in (LINK, MOTOR):
+            raise InputError(f"elastic joints: encoders: expected {LINK!r} or {MOTOR!r}, got {self.encoders!r}")
+
+    def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
+        """Raise `InputError` unless stiffness is positive, the others at least 0, and all finite."""
+        stiffness = self.each("stiffness", dof)
+        if not np.all(stiffness > 0.0):
+            raise InputError(f"elastic joints: stiffness: expected positive numbers, got {stiffness.tolist()}")
+        self.each("damping", dof), self.each("motor_inertia", dof)
+
+    def each(self, name: str, dof: int) -> Array:
+        """One of the settings (r,). Raises `InputError` for what is negative or not finite."""
+        values = at_least_zero(getattr(self, name), dof, f"elastic joints: {name}")
+        if not np.isfinite(values).all():
+            raise InputError(f"elastic joints: {name}: expected finite numbers, got {getattr(self, name)}")
+        return values

@@ -1,0 +1,149 @@
+"""Runs of closed loops as Parquet files, written whole or as they come."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from types import MappingProxyType, TracebackType
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from adaptctl.arrays import Array, frozen
+from adaptctl.errors import FileError, InputError
+from adaptctl.files import replacing
+
+if TYPE_CHECKING:
+    import pyarrow
+
+SCHEMA = "adaptctl/rollout/1"
+WHOLE = ("control_period", "wall_time", "complete", "terminated")
+"""What the file of every run says."""
+KEPT = (*WHOLE, "every")
+"""What a run's file says of the whole run."""
+OF_JOINTS = {
+    "p": "rad",
+    "v": "rad/s",
+    "reference_p": "rad",
+    "reference_v": "rad/s",
+    "reference_a": "rad/s^2",
+    "torque": "N m",
+    "applied": "N m",
+    "measured_p": "rad",
+    "measured_v": "rad/s",
+}
+"""A run's arrays of a column a joint, in the units that they have where joints turn."""
+OF_TIME = {"time": "s", "clipped": "1", "energy": "J", "reward": "1"}
+
+
+class RolloutFile:
+    """A run's file, to which samples are appended; it appears when it is left, whole, and not at all after an error.
+
+    A row a sample, columns such as `p.joint1` with their units. `joints` (r,) names them, joint1, joint2, ... unless
+    given. `about`, set before it is left, is what the file says of the whole run.
+    """
+
+    def __init__(self, path: str | Path, dof: int, joints: Sequence[str] | None = None) -> None:
+        self._names = joint_names(dof, joints)
+        self._path, self._held = path, ExitStack()
+        self._writer: Any = None
+        self.about: dict[str, object] = {}
+
+    def __enter__(self) -> Self:
+        self._beside = self._held.enter_context(replacing(self._path))
+        return self
+
+    def append(self, columns: Mapping[str, Array | None], marks: Mapping[str, Array]) -> None:
+        """Samples (T, ...) by the names of a run's arrays, always the same."""
+        import pyarrow.parquet as pq
+
+        if self._writer is not None and not len(columns["time"]):  # type: ignore[arg-type]
+            return
+        table = rollout_table(columns, marks, self._names)
+        if self._writer is None:
+            style = {"compression": "zstd", "use_dictionary": False, "use_byte_stream_split": True}
+            self._writer = self._held.enter_context(pq.ParquetWriter(self._beside, table.schema, **style))
+        self._writer.write_table(table)
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> bool | None:
+        if kind is None and self._writer is not None:
+            self._writer.add_key_value_metadata({name: json.dumps(value) for name, value in self.about.items()})
+        return self._held.__exit__(kind, error, trace)
+
+
+def joint_names(dof: int, given: Sequence[str] | None) -> list[str]:
+    """Names of r joints, joint1, joint2, ... unless given. Raises `InputError` on another number of them."""
+    names = [f"joint{j + 1}" for j in range(dof)] if given is None else list(given)
+    if len(names) != dof:
+        raise InputError(f"joints: expected {dof} names, got {len(names)}")
+    return names
+
+
+def rollout_table(
+    columns: Mapping[str, Array | None],
+    marks: Mapping[str, Array],
+    joints: Sequence[str],
+    about: Mapping[str, object] = MappingProxyType({}),
+) -> pyarrow.Table:
+    """Samples as a table of Arrow, with units, and with what is said `about` the whole run."""
+    import pyarrow as pa
+
+    told = dict(_file_columns(columns, marks, joints))
+    fields = [pa.field(name, pa.float64(), metadata={"unit": unit}) for name, (unit, _) in told.items()]
+    said = {"schema": SCHEMA, **{name: json.dumps(value) for name, value in about.items()}}
+    return pa.Table.from_arrays([pa.array(x) for _, x in told.values()], schema=pa.schema(fields, metadata=said))
+
+
+def read_rollout(path: str | Path) -> tuple[dict[str, Any], Mapping[str, Array], dict[str, Any]]:
+    """A run's arrays, its marks, and what its file says of the whole. Raises `FileError`."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        with pq.ParquetFile(path) as file:
+            told, table = file.metadata.metadata or {}, file.read()
+    except (OSError, pa.ArrowException) as error:
+        raise FileError(f"{path}: cannot be read as Parquet ({str(error).splitlines()[0]})") from error
+    about = {key.decode(): value.decode() for key, value in told.items() if key != b"ARROW:schema"}
+    if about.get("schema") != SCHEMA:
+        raise FileError(f"{path}: not a run of ours: expected the schema {SCHEMA!r}, got {about.get('schema')!r}")
+    try:
+        columns, marks = _arrays(table)
+        return columns, marks, {name: json.loads(about[name]) for name in KEPT if name in about}
+    except (KeyError, TypeError, ValueError) as error:
+        raise FileError(f"{path}: {type(error).__name__}: {error}; it is not whole") from error
+
+
+def _file_columns(
+    columns: Mapping[str, Array | None], marks: Mapping[str, Array], joints: Sequence[str]
+) -> Iterator[tuple[str, tuple[str, Array]]]:
+    """Names of a file's columns, and their units and values."""
+    yield from ((name, (unit, np.asarray(columns[name]))) for name, unit in OF_TIME.items())
+    for name, unit in OF_JOINTS.items():
+        values = columns[name]
+        for joint, column in zip(joints, () if values is None else values.T, strict=False):
+            yield f"{name}.{joint}", (unit, np.ascontiguousarray(column))
+    for i, column in enumerate(np.asarray(columns["estimate"]).T):
+        yield f"estimate.{i}", ("", np.ascontiguousarray(column))
+    yield from ((f"mark.{name}", ("", values)) for name, values in marks.items())
+
+
+def _arrays(table: Any) -> tuple[dict[str, Array], Mapping[str, Array]]:
+    """A run's arrays and its marks, of the columns of its file."""
+    parts: dict[str, list[Array]] = {name: [] for name in (*OF_JOINTS, "estimate")}
+    marks: dict[str, Array] = {}
+    for name in table.column_names:
+        kind, _, rest = name.partition(".")
+        values = table[name].to_numpy()
+        if kind == "mark":
+            marks[rest] = frozen(values.copy())
+        elif rest:
+            parts[kind].append(values)
+    gathered = {name: frozen(np.stack(columns, axis=-1)) for name, columns in parts.items() if columns}
+    single = {name: frozen(table[name].to_numpy().copy()) for name in OF_TIME}
+    blank = {"estimate": frozen(np.empty((table.num_rows, 0)))}
+    return blank | single | gathered, MappingProxyType(marks)

@@ -1,0 +1,161 @@
+"""The springs between the motors and the links of one mechanism, over scalars of any kind."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.description.drive import DriveParameter
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
+from adaptctl.scalars import Column, Scalar, column
+from adaptctl.simulation.effects import ElasticJoints
+
+
+class Motors(NamedTuple):
+    """The motors before the springs (r,), counted behind the gears: positions, velocities and inertias."""
+
+    theta: Column
+    w: Column
+    inertia: Column
+
+
+class Springs(NamedTuple):
+    """What springs do in a step of dt (s), linearised at its end: with u = w - v the stretch there is
+    (theta - p) + dt (u + u_1)/2. The motors' equation, inertia (w_1 - w) = dt (torque - f), is solved for w_1, which
+    leaves f linear in v_1. With dt = 0 it is what springs do at once."""
+
+    held: Column
+    """(r,) N m: f for w_1 = v_1"""
+    slope: Column
+    """(r,) N m s/rad: what f gains by w_1 - v_1"""
+    v: Column
+    motors: Motors
+    given: Column
+    """(r,) N m, the motors' torque"""
+    dt: float
+
+    @property
+    def firm(self) -> Column:
+        """How much less f is (r,) for every rad/s that a link's joint gains in the step, N m s/rad."""
+        return self._share * self.motors.inertia
+
+    @property
+    def torque(self) -> Column:
+        """f (r,) for v_1 = v, N m on the links."""
+        driven = self.motors.inertia * (self.motors.w - self.v) + self.dt * (self.given - self.held)
+        return self.held + self._share * driven
+
+    def spin(self, after: Column) -> Column:
+        """The motors' mean acceleration (r,), the links' velocity being `after` at the end."""
+        return self._yielding * (self.given - self.held - self.slope * (self.motors.w - after))
+
+    @property
+    def _share(self) -> Column:
+        return self.slope * self._yielding
+
+    @property
+    def _yielding(self) -> Column:
+        return Column(1.0 / (J + self.dt * slope) for J, slope in zip(self.motors.inertia, self.slope, strict=True))
+
+
+@dataclass(frozen=True, eq=False)
+class Transmission:
+    """Elastic joints of a mechanism: what (r,) each spring has, and which parameters (P,) are its rotors' inertias."""
+
+    stiffness: Array
+    damping: Array
+    inertia: Array
+    """kg m^2, of the motors besides the rotors among the parameters"""
+    rotors: tuple[int | None, ...]
+    primary: tuple[int, ...]
+
+    @classmethod
+    def of(cls, mechanism: Mechanism, joints: ElasticJoints) -> Transmission:
+        """The transmission of a mechanism. Raises `InputError` where a joint has no motor inertia, a motor turns with
+        several joints, or the parameters are not one a rotor."""
+        description, r = mechanism.description, mechanism.dof
+        if len(mechanism.inertial_parameters) < len(description.inertial_parameters):
+            raise InputError(
+                f"elastic joints: {mechanism.name} has relations among its parameters: take the mechanism without them"
+            )
+        each = (joints.each(name, r) for name in ("stiffness", "damping", "motor_inertia"))
+        found = cls(*each, _rotors(mechanism), _primary(mechanism))
+        motors = found.motors(column(mechanism.inertial_parameters)).of
+        for joint, motor in zip(mechanism.primary_joints, motors, strict=True):
+            if not motor > 0.0:
+                raise InputError(
+                    f"elastic joints: the motor of {joint.name} of {mechanism.name} has no inertia: give "
+                    "motor_inertia, in kg m^2 behind the gears, or a drive with rotor_inertia"
+                )
+        return found
+
+    def motors(self, parameters: Column) -> Column:
+        """Inertias J (r,) of the motors."""
+        own = self.inertia.tolist()
+        return Column(x if j is None else x + parameters[j] for x, j in zip(own, self.rotors, strict=True))
+
+    def links(self, parameters: Column) -> Column:
+        """Parameters (P,) of the links alone: no rotor turns with them."""
+        return Column(0.0 if j in self.rotors else x for j, x in enumerate(parameters))
+
+    def springs(self, q: Column, v: Column, motors: Motors, torque: Column, dt: float) -> Springs:
+        """What the springs do at q (n,) and v (r,), the motors driven by a torque (r,)."""
+        half = (0.5 * dt) * column(self.stiffness)
+        held = column(self.stiffness) * self._stretch(q, motors) + half * (motors.w - v)
+        return Springs(held, column(self.damping) + half, v, motors, torque, dt)
+
+    def energy(self, q: Column, motors: Motors) -> Scalar:
+        """J: the motors' kinetic energy and the springs'."""
+        stretch = self._stretch(q, motors)
+        total: Scalar = 0.5 * (motors.w @ (motors.inertia * motors.w) + stretch @ (column(self.stiffness) * stretch))
+        return total
+
+    def _stretch(self, q: Column, motors: Motors) -> Column:
+        return motors.theta - Column(q[i] for i in self.primary)
+
+    def rates(self, mechanism: Mechanism, p: Array) -> tuple[float, float]:
+        """The fastest oscillation and the fastest decay of springs and dampers (1/s) at positions (samples, r)."""
+        own = column(mechanism.inertial_parameters)
+        links = mechanism.with_parameters(np.array(self.links(own).of, dtype=np.float64))
+        mass = links.mass_matrix(p)
+        if not np.all(np.linalg.eigvalsh(mass)[:, 0] > 1e-12 * np.linalg.eigvalsh(mass)[:, -1]):
+            raise InputError(
+                f"elastic joints: {mechanism.name}: without its rotors the mass matrix is singular: behind a spring, "
+                "every joint needs links with inertia"
+            )
+        motors = np.array(self.motors(own).of, dtype=np.float64)
+        return float(np.sqrt(_fastest(mass, motors, self.stiffness))), _fastest(mass, motors, self.damping)
+
+
+def _fastest(mass: Array, motors: Array, springs: Array) -> float:
+    """The largest eigenvalue of what springs (r,) do between links M (samples, r, r) and motors (r,), over inertia."""
+    r = len(motors)
+    inverse, pull = np.zeros((len(mass), 2 * r, 2 * r)), np.zeros((2 * r, 2 * r))
+    inverse[:, :r, :r], inverse[:, r:, r:] = np.linalg.inv(mass), np.diag(1.0 / motors)
+    pull[:r, :r] = pull[r:, r:] = np.diag(springs)
+    pull[:r, r:] = pull[r:, :r] = -np.diag(springs)
+    return float(np.abs(np.linalg.eigvals(inverse @ pull)).max())
+
+
+def _rotors(mechanism: Mechanism) -> tuple[int | None, ...]:
+    """The parameter of each primary joint's rotor, None where none is modelled."""
+    description, first = mechanism.description, 10 * len(mechanism.description.bodies)
+    found: dict[int, int] = {}
+    for k, (joint, kind) in enumerate(description.drive_parameters):
+        if kind is DriveParameter.ROTOR_INERTIA:
+            found[joint] = first + k
+    for joint in found:
+        if joint in description.primary and len(description.shaft(joint)) > 1:
+            raise InputError(
+                f"elastic joints: the rotor of {description.joint_names[joint]} of {mechanism.name} turns with several "
+                "joints, and a spring is taken to be in one: take the mechanism without `turns_with`"
+            )
+    return tuple(found.get(joint) for joint in _primary(mechanism))
+
+
+def _primary(mechanism: Mechanism) -> tuple[int, ...]:
+    return tuple(mechanism.description.primary)

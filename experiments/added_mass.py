@@ -1,0 +1,99 @@
+"""Where a mass may be added to an arm: the question that Sheu and Walker (1991) leave to future work."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from adaptctl.design import DesignStudy, DesignTask, added_mass, design_study
+from adaptctl.design.bodies import CATALOGUE
+from adaptctl.dynamics import load
+from adaptctl.experiments.experiment import Experiment, setting
+from adaptctl.recording import Progress, Result
+from adaptctl.recording.verdict import Verdict
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from adaptctl.recording.drawing import Drawing
+
+STAGE = "Costs of added mass"
+
+
+@dataclass(frozen=True)
+class AddedMassStudy(Experiment):
+    """What a point, a gripper, a camera and a motor cost on every link, and where a mass relieves the arm."""
+
+    name: ClassVar[str] = "added-mass"
+    title: ClassVar[str] = "{robot}: where a mass may be added"
+
+    robot: str = setting("puma560_measured", "a built-in robot or a file (.urdf, .xml, .toml)")
+    mass: float = setting(1.0, "mass of the point that is added, kg", low=1e-3, high=1e3)
+    speed: float = setting(0.25, "of the task's random states, over sqrt(g/L)", low=0.0, high=10.0)
+    samples: int = setting(1000, "random states within the joints' limits", low=10, high=100_000)
+    energy_error: float = setting(1.0, "at which components are counted, %", low=0.0, high=100.0)
+    share: float = setting(0.2, "largest counterweight over its link's mass", low=0.0, high=10.0)
+
+    def run(self, progress: Progress) -> Result:
+        """Result of the study."""
+        from adaptctl.recording.designed.wording import facts, told
+
+        study = self.study(progress)
+        return Result(True, told(study), tuple(facts(study)), Verdict(), partial(self._write, study))
+
+    def study(self, progress: Progress) -> DesignStudy:
+        """The study of the robot."""
+        progress(STAGE, 0.0)
+        task = DesignTask.within_limits(load(self.robot), self.samples, self.seed, self.speed)
+        found = design_study(task, self.mass, share=self.share, percent=self.energy_error, seed=self.seed)
+        progress(STAGE, 1.0)
+        return found
+
+    def _write(self, study: DesignStudy, folder: Any, progress: Progress) -> None:
+        from adaptctl.recording.designed.artifacts import Named, write_study
+        from adaptctl.recording.designed.summary import as_builtins
+
+        title, shown = self.title.format(robot=study.task.mechanism.name), tuple(self._drawings(study))
+        named = Named(self.name, title, seed=self.seed, drawings=shown)
+        content = as_builtins(study) | {"experiment": self.name, "settings": asdict(self), "bodies": bodies(study)}
+        write_study(folder, study, content, named, progress)
+
+    def _drawings(self, study: DesignStudy) -> Iterator[Drawing]:
+        from adaptctl.recording.drawing import Drawing
+
+        yield Drawing(
+            "bodies",
+            "What common bodies cost on every link, their centre at the link's centre of mass.",
+            partial(bodies_figure, study),
+        )
+
+
+def bodies(study: DesignStudy) -> dict[str, dict[str, float]]:
+    """Changes of the energy carried by bodies at the centres of mass of links, by body and link."""
+    links = [places.link for places in study.within]
+    return {
+        name: {
+            link: added_mass(study.task, link, body(), study.task.center_of_mass(link)).energy_change for link in links
+        }
+        for name, body in CATALOGUE.items()
+    }
+
+
+def bodies_figure(study: DesignStudy) -> Figure:
+    """Figure of what common bodies cost on every link."""
+    from adaptctl.recording.drawing import sheet
+    from adaptctl.recording.palette import run_color
+
+    figure, found = sheet(2.8), bodies(study)
+    axes = figure.subplots()
+    for i, (name, changes) in enumerate(found.items()):
+        place = np.arange(len(changes)) + 0.27 * (i - 1)
+        axes.bar(place, 100.0 * np.array(list(changes.values())), 0.25, color=run_color(i).hex, label=name)
+    axes.set_xticks(np.arange(len(study.within)), [places.link for places in study.within])
+    axes.set_ylabel("change of the energy [%]")
+    axes.legend(loc="upper left")
+    return figure

@@ -1,0 +1,150 @@
+"""What an estimate adds to the hold number: its bound is above every estimate on the way, and gains are held by it."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from random_trees import random_chain
+
+from adaptctl.arrays import Array
+from adaptctl.control import (
+    Gains,
+    Gradient,
+    SlotineLi,
+    Workspace,
+    adaptation_gain,
+    estimate_hold,
+    hold_number,
+    mapped_gain,
+)
+from adaptctl.control.adaptation.prior_ranges import HOLD_SHARE, PriorRanges
+from adaptctl.control.gains.estimate_hold import parameter_holds
+from adaptctl.control.gains.workspace import everywhere
+from adaptctl.dynamics import Mechanism, load
+from adaptctl.errors import GainError, StabilityWarning
+from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
+
+ARM = random_chain(3, 3)
+MODEL = ReducedModel(ARM, fundamental_basis(essential_space(ARM)))
+K, PERIOD, BANDWIDTH = len(MODEL.columns), 1e-3, np.array([6.0, 5.0, 7.0])
+
+
+def hold_of_an_error(model: ReducedModel, error: Array, p: Array) -> Array:
+    """T |lambda|_max(M^-1 (M^ - M) Lambda) at p (S, r), M^ - M of the error, written with mass matrices alone."""
+    arm = model.mechanism
+    nothing = arm.with_parameters(np.zeros(len(arm.parameter_names)))
+    shift = nothing.with_parameters(model.embed(error)).mass_matrix(p)
+    added = np.linalg.solve(arm.mass_matrix(p), shift * BANDWIDTH)
+    return PERIOD * np.asarray(np.abs(np.linalg.eigvals(added)).max(axis=-1))
+
+
+@pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
+def test_no_parameter_causes_more_than_its_number() -> None:
+    numbers, p = parameter_holds(MODEL, BANDWIDTH, PERIOD), everywhere(ARM).samples
+    met = np.array([hold_of_an_error(MODEL, unit, p).max() for unit in np.eye(K)])
+    assert np.all(met <= numbers * (1.0 + 1e-9))
+    assert np.all(numbers <= np.sqrt(3.0) * np.sqrt(7.0 / 5.0) * met + 1e-12)  # a Frobenius norm, and sides that differ
+
+
+@pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 10**6), whole=st.booleans(), kinetic=st.sampled_from([0.0, 3.0]))
+def test_no_estimate_within_v_adds_more_than_its_bound(seed: int, whole: bool, kinetic: float) -> None:
+    """Of all errors with error' Gamma^-1 error/2 <= V_0: a random one on the ellipsoid, and the worst for the bound."""
+    rng = np.random.default_rng(seed)
+    A = rng.normal(size=(K, K))
+    full = A @ A.T + 0.1 * np.eye(K) if whole else np.diag(rng.uniform(0.1, 5.0, K))
+    prior = rng.uniform(0.1, 2.0, K)
+    bound = estimate_hold(MODEL, full if whole else np.diag(full), prior, BANDWIDTH, PERIOD, kinetic=kinetic)
+    start = prior * rng.choice([-1.0, 1.0], K)
+    level = 2.0 * kinetic + float(start @ np.linalg.solve(full, start))
+    u = parameter_holds(MODEL, BANDWIDTH, PERIOD)
+    for direction in (rng.normal(size=K), full @ u, full @ (u * rng.choice([-1.0, 1.0], K))):
+        error = direction * np.sqrt(level / float(direction @ np.linalg.solve(full, direction)))
+        assert hold_of_an_error(MODEL, error, everywhere(ARM).samples[:40]).max() <= bound * (1.0 + 1e-9)
+
+
+def wrist() -> tuple[ReducedModel, Gains]:
+    """A PUMA, whose last link is light."""
+    arm = load("puma560_measured")
+    model = ReducedModel(arm, fundamental_basis(essential_space(arm)))
+    shape = np.median(np.diagonal(everywhere(arm).mass_matrices, axis1=1, axis2=2), axis=0)
+    return model, Gains(np.full(6, 8.0), shape / hold_number(arm, shape, PERIOD).value)
+
+
+def test_ranges_are_held_where_a_light_wrist_would_ring() -> None:
+    model, gains = wrist()
+    free, held = adaptation_gain(model), adaptation_gain(model, gains=gains, period=PERIOD)
+    h = hold_number(model.mechanism, gains.damping, PERIOD, gains.bandwidth).value
+    u = parameter_holds(model, gains.bandwidth, PERIOD)
+    range_of = PriorRanges().of(model.names)
+    np.testing.assert_allclose(held, 0.6 * np.minimum(range_of, HOLD_SHARE * (2.0 - h) / np.maximum(u, 1e-300)) ** 2)
+    assert np.all(held <= free)
+    lightest = model.names.index("link6.I_zz")
+    assert held[lightest] < 1e-3 * free[lightest]
+    still = [j for j, name in enumerate(model.names) if u[j] < 1e-6 * u[lightest]]
+    np.testing.assert_array_equal(held[still], free[still])
+
+
+def test_ranges_are_held_less_where_less_is_asked_for() -> None:
+    """A slower bandwidth and a smaller workspace leave more; a rate is a factor on all."""
+    model, gains = wrist()
+    held = adaptation_gain(model, gains=gains, period=PERIOD)
+    slower = adaptation_gain(model, gains=Gains(0.5 * gains.bandwidth, gains.damping), period=PERIOD)
+    along = Workspace.along(model.mechanism, np.array([[0.0, -0.6, 0.8, 0.0, 1.2, 0.0]]), margin=0.05)
+    near = adaptation_gain(model, gains=gains, period=PERIOD, workspace=along)
+    assert np.all(slower >= held * (1.0 - 1e-12))
+    assert slower.sum() > held.sum()
+    assert near[model.names.index("link6.I_zz")] > held[model.names.index("link6.I_zz")]
+    doubled = adaptation_gain(model, rate=1.2, gains=gains, period=PERIOD)
+    np.testing.assert_allclose(doubled, 2.0 * held)
+
+
+def test_gains_that_leave_nothing_are_refused() -> None:
+    model, gains = wrist()
+    with pytest.raises(GainError, match=r"a period of 0\.002 s does not carry these gains: nothing is left"):
+        adaptation_gain(model, gains=gains, period=2.0 * PERIOD)
+
+
+def warned(arm: Mechanism, gain: Array, prior: Array | None) -> list[str]:
+    model = ReducedModel(arm, fundamental_basis(essential_space(arm)))
+    damping = 0.5 / hold_number(arm, 1.0, PERIOD).value * np.ones(arm.dof)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", StabilityWarning)
+        SlotineLi(model, BANDWIDTH, damping, Gradient(gain), period=PERIOD, prior=prior)
+    return [str(w.message) for w in caught if w.category is StabilityWarning]
+
+
+def test_a_warning_comes_where_h_and_the_bound_reach_two_and_only_there() -> None:
+    prior, gain = np.abs(MODEL.fundamental_parameters), np.ones(K)
+    damping = 0.5 / hold_number(ARM, 1.0, PERIOD).value
+    h = hold_number(ARM, damping, PERIOD, BANDWIDTH).value
+    # with Gamma a multiple of one shape the bound stays: V_0 falls as the gain rises, so the prior is what is scaled
+    bound = estimate_hold(MODEL, gain, prior, BANDWIDTH, PERIOD)
+    limit = (2.0 - h) / bound
+    assert estimate_hold(MODEL, 7.0 * gain, prior, BANDWIDTH, PERIOD) == pytest.approx(bound, rel=1e-12)
+    assert estimate_hold(MODEL, gain, 3.0 * prior, BANDWIDTH, PERIOD) == pytest.approx(3.0 * bound, rel=1e-12)
+    assert warned(ARM, gain, 0.99 * limit * prior) == []
+    (said,) = warned(ARM, gain, 1.01 * limit * prior)
+    assert said.startswith(f"{ARM.name}: the hold number of the gains is {h:.3g}, and estimates within the prior may")
+    assert "A smaller adaptation gain" in said
+    assert warned(ARM, gain, None) == []
+
+
+def test_a_mapped_gain_is_symmetric_to_the_last_bit_and_taken() -> None:
+    """K_r Gamma K_r' of gains over many decades: a product in another order differs by round-off."""
+    for seed, links in ((3, 3), (5, 6), (8, 7)):
+        arm = random_chain(seed, links)
+        model = ReducedModel(arm, fundamental_basis(essential_space(arm)))
+        size = model.regrouping.shape[1]
+        for decades in (1.0, 6.0):
+            gain = 10.0 ** np.random.default_rng(seed).uniform(-decades, decades, size)
+            mapped = mapped_gain(model, gain)
+            np.testing.assert_array_equal(mapped, mapped.T)
+            exact = model.regrouping @ np.diag(gain) @ model.regrouping.T
+            np.testing.assert_allclose(mapped, exact, rtol=0.0, atol=1e-14 * np.abs(exact).max())
+            assert Gradient(mapped).gain.shape == (len(model.columns),) * 2

@@ -1,0 +1,348 @@
+"""Exported controllers: the C text does what Python does, is the same each time, and is refused where it must be."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from c_evaluation import functions_of
+from exported_laws import ARM, GAIN, LAWS, LOOPED, MODEL, TRUE, guarded, law_named, slotine_li
+
+import adaptctl
+from adaptctl.arrays import Array
+from adaptctl.cli.main import main
+from adaptctl.codegen.c_number import CNumber
+from adaptctl.codegen.c_package import CPackage
+from adaptctl.codegen.exporting import Exported
+from adaptctl.codegen.interface import Interface
+from adaptctl.codegen.loop_precision import require_single_precision
+from adaptctl.codegen.recorded import default_reference, record
+from adaptctl.codegen.vouching import vouched
+from adaptctl.control import ComputedTorque, Controller, Guarded, ReferencePoint, SlotineLi
+from adaptctl.control.memory import leaves
+from adaptctl.errors import FileError, InputError
+
+ALL = [*LAWS, *LOOPED]
+FILES = {"a.h", "a.c", "a.hpp", "CMakeLists.txt", "test_a.c", "vectors.h", "example.c", "README.md", "manifest.json"}
+
+
+def exported(tmp_path: Path, law: Controller[Any], **more: Any) -> Exported:
+    return adaptctl.export(law, tmp_path / "out", name="a", **{"unguarded": True, **more})
+
+
+def lists(fields: Any, values: list[Array]) -> SimpleNamespace:
+    return SimpleNamespace(**{field.name: value.tolist() for field, value in zip(fields, values, strict=True)})
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_the_text_of_the_law_does_what_python_does(name: str) -> None:
+    interface = Interface(law_named(name))
+    package = CPackage(interface, "a", "double")
+    law = functions_of(package.functions, "a")["a_law"]
+    rows, _ = record(interface, default_reference(interface), ticks=4)
+    state = interface.controller.init(rows[0].p, np.zeros(interface.controller.dof))
+    gains = lists(interface.all_gains, [field.values for field in interface.all_gains])
+    for row in rows:
+        blank = lists(interface.memory, [np.full_like(field.values, np.nan) for field in interface.memory])
+        reference = SimpleNamespace(**{part: getattr(row.reference, part).tolist() for part in "pva"})
+        torque = [np.nan] * interface.controller.dof
+        law(lists(interface.memory, leaves(state)), gains, row.p.tolist(), row.v.tolist(), reference, blank, torque)
+        expected, state = interface.controller.step(state, row.p, row.v, row.reference)
+        pairs = [
+            (torque, expected),
+            *((getattr(blank, f.name), x) for f, x in zip(interface.memory, leaves(state), strict=True)),
+        ]
+        for made, wanted in pairs:
+            scale = max(1.0, float(np.abs(wanted).max(initial=0.0)))
+            np.testing.assert_allclose(made, wanted, rtol=0, atol=1e-10 * scale)
+
+
+@pytest.mark.parametrize("name", ["composite", "loop", "loop composite", "loop tool"])
+def test_the_text_of_init_begins_where_python_does(name: str) -> None:
+    """The loops are walked to their first position here as the C code walks them."""
+    interface = Interface(law_named(name))
+    law, package = interface.controller, CPackage(Interface(law_named(name)), "a", "double")
+    functions, start = functions_of(package.functions, "a"), package.start
+    p = law.home + np.linspace(-0.2, 0.3, law.dof)
+    q = p.tolist()
+    if start.walk is not None:
+        q, home = start.walk.home.tolist(), law.home
+        for k in range(1, 9):
+            after, regular = [np.nan] * len(q), [np.nan]
+            functions["a_closed"]((home + (p - home) * (k / 8)).tolist(), q, after)
+            functions["a_regular"](after, regular)
+            assert regular == [1.0]
+            q = after
+        functions["a_regular"]([x + 0.1 for x in q], regular)
+        assert regular == [0.0]
+    state = leaves(law.init(p, np.zeros(law.dof)))
+    computed = [[np.nan] * interface.memory[k].size for k in start.computed]
+    if start.more is not None:
+        functions["a_begun"](q, *computed)
+    for k, (field, expected) in enumerate(zip(interface.memory, state, strict=True)):
+        made: Any = field.values
+        made = q if k in start.configurations else computed[start.computed.index(k)] if k in start.computed else made
+        np.testing.assert_allclose(made, expected, rtol=0, atol=1e-10, err_msg=field.name)
+
+
+@pytest.mark.parametrize("name", ["gradient", "guarded", "computed torque", "guarded loop"])
+def test_a_package_is_whole_and_says_what_it_is(name: str, tmp_path: Path) -> None:
+    law = law_named(name)
+    done = exported(tmp_path, law)
+    assert {path.name for path in done.directory.iterdir()} == FILES == set(done.files)
+    manifest = json.loads((done.directory / "manifest.json").read_text())
+    assert manifest == done.manifest
+    for file, digest in manifest["files"].items():
+        assert hashlib.sha256((done.directory / file).read_bytes()).hexdigest() == digest
+    mechanism: Any = Interface(law).mechanism
+    assert manifest["mechanism"] == {"name": mechanism.name, "sha256": mechanism.description.sha256}
+    assert law.kernel is not None
+    assert manifest["flops"] == law.kernel.operations.flops
+    assert manifest["guarded"] is isinstance(law, Guarded)
+    readme = (done.directory / "README.md").read_text()
+    header = (done.directory / "a.h").read_text()
+    for joint in mechanism.primary_joints:
+        assert joint.name in readme
+        assert joint.name in header
+    assert ("has no guards" in readme) is not isinstance(law, Guarded)
+    for text in (path.read_text() for path in done.directory.iterdir()):
+        assert "{{" not in text
+        assert "{%" not in text
+
+
+def test_the_code_says_what_numbers_are() -> None:
+    law = slotine_li(GAIN)
+    package = CPackage(Interface(law), "a", "double")
+    source, header = package.filled("controller.c"), package.filled("controller.h")
+    assert f"{(0.9 * TRUE[0]).hex()} /* {MODEL.names[0]} */" in source  # the first estimate
+    assert f"{GAIN[1].hex()} /* {MODEL.names[1]} */" in source
+    for name in MODEL.names:
+        assert f" {name}\n" in header
+    known = CPackage(Interface(ComputedTorque(ARM, np.full(3, 6.0))), "a", "double").functions
+    assert sum(f"/* {name}" in known or f", {name}" in known for name in ARM.parameter_names) > 20
+
+
+def test_nothing_but_math_and_mem_is_called_and_nothing_is_global(tmp_path: Path) -> None:
+    done = exported(tmp_path, LAWS["guarded"])
+    source = re.sub(r"/\*.*?\*/", "", (done.directory / "a.c").read_text(), flags=re.DOTALL)
+    allowed = {
+        "if",
+        "for",
+        "return",
+        "sizeof",
+        "fabs",
+        "sqrt",
+        "memcpy",
+        "defined",
+        "UINT64_C",
+        "__attribute__",
+        "optimize",
+    }
+    assert {name for name in re.findall(r"\b(\w+)\(", source) if not name.startswith("a_")} <= allowed
+    outside = [line for line in source.splitlines() if re.match(r"(static|extern|const|double|int)\b", line)]
+    functions_and_constants = r"(static (void|int|a_real) a_\w+\(|static const |const a_gains )"
+    assert all(re.match(functions_and_constants, line) for line in outside)
+    assert all(name.startswith("a_") for name in re.findall(r"^(?:unsigned|void|static \w+) (\w+)\(", source, re.M))
+
+
+def test_the_same_controller_gives_the_same_bytes(tmp_path: Path) -> None:
+    first = adaptctl.export(LAWS["composite"], tmp_path / "one", name="a", unguarded=True)
+    again = slotine_li(LAWS["composite"].adaptation)  # type: ignore[attr-defined]
+    second = adaptctl.export(again, tmp_path / "two", name="a", unguarded=True)
+    assert first.manifest == second.manifest
+    for file in first.files:
+        assert (first.directory / file).read_bytes() == (second.directory / file).read_bytes()
+
+
+def test_gains_are_arguments_of_the_code_and_change_nothing_else(tmp_path: Path) -> None:
+    one = CPackage(Interface(slotine_li(GAIN)), "a", "double")
+    two = CPackage(Interface(slotine_li(2.0 * GAIN)), "a", "double")
+    assert one.functions == two.functions
+    assert one.hash == two.hash
+    assert {field.name for field in one.interface.gains} == {"bandwidth", "damping", "adaptation_gain"}
+
+
+def test_vectors_are_what_python_made(tmp_path: Path) -> None:
+    done = exported(tmp_path, LAWS["guarded"])
+    text = (done.directory / "vectors.h").read_text()
+    interface = Interface(LAWS["guarded"])
+    rows, _ = record(interface, default_reference(interface))
+    assert "#define VECTORS 100\n" in text
+    numbers = CNumber("double", {})
+    for row in rows[::9]:
+        assert ", ".join(map(numbers.constant, row.torque.tolist())) + " }, " + f"{row.status}u" in text
+    assert {row.status for row in rows} != {0}  # the torque limits were met
+
+
+def test_single_precision_keeps_what_is_finite_finite() -> None:
+    number = CNumber("float", {})
+    assert float.fromhex(number.constant(1e-300).rstrip("f")) > 0.0
+    assert float.fromhex(number.constant(1.7e308).rstrip("f")) == float(np.finfo(np.float32).max)
+    assert number.constant(0.1) == f"{float(np.float32(0.1)).hex()}f"
+    assert number.constant(-3.0) == "(-3.0f)"
+    assert number.constant(np.inf) == "HUGE_VALF"
+    assert CNumber("double", {}).constant(0.1) == (0.1).hex()
+
+
+@pytest.mark.parametrize("name", ["gradient", "guarded", "loop"])
+def test_single_precision_has_no_number_of_double(name: str) -> None:
+    package = CPackage(Interface(law_named(name)), "a", "float")
+    text = re.sub(r"/\*.*?\*/", "", package.filled("controller.c"), flags=re.DOTALL)
+    assert not re.findall(r"\d\.\d*(?:e[-+]?\d+)?(?![\w.])|p[-+]\d+(?![\df])", text)
+    assert "typedef float a_real;" in package.filled("controller.h")
+    assert not re.findall(r"\b(?:fabs|sqrt)\(", text)
+
+
+def test_rules_of_gains_are_the_laws_own() -> None:
+    rules = {rule.field.name: rule for rule in CPackage(Interface(LAWS["guarded"]), "a", "double").rules}
+    assert rules["of_damping"].positive
+    assert rules["of_adaptation_gain"].positive
+    assert rules["of_damping"].most is not None
+    most, damping = rules["of_damping"].most, rules["of_damping"].field.values
+    assert np.all(most >= damping)
+    with pytest.raises(InputError, match="too stiff"):
+        LAWS["guarded"].of.tuned({"damping": 1.5 * most})  # type: ignore[attr-defined]
+    LAWS["guarded"].of.tuned({"damping": most})  # type: ignore[attr-defined]
+    assert rules["estimate_bounds"].bounds
+    assert not rules["stop_damping"].positive
+    assert not rules["stop_damping"].signed
+
+
+# Refusals
+
+
+@pytest.mark.parametrize(
+    "name", ["", "2arm", "my arm", "arm-1", "int", "class", "ärm", "_arm", "a" * 41, "a\n", "a;b", 3, "a/b"]
+)
+def test_a_name_that_is_no_identifier_is_refused(name: Any, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="name: expected a C identifier"):
+        adaptctl.export(LAWS["guarded"], tmp_path / "out", name=name)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ({"unguarded": False}, "SlotineLi has no guards: wrap it in `Guarded`"),
+        ({"scalar": "half"}, "scalar: expected double or float, got 'half'"),
+        ({"language": "rust"}, "language: expected c or wasm, got 'rust'"),
+    ],
+)
+def test_wrong_choices_are_refused(more: dict[str, Any], message: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=message):
+        exported(tmp_path, LAWS["gradient"], **more)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_or_file_that_exists_is_refused(tmp_path: Path) -> None:
+    done = exported(tmp_path, LAWS["gradient"])
+    before = {path.name: path.read_bytes() for path in done.directory.iterdir()}
+    with pytest.raises(FileError, match="exists already"):
+        exported(tmp_path, LAWS["gradient"])
+    assert before == {path.name: path.read_bytes() for path in done.directory.iterdir()}
+    (tmp_path / "file").write_text("mine")
+    with pytest.raises(FileError, match="exists already"):
+        adaptctl.export(LAWS["guarded"], tmp_path / "file")
+    with pytest.raises(FileError, match="file"):
+        adaptctl.export(LAWS["guarded"], tmp_path / "file" / "below")
+
+
+def test_what_is_no_controller_or_steps_otherwise_is_refused(tmp_path: Path) -> None:
+    class Stepping(SlotineLi):
+        def step(self, *given: Any) -> Any:
+            return super().step(*given)
+
+    with pytest.raises(InputError, match="expected a Controller, got int"):
+        adaptctl.export(3, tmp_path / "out")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="Stepping has a step of its own"):
+        exported(tmp_path, Stepping(MODEL, 6.0, [3.0, 4.0, 2.0]))  # type: ignore[arg-type]
+
+
+def test_much_stack_is_refused_unless_asked_for(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="about 29 kB of stack, at most 16 kB"):
+        exported(tmp_path, LAWS["forgetting"])
+    assert exported(tmp_path, LAWS["forgetting"], large_stack=True).manifest["stack_bytes_about"] > 16384
+
+
+def test_loops_that_single_precision_cannot_close_are_refused(tmp_path: Path) -> None:
+    loop: Any = law_named("loop")
+    require_single_precision(loop.model.mechanism)
+    far = adaptctl.load(write_scaled(tmp_path, 1e4))
+    with pytest.raises(InputError, match=r"stay open by .* export it in double"):
+        adaptctl.export(ComputedTorque(far, np.full(3, 8.0)), tmp_path / "out", scalar="float", unguarded=True)
+
+
+def write_scaled(tmp_path: Path, scale: float) -> Path:
+    """The semi-direct-drive arm, so many times as large."""
+    text = (Path(adaptctl.__file__).parent / "description" / "robots" / "semi_direct_drive.toml").read_text()
+    lengths = re.compile(r"\b(position) = (\[.*?\])")
+    path = tmp_path / "far.toml"
+    path.write_text(lengths.sub(lambda m: f"{m[1]} = {[scale * x for x in json.loads(m[2])]}", text))
+    return path
+
+
+# The long run
+
+
+def test_a_law_that_runs_away_is_not_exported(tmp_path: Path) -> None:
+    wild = ComputedTorque(ARM, np.full(3, 2500.0))
+    with pytest.raises(InputError, match=r"check: in simulation the loop is not finite after .* s"):
+        exported(tmp_path, wild, check=True)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_law_that_the_guards_stop_is_not_exported() -> None:
+    wild = guarded(ComputedTorque(ARM, np.full(3, 2500.0)), stop_damping=0.1, period=1e-3)
+    with pytest.raises(InputError, match="check: in simulation the guards stop the arm after"):
+        vouched(Interface(wild), default_reference(Interface(wild)), 5.0)
+
+
+@pytest.mark.parametrize("name", ["guarded", "tool in the world", "guarded loop"])
+def test_a_check_says_what_it_saw(name: str) -> None:
+    law = guarded(slotine_li(GAIN), torque=400.0) if name == "guarded" else law_named(name)
+    interface = Interface(law)
+    found = vouched(interface, default_reference(interface), 3.0)
+    assert found["finite"] is True
+    assert found["duration"] == 3.0
+    assert found["reference"]["kind"] == "Sinusoids"
+    if interface.follows_joints:
+        assert 0.0 < found["rms_error_last_10_s"] < 0.1
+    else:
+        assert found["rms_error_last_10_s"] is None
+
+
+# The command
+
+
+def test_the_command_writes_a_package_and_prints_its_manifest(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    robot = str(Path(__file__).parent.parent / "docs" / "examples" / "two_link.toml")
+    assert main(["export", robot, "--out", str(tmp_path / "arm"), "--scalar", "float", "--json"]) == 0
+    manifest = json.loads(capsys.readouterr().out)
+    assert manifest == json.loads((tmp_path / "arm" / "manifest.json").read_text())
+    assert manifest["guarded"] is True
+    assert manifest["scalar"] == "float"
+    assert main(["export", robot, "--out", str(tmp_path / "arm")]) == 2
+    assert "exists already" in capsys.readouterr().err
+    assert main(["export", robot, "--law", "lqr", "--out", str(tmp_path / "other")]) == 2
+    assert "unknown law 'lqr'; laws: slotine-li, " in capsys.readouterr().err
+    assert not (tmp_path / "other").exists()
+
+
+def test_what_a_user_writes_is_exported_too(tmp_path: Path) -> None:
+    class Stiff(ComputedTorque):
+        def law(self, p: Any, v: Any, reference: ReferencePoint, memory: Any) -> Any:
+            torque, after = super().law(p, v, reference, memory)
+            return 1.5 * torque, after
+
+    law = Stiff(ARM, np.full(3, 6.0))
+    done = exported(tmp_path, law)
+    assert done.manifest["law"] == "Stiff"
+    assert done.manifest["gains"] == {}  # a class that names none has all its numbers compiled in

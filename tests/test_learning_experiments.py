@@ -1,0 +1,105 @@
+"""Experiments on laws that remember, on lifts and on elastic joints: what they find, and what they say of nothing."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from adaptctl.errors import InputError
+from adaptctl.experiments.adaptation_laws import AdaptationLaws
+from adaptctl.experiments.memories import memories
+from adaptctl.experiments.noise_and_delay import NoiseAndDelay
+from adaptctl.experiments.payload_drop import PayloadDrop
+from adaptctl.experiments.stable_bandwidth import StableBandwidth
+from adaptctl.recording import Comparison
+
+SMALL = "docs/examples/two_link.toml"
+
+
+def found(comparison: Comparison) -> dict[str, float]:
+    return {finding.name: finding.value for finding in comparison.findings}
+
+
+def quietly(what: str, share: float) -> None:
+    """No progress."""
+
+
+def test_laws_that_remember_know_more_once_motion_has_ended() -> None:
+    laws = ("gradient", "composite-learning", "concurrent-learning", "consistent-lift")
+    said = AdaptationLaws(robot=SMALL, laws=laws, duration=8.0, halt=3.0).compare(quietly)
+    numbers = found(said)
+    assert numbers["parameter_error.composite-learning"] < 0.1 * numbers["parameter_error.gradient"]
+    assert numbers["parameter_error.concurrent-learning"] < 0.2 * numbers["parameter_error.gradient"]
+    for law in ("composite-learning", "concurrent-learning"):
+        assert 0.0 < numbers[f"remembered.{law}"] < 1.0
+    assert numbers["smallest_eigenvalue.consistent-lift"] > 0.0
+    assert np.abs(said.runs[0].rollout.reference_v[-3000:]).max() == 0.0
+    assert "remembered nothing" not in (said.answer or "")
+
+
+def test_what_nothing_excites_enough_is_said_to_be_remembered_by_none() -> None:
+    laws = ("composite-learning", "concurrent-learning")
+    comparison = AdaptationLaws(robot=SMALL, laws=laws, duration=1.0, excitation=1e9, novelty=1e9).compare(quietly)
+    numbers = found(comparison)
+    assert [numbers[f"remembered.{law}"] for law in laws] == [0.0, 0.0]
+    assert (comparison.answer or "").count("remembered nothing: no excitation passed its threshold") == 2
+    meanings = [finding.meaning for finding in comparison.findings if finding.name.startswith("remembered")]
+    assert all(meaning.endswith("nothing was remembered") for meaning in meanings)
+
+
+def test_ticking_again_gives_the_memories_of_the_run() -> None:
+    """Behind guards and on what sensors told, too."""
+    study = NoiseAndDelay(robot=SMALL, laws=("consistent-lift",), duration=0.2)
+    comparison = study.compare(quietly)
+    run = comparison.runs[0]
+    controller = study.contenders(comparison.mechanism, comparison.basis)[0].controller
+    lifts = np.array([memory.lift for memory in memories(controller, run.rollout)])
+    model: Any = controller.of.model  # type: ignore[attr-defined]
+    np.testing.assert_allclose(lifts @ model.regrouping.T, run.rollout.estimate, atol=1e-9)
+    assert np.abs(lifts[-1] - lifts[0]).max() > 0.0
+    off = study.contenders(comparison.mechanism, comparison.basis)[-1].controller
+    assert len(list(memories(off, run.rollout))) in (0, len(run.rollout.time))
+
+
+def test_a_payload_may_come_back() -> None:
+    laws = ("composite-learning", "bounded-gain-forgetting")
+    study = PayloadDrop(robot=SMALL, laws=laws, duration=40.0, times=2, start=5.0, stop=12.0)
+    comparison = study.compare(quietly)
+    numbers = found(comparison)
+    for event in ("pickup", "last_pickup"):
+        assert numbers[f"return_after_{event}.composite-learning"] < 6.0
+    held = comparison.runs[0].rollout.marks["payload"]
+    np.testing.assert_array_equal(np.flatnonzero(np.diff(held)), [4998, 11998, 24998, 31998])
+    assert "Errors after the last pickup:" in (comparison.answer or "")
+    with pytest.raises(InputError, match=r"within each of 4 parts of the 40 s of the run, got 5 and 12"):
+        PayloadDrop(robot=SMALL, duration=40.0, times=4, start=5.0, stop=12.0)
+
+
+def test_stiffer_joints_carry_more_bandwidth() -> None:
+    study = StableBandwidth(laws=("gradient",), stiffness=(1e3, 1e5), duration=0.2, trial=0.6)
+    comparison = study.compare(quietly)
+    numbers = found(comparison)
+    soft, stiff, rigid = (numbers[f"stable_bandwidth.gradient.{at}"] for at in ("1000", "100000", "rigid"))
+    assert soft < 0.5 * stiff
+    assert stiff < 0.5 * rigid
+    assert "Gradient is stable up to" in (comparison.answer or "")
+    assert comparison.more_drawings[0].name == "stable-bandwidth"
+    assert comparison.more_drawings[0].draw() is not None
+
+
+@pytest.mark.parametrize(
+    ("settings", "says"),
+    [
+        ({"stiffness": (-1e3,)}, "stiffness: expected numbers from 0.001 to"),
+        ({"encoders": "both"}, "encoders: expected 'link' or 'motor', got 'both'"),
+        (
+            {"robot": "puma560_measured"},
+            "has no joint1.rotor_inertia: springs need motors with inertia",
+        ),
+    ],
+)
+def test_elastic_joints_that_cannot_be_are_refused(settings: dict[str, Any], says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        StableBandwidth(laws=("gradient",), duration=0.1, **settings).compare(quietly)

@@ -1,0 +1,112 @@
+"""Live arms in reports: the module in the page is the experiment's own loop, and where there is none it says why."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from comparisons import comparison
+from exported_laws import ARM, GAIN, law_named, slotine_li
+from wasm_machine import Machine
+
+import adaptctl
+from adaptctl.codegen import live_arm as module
+from adaptctl.codegen.live_arm import LiveArm, live_arm
+from adaptctl.control import Controller, Sinusoids, Spline
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
+from adaptctl.experiments.export_check import ExportCheck, found_compilers
+from adaptctl.recording.report import report
+from adaptctl.simulation import Plant
+from adaptctl.simulation.closed_loop import ClosedLoop, Sample
+from adaptctl.simulation.effects import ControlDelay
+from adaptctl.simulation.sampled_references import REFERENCE
+
+SWING = Sinusoids(np.zeros(3), np.full(3, 0.2), np.array([0.3, 0.5, 0.7]))
+
+
+def shown(law: Controller[Any], mechanism: Mechanism, reference: Any = SWING, **more: Any) -> LiveArm | str:
+    plant = Plant(mechanism, 1e-3, **more)
+    begun = plant.init(mechanism.home + 0.05, np.zeros(plant.dof))
+    return live_arm(plant, law, reference, begun, np.asarray(mechanism.inertial_parameters))
+
+
+@pytest.mark.parametrize("name", ["gradient", "loop"])
+def test_the_loop_in_the_page_is_the_one_that_is_simulated(name: str) -> None:
+    law: Any = law_named(name)
+    mechanism = law.model.mechanism
+    reference = Sinusoids(mechanism.home, np.full(3, 0.2), np.array([0.3, 0.5, 0.7]))
+    live = shown(law, mechanism, reference)
+    assert isinstance(live, LiveArm)
+    facts, machine = live.facts, Machine(live.binary)
+    for values, at in zip(facts["start"], facts["state"], strict=True):
+        machine.write(8 * at, values)
+    machine.write(8 * facts["parameters"], facts["parameter"])
+    machine.write(8 * facts["gains"], facts["gain"])
+    plant = Plant(mechanism, 1e-3)
+    loop, begun = ClosedLoop(plant, law), plant.init(mechanism.home + 0.05, np.zeros(3))
+    arms = loop.compiled().ensemble(1)
+    loop.begin(arms, begun, law.init(begun.p, begun.v))
+    arms.held["parameters"] = mechanism.inertial_parameters
+    points = reference(1e-3 * np.arange(4))
+    signals = dict(zip(REFERENCE, points, strict=True)) | {"noise": np.zeros((4, 0))}
+    sample = Sample(*(x[:, 0] for x in arms.run(4, signals, record=True)))
+    for k in range(4):
+        machine.write(8 * facts["time"], [1e-3 * k])
+        machine.call(machine.exports["period"])
+        torque = machine.read(8 * facts["torque"], 3)
+        np.testing.assert_allclose(torque, sample.torque[k], rtol=0, atol=1e-10 * np.abs(sample.torque).max())
+        error = plant.positions(sample.q[k]) - points.p[k]
+        np.testing.assert_allclose(machine.read(8 * facts["error"], 3), error, rtol=0, atol=1e-12)
+        for at, to, size in zip(facts["next"], facts["state"], facts["sizes"], strict=True):
+            machine.write(8 * to, machine.read(8 * at, size))
+
+
+def test_payload_friction_and_gains_are_arguments() -> None:
+    live = shown(slotine_li(GAIN), ARM)
+    assert isinstance(live, LiveArm)
+    facts = live.facts
+    assert [group["name"][0] for group in facts["groups"]] == ["Λ", "K", "Γ"]
+    assert np.sum(np.array(facts["load"]) != 0.0) >= 1
+    start, count = facts["groups"][1]["places"][0]
+    assert facts["gain"][start : start + count] == [3.0, 4.0, 2.0]
+    assert json.loads(json.dumps(facts)) == facts
+
+
+def test_where_there_is_no_live_arm_it_is_said_why(monkeypatch: pytest.MonkeyPatch) -> None:
+    law = slotine_li(GAIN)
+    assert "ControlDelay" in str(shown(law, ARM, effects=(ControlDelay(1),)))
+    knots = Spline(np.zeros((6, 3)), np.arange(6.0))
+    assert shown(law, ARM, knots) == "its reference is no sum of sinusoids, but a Spline"
+    assert "too many operations" in str(shown(law_named("forgetting"), ARM))
+    monkeypatch.setattr(module, "MOST", 1000)
+    assert "as WebAssembly, and a page gets at most 1 kB" in str(shown(law, ARM))
+
+
+def test_a_report_holds_the_live_arm_and_fetches_nothing() -> None:
+    from dataclasses import replace
+
+    arm = adaptctl.load(Path(__file__).parent.parent / "docs" / "examples" / "two_link.toml")
+    made = comparison(arm, samples=20)
+    live = shown(slotine_li(GAIN), ARM)
+    page = report(replace(made, live=live), {})
+    assert isinstance(live, LiveArm)
+    assert json.loads(page.split("const facts = ", 1)[1].split(";\n", 1)[0]) == live.facts
+    assert not re.findall(r"(?:src|href)=\"(?!data:)[^\"]*//|fetch\(|XMLHttpRequest|import\(", page)
+    for what in ('role="status"', 'aria-live="polite"', "aria-pressed", "aria-label", "<noscript>"):
+        assert what in page
+    without = report(replace(made, live="its reference is drawn by hand"), {})
+    assert "There is no live arm on this page: its reference is drawn by hand." in without
+    assert "live-play" not in without
+
+
+def test_export_check_needs_a_compiler(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert set(found_compilers()) <= {"zig cc"}
+    if not found_compilers():
+        with pytest.raises(InputError, match="no compiler is found; install one of: cc, clang, tcc, zig cc"):
+            ExportCheck().run(lambda _what, _share: None)

@@ -1,0 +1,165 @@
+"""Long runs: what is kept is what would have been, in memory that does not grow with the run, and on disk."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from dataclasses import fields
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sampled_loops import arm, gains, reduced, swinging
+
+from adaptctl.control import Guarded, SlotineLi
+from adaptctl.envs import TrackingEnv
+from adaptctl.errors import AdaptctlError, InputError
+from adaptctl.simulation import Rollout, rollout, simulate
+from adaptctl.simulation.effects import Encoder, PayloadHeld
+from adaptctl.simulation.kept_samples import KeptSamples
+
+ARM = "puma560_arm3"
+
+
+@lru_cache
+def environment(duration: float = 2.5) -> TrackingEnv:
+    effects = (Encoder(1e-4, 2e-5), PayloadHeld(1.5, 0.2, 0.6005))
+    return TrackingEnv(
+        arm(ARM), swinging(arm(ARM)), duration=duration, initial_error=0.05, effects=effects, error_bound=np.inf
+    )
+
+
+@lru_cache
+def law() -> Guarded:
+    return Guarded(SlotineLi(reduced(ARM), 8.0, gains(ARM).damping, np.full(15, 0.01)), 60.0)
+
+
+@lru_cache
+def whole() -> Rollout:
+    return simulate(environment(), law(), seed=3)
+
+
+def require_samples(run: Rollout, chosen: Any, of: Rollout, tolerance: float = 0.0) -> None:
+    """Every array of a run is that of another at the samples chosen."""
+    for field in fields(Rollout):
+        got, wanted = getattr(run, field.name), getattr(of, field.name)
+        if isinstance(wanted, np.ndarray):
+            assert not got.flags.writeable
+            scale = np.abs(wanted).max(initial=1e-300)
+            np.testing.assert_allclose(got, wanted[chosen], rtol=0.0, atol=tolerance * scale, err_msg=field.name)
+    assert list(run.marks) == list(of.marks)
+    for name in run.marks:
+        np.testing.assert_array_equal(run.marks[name], of.marks[name][chosen])
+    assert (run.complete, run.terminated, run.info["time"]) == (of.complete, of.terminated, of.info["time"])
+    assert run.info["clipped"] == of.info["clipped"]
+
+
+@pytest.mark.parametrize("every", [1, 7, 2400])
+@pytest.mark.parametrize("last", [None, 1e-3, 0.05, 2.2, 60.0])
+def test_what_is_kept_is_what_would_have_been(every: int, last: float | None) -> None:
+    run = simulate(environment(), law(), seed=3, every=every, last=last)
+    chosen = np.arange(0, 2500, every)[-max(1, round(last / (every * 1e-3))) if last else 0 :]
+    require_samples(run, chosen, whole())
+    assert run.every == every
+    assert run.duration == pytest.approx(2.5, abs=every * 1e-3)
+
+
+@pytest.mark.parametrize(("every", "last"), [(1, None), (7, None), (3, 0.2)])
+def test_the_gymnasium_loop_keeps_the_same(every: int, last: float | None) -> None:
+    python, native = (drive(environment(0.9), law(), seed=3, every=every, last=last) for drive in (rollout, simulate))
+    require_samples(native, slice(None), python, 1e-9)
+
+
+@settings(max_examples=200, deadline=None)
+@given(every=st.integers(1, 9), most=st.none() | st.integers(1, 12), stretches=st.lists(st.integers(1, 30), max_size=6))
+def test_rows_in_order_are_the_last_of_every_nth(every: int, most: int | None, stretches: list[int]) -> None:
+    kept, steps = KeptSamples(every, most), sum(stretches)
+    ring, first = np.full(kept.room(steps), -1), 0
+    for count in stretches:
+        periods = np.arange(first, first + count)
+        rows = kept.rows(first, count)
+        ring[rows[-len(ring) :]] = periods[kept.among(first, count)][-len(ring) :]
+        assert [kept.row(k) for k in periods if k % every == 0] == rows.tolist()
+        assert all(kept.row(k) is None for k in periods if k % every)
+        first += count
+        expected = np.arange(0, first, every)
+        np.testing.assert_array_equal(ring[kept.order(first)], expected if most is None else expected[-most:])
+
+
+@pytest.mark.parametrize(("every", "last"), [(1, None), (3, 0.1)])
+def test_a_streamed_run_is_all_on_disk(tmp_path: Path, every: int, last: float | None) -> None:
+    run = simulate(environment(), law(), seed=3, every=every, last=last, stream=tmp_path / "run.parquet")
+    again = Rollout.load(tmp_path / "run.parquet")
+    for field in fields(Rollout):
+        got, wanted = getattr(again, field.name), getattr(whole(), field.name)
+        if isinstance(wanted, np.ndarray):
+            np.testing.assert_array_equal(got, wanted[::every], err_msg=field.name)
+    assert list(again.marks) == list(run.marks)
+    for name in again.marks:
+        np.testing.assert_array_equal(again.marks[name], whole().marks[name][::every])
+    assert (again.every, again.complete, again.control_period) == (every, True, 1e-3)
+
+
+def test_a_streamed_run_that_ends_early_is_whole_on_disk(tmp_path: Path) -> None:
+    """Ctrl-C keeps what was computed; an error leaves nothing."""
+
+    def fail(share: float) -> None:
+        raise AdaptctlError("enough")
+
+    simulate(
+        environment(),
+        law(),
+        seed=3,
+        stream=tmp_path / "a.parquet",
+        progress=lambda share: signal.raise_signal(signal.SIGINT),
+    )
+    part = Rollout.load(tmp_path / "a.parquet")
+    assert not part.complete
+    np.testing.assert_array_equal(part.p, whole().p[: len(part.p)])
+    with pytest.raises(AdaptctlError, match="enough"):
+        simulate(environment(), law(), seed=3, stream=tmp_path / "b.parquet", progress=fail)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.parquet"]
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"every": 0}, "every: expected a whole number of control periods, at least 1, got 0"),
+        ({"every": 1.5}, "every: expected a whole number"),
+        ({"last": 0.0}, r"last: expected a positive time in s, got 0\.0"),
+        ({"last": np.nan}, "last: expected a positive time in s, got nan"),
+    ],
+)
+@pytest.mark.parametrize("drive", [rollout, simulate])
+def test_what_is_no_number_of_periods_and_no_time_is_refused(drive: Any, given: dict[str, Any], says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        drive(environment(), law(), **given)
+
+
+GROWTH = """
+import resource, sys
+sys.path.insert(0, "tests")
+from test_long_runs import environment, law
+from adaptctl.simulation import simulate
+
+def megabytes():
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+
+simulate(environment(40.0), law(), seed=3, last=1.0, stream=sys.argv[1])
+before = megabytes()
+simulate(environment(400.0), law(), seed=3, last=1.0, stream=sys.argv[1])
+print(megabytes() - before)
+"""
+
+
+def test_memory_stays_flat(tmp_path: Path) -> None:
+    """Ten times as long, 400,000 control periods: all samples would take 150 MB."""
+    done = subprocess.run(
+        [sys.executable, "-c", GROWTH, str(tmp_path / "run.parquet")], capture_output=True, text=True, check=True
+    )
+    assert float(done.stdout) < 20.0
