@@ -30,6 +30,7 @@ class LiveView(gymnasium.Wrapper[Array, Array, Array, Array]):
         observation, reward, terminated, truncated, info = self.env.step(action)
         self._steps += 1
         p, desired = (np.asarray(observation)[self._slices[name]] for name in ("p", "reference_p"))
-        time = info.get("time", self._steps * self.env.unwrapped.control_period)  # type: ignore[attr-defined]
+        period: float = self.env.unwrapped.control_period  # type: ignore[attr-defined]
+        time = float(info.get("time", self._steps * period))
         self.live.show(time, p, desired, info.get("applied_torque", action))
         return observation, reward, terminated, truncated, info

@@ -41,7 +41,7 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
         if not 0.0 < positive_number(share, "share: expected a number above 0, at most 1") <= 1.0:
             raise InputError(f"share: expected a number above 0, at most 1, got {share}")
         self.controller, self._scale = controller, share * np.asarray(limits)
-        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, limits.shape, np.float32)
+        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, limits.shape, np.float32)  # type: ignore[assignment]
         self._memory: Any = None
         self._base = np.zeros(limits.shape)
 
