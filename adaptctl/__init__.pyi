@@ -26,6 +26,7 @@ from adaptctl.identifiability import fundamental_basis as fundamental_basis
 from adaptctl.identifiability import reduce as reduce
 from adaptctl.identification import Identification as Identification
 from adaptctl.identification import identify as identify
+from adaptctl.recording import Live as Live
 from adaptctl.simulation import Plant as Plant
 from adaptctl.simulation import Rollout as Rollout
 from adaptctl.simulation import RunLogger as RunLogger

@@ -89,3 +89,7 @@ class MissingExtraError(AdaptctlError, ImportError):
 
 class LostSamplesWarning(UserWarning):
     """A log has not kept all samples it was given."""
+
+
+class LiveViewWarning(UserWarning):
+    """A live view is not, or no longer, to be seen; what it shows goes on."""

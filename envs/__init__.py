@@ -2,6 +2,7 @@
 
 from gymnasium.envs.registration import register
 
+from adaptctl.envs.live import LiveView
 from adaptctl.envs.many.vector_tracking import (
     Puma560VectorTrackingEnv,
     SemiDirectDriveVectorTrackingEnv,
@@ -10,16 +11,19 @@ from adaptctl.envs.many.vector_tracking import (
 from adaptctl.envs.mujoco_tracking import MuJoCoTrackingEnv
 from adaptctl.envs.puma560 import Puma560TrackingEnv
 from adaptctl.envs.random_reference import random_sinusoids
+from adaptctl.envs.residual import ResidualEnv
 from adaptctl.envs.reward import RewardWeights
 from adaptctl.envs.semi_direct_drive import SemiDirectDriveTrackingEnv
 from adaptctl.envs.tracking import TrackingEnv
 from adaptctl.simulation.effects import Payload
 
 __all__ = [
+    "LiveView",
     "MuJoCoTrackingEnv",
     "Payload",
     "Puma560TrackingEnv",
     "Puma560VectorTrackingEnv",
+    "ResidualEnv",
     "RewardWeights",
     "SemiDirectDriveTrackingEnv",
     "SemiDirectDriveVectorTrackingEnv",

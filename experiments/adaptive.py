@@ -93,6 +93,7 @@ class AdaptiveTracking(Learning):
         import gymnasium
 
         tuning = self.tuning(mechanism)
+        own: dict[str, Any]
         name, own = "Tracking", {"robot": mechanism, "substeps": tuning.substeps, "integrator": tuning.integrator}
         if self.plant == "mujoco":
             name, own = "MuJoCoTracking", {"robot": self.scene(mechanism), **self.scene_settings}

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from types import MappingProxyType
@@ -107,7 +108,9 @@ def _run(
     progress(0.0)
     step = getattr(type(getattr(env.unwrapped, "plant", None)), "step", Plant.step)
     drive = simulate if step is Plant.step else rollout  # MuJoCo's steps are not ours to compile
-    result = drive(env, controller, seed=seed, options=dict(options), progress=progress, every=every)
+    with shown_live(env, mechanism) as seen:
+        drive = drive if seen is env else rollout
+        result = drive(seen, controller, seed=seed, options=dict(options), progress=progress, every=every)
     run = ControllerRun(name=contender.name, label=contender.label, knows=contender.knows, rollout=result)
     try:
         cost = tick_cost(controller, result) if result.complete else None
@@ -117,6 +120,20 @@ def _run(
         run = replace(run, rollout=replace(result, complete=False))
     progress(1.0)
     return run
+
+
+@contextmanager
+def shown_live(env: gymnasium.Env[Any, Any], mechanism: Mechanism) -> Iterator[gymnasium.Env[Any, Any]]:
+    """The environment itself, or shown live where experiments stream."""
+    from adaptctl.recording.live import CURRENT, Live
+
+    if (to := CURRENT.get()) is None:
+        yield env
+        return
+    from adaptctl.envs.live import LiveView
+
+    with Live(mechanism, to) as live:
+        yield LiveView(env, live) if live.is_seen else env
 
 
 def _lyapunov(controller: Controller[Any], run: Rollout, mechanism: Mechanism) -> Array | None:

@@ -24,6 +24,7 @@ ORDER = (
     "files",
     "folders",
     "arrays",
+    "markup",
     "scalars",
     "compilation",
     "description",

@@ -69,13 +69,19 @@ def _command(kind: type[Experiment], name: str) -> Callable[..., int]:
     except TypeError as error:
         raise InputError(f"experiment {name!r}: every setting needs a default: {error}") from error
 
-    def command(*, settings: Any = default, out: Path = Path("results") / name, overwrite: bool = False) -> int:
-        return run_experiment(settings, out, overwrite)
+    def command(
+        *, settings: Any = default, out: Path = Path("results") / name, overwrite: bool = False, live: bool = False
+    ) -> int:
+        from adaptctl.recording.live import HOST, PORT, streaming
+
+        with streaming(f"{HOST}:{PORT}" if live else None):
+            return run_experiment(settings, out, overwrite)
 
     command.__annotations__ = {
         "settings": Annotated[kind, Parameter(name="*", group="Settings", show_default=text)],
         "out": Annotated[Path, Parameter(metavar="DIR", group="Output", help="Folder to write.")],
         "overwrite": Annotated[bool, Parameter(group="Output", help="Write into a folder that is not empty.")],
+        "live": Annotated[bool, Parameter(group="Output", help="Show the arm in rerun's viewer while it runs.")],
         "return": int,
     }
     return command

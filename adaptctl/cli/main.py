@@ -14,6 +14,7 @@ from cyclopts import App, ArgumentCollection, CycloptsError, Parameter
 from adaptctl.errors import (
     AdaptctlError,
     InputError,
+    LiveViewWarning,
     NotCompiledWarning,
     PhysicalConsistencyWarning,
     SimplificationWarning,
@@ -120,7 +121,7 @@ def _complain(message: object, code: int) -> int:
 @contextmanager
 def _warnings_as_notes() -> Iterator[None]:
     """Show our own warnings as a line each, once; leave those of others as they are."""
-    ours = (PhysicalConsistencyWarning, SimplificationWarning, NotCompiledWarning)
+    ours = (PhysicalConsistencyWarning, SimplificationWarning, NotCompiledWarning, LiveViewWarning)
     with warnings.catch_warnings():
         theirs, shown = warnings.showwarning, set[str]()
 

@@ -28,6 +28,7 @@ from adaptctl.control.gains.margins import margins as margins
 from adaptctl.control.gains.workspace import Workspace as Workspace
 from adaptctl.control.guards import Guarded as Guarded
 from adaptctl.control.guards import GuardedState as GuardedState
+from adaptctl.control.linear import LinearController as LinearController
 from adaptctl.control.lyapunov import lyapunov as lyapunov
 from adaptctl.control.lyapunov import sliding_variable as sliding_variable
 from adaptctl.control.passivity_integral import PassivityIntegral as PassivityIntegral

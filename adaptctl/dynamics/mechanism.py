@@ -18,6 +18,7 @@ from adaptctl.dynamics.equations import Equations
 from adaptctl.dynamics.recursion.segment import segments
 from adaptctl.dynamics.tree_equations import TreeEquations
 from adaptctl.errors import InputError, LoopError
+from adaptctl.markup import table, titled
 from adaptctl.packages import needed
 
 if TYPE_CHECKING:
@@ -45,6 +46,25 @@ class Mechanism:
 
     def __repr__(self) -> str:
         return f"<Mechanism {self.name!r}: {len(self.links)} links, {self.dof} degrees of freedom>"
+
+    def _repr_html_(self) -> str:
+        """How a notebook shows the mechanism: a row a link."""
+        heads = ("link", "parent", "joint", "kind", "limits", "effort", "mass [kg]")
+        links = self.links
+        rows = [
+            (
+                link.name,
+                links[link.parent].name if link.parent >= 0 else "ground",
+                link.joint.name,
+                link.joint.kind.value,
+                f"{link.joint.limits.lower:.4g} to {link.joint.limits.upper:.4g}",
+                f"{link.joint.limits.effort:.4g}",
+                f"{link.inertia[0]:.4g}",
+            )
+            for link in links
+        ]
+        text = f"{len(links)} links, {self.dof} degrees of freedom, {len(self.parameter_names)} parameters"
+        return titled(self.name, text) + table(heads, rows)
 
     @cached_property
     def _arrays(self) -> ArrayEquations:

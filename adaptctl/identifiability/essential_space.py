@@ -26,11 +26,16 @@ from adaptctl.identifiability.null_space import NullSpace, unscaled_bases
 from adaptctl.identifiability.proof.exact_energies import ExactEnergies
 from adaptctl.identifiability.proof.proved import Near, proved
 from adaptctl.identifiability.sampling import States
+from adaptctl.markup import table, titled
 
 Method = Literal["automatic", "svd", "transfers"]
 METHODS: tuple[str, ...] = get_args(Method)
 LONG = 100
 """Number of a tree's parameters from which on its null space is found joint by joint."""
+
+
+CERTIFIED = ("rank_energy", "rank_doubled", "gap", "relative_smallest", "samples", "null_residual")
+"""What a notebook shows of a certificate."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +110,12 @@ class EssentialSpace:
         complement = self._bases[1]
         V1 = complement @ right_vectors(self._triangle @ complement)
         return frozen_array(V1, (len(self.parameter_names), self.rank), "basis")
+
+    def _repr_html_(self) -> str:
+        """How a notebook shows the space: its rank, and how sure that is."""
+        rows = [(name.replace("_", " "), f"{getattr(self.certificate, name):.4g}") for name in CERTIFIED]
+        text = f"rank {self.rank} of {len(self.parameter_names)} parameters of {self.mechanism_name}"
+        return titled("EssentialSpace", text) + table(("certificate", ""), rows)
 
     def project(self, parameters: ArrayLike) -> Array:
         """Essential parameters D_E = V1 V1' D (..., P) of inertial parameters D (..., P). Raises `InputError`."""

@@ -18,6 +18,7 @@ from adaptctl.identifiability.priority import Priority
 from adaptctl.identifiability.regrouping import LARGEST_CONDITION, Regrouping, condition
 from adaptctl.identifiability.regrouping_equations import regrouping_equations
 from adaptctl.identifiability.selection import TOLERANCE
+from adaptctl.markup import table, titled
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +84,12 @@ class FundamentalBasis:
     def equations(self) -> tuple[str, ...]:
         """The regrouping equations (k,) in readable form."""
         return regrouping_equations(self.regrouping, self.columns, self.parameter_names)
+
+    def _repr_html_(self) -> str:
+        """How a notebook shows the basis: the parameters that are kept, and what is regrouped into them."""
+        text = f"{len(self.names)} parameters are kept; a star marks one into which others are regrouped"
+        rows = [equation.partition(" = ")[::2] for equation in map(str, self.equations())]
+        return titled("FundamentalBasis", text) + table(("kept", "is"), rows)
 
     def save(self, path: str | Path) -> None:
         """Write the basis as JSON, whole or not at all. Raises `FileError`."""

@@ -14,6 +14,7 @@ from adaptctl.codegen.live_arm import LiveArm
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identifiability import EssentialSpace, FundamentalBasis, ReducedModel
+from adaptctl.markup import table, titled
 from adaptctl.recording.verdict import Failure
 from adaptctl.simulation.run import Rollout
 
@@ -116,6 +117,10 @@ class Finding:
     meaning: str
 
 
+def _thousandths(value: float | None) -> str:
+    return "–" if value is None else f"{1e3 * value:.3g}"
+
+
 @dataclass(frozen=True, eq=False)
 class Comparison:
     """Runs on one arm, one reference and one seed; the first is the experiment's subject, which adapts."""
@@ -152,6 +157,15 @@ class Comparison:
     def __post_init__(self) -> None:
         if not self.runs or len(self.runs[0].rollout.time) == 0:
             raise InputError(f"{self.experiment}: nothing was run, so there is nothing to show")
+
+    def _repr_html_(self) -> str:
+        """How a notebook shows the comparison: a row a run."""
+        heads = ("controller", "knows", f"first second [{self.error_unit}]", f"last 2 s [{self.error_unit}]", "seconds")
+        rows = [
+            (run.label, run.knows, _thousandths(run.first_rms_error), _thousandths(run.final_rms_error), run.duration)
+            for run in self.runs
+        ]
+        return titled(self.title, "RMS errors") + table(heads, rows)
 
     @property
     def subject(self) -> ControllerRun:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import rerun as rr
 import rerun.blueprint as rrb
 
@@ -19,6 +21,18 @@ def tabs(*containers: rrb.Container) -> rrb.Blueprint:
     return rrb.Blueprint(
         rrb.Tabs(*containers, active_tab=0),
         rrb.TimePanel(timeline=TIMELINE, state="collapsed", play_state="playing", loop_mode="all"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+        auto_layout=False,
+        auto_views=False,
+    )
+
+
+def live(view: rrb.View, curves: Sequence[rrb.View]) -> rrb.Blueprint:
+    """Blueprint of an arm beside curves, at the latest time."""
+    return rrb.Blueprint(
+        rrb.Horizontal(view, rrb.Vertical(*curves)),
+        rrb.TimePanel(timeline=TIMELINE, state="collapsed", play_state="following"),
         rrb.SelectionPanel(state="hidden"),
         rrb.BlueprintPanel(state="hidden"),
         auto_layout=False,

@@ -60,13 +60,13 @@ def _table(values: ArrayLike, name: str, shape: tuple[int, ...]) -> Array:
 
 def _rates(values: Array, period: float) -> Array:
     """Central differences, one-sided at the ends."""
-    return np.asarray(np.gradient(values, period, axis=0))
+    return np.asarray(np.gradient(values, period, axis=0), dtype=np.float64)
 
 
 def _times(time: ArrayLike | None, count: int, period: float) -> Array:
     if time is None:
-        return period * np.arange(count)
-    times = checked(np.asarray(time), count, "time").astype(np.float64)
+        return np.asarray(period * np.arange(count), dtype=np.float64)
+    times = np.asarray(checked(np.asarray(time), count, "time"), dtype=np.float64)
     if times.shape != (count,) or np.any(np.diff(times) <= 0.0):
         raise InputError(f"time: expected {count} increasing numbers, s")
     return times

@@ -109,7 +109,7 @@ class MuJoCoPlant(Plant):
         """Where the arm is in the model."""
         from adaptctl.description.readers.mujoco_model import MujocoArm
 
-        return MujocoArm.of(self.model, self.body)  # type: ignore[arg-type]  # checked when it was made
+        return MujocoArm.of(self.model, self.body)
 
     @cached_property
     def _scene(self) -> _Scene:
@@ -125,7 +125,8 @@ class _Scene:
         from adaptctl.description.readers.mujoco_model import MujocoArm
         from adaptctl.description.writers.mujoco_model import set_parameters
 
-        self._plant, model = plant, copy.copy(plant.model)
+        self._plant = plant
+        model: Any = copy.copy(plant.model)
         arm = MujocoArm.of(model, plant.body)
         description = plant.mechanism.description
         own = plant.mechanism.inertial_parameters if parameters is None else parameters

@@ -1,0 +1,133 @@
+"""Linear controllers: state feedback, and linear systems of python-control, on our plants and environments."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.arrays import Array, frozen_array, positive_number
+from adaptctl.control.controller import Controller, ReferencePoint
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
+from adaptctl.scalars import Column, column
+
+if TYPE_CHECKING:
+    import control
+
+SIGNALS = ("p", "v", "reference_p", "reference_v", "reference_a")
+"""What a controller is told, r numbers each."""
+ERRORS = {"error": ("reference_p", "p"), "error_rate": ("reference_v", "v")}
+"""Signals made of two, the second subtracted from the first."""
+_LABEL = re.compile(r"(\w+)\[(\d+)\]")
+
+
+class LinearState(NamedTuple):
+    """The memory of a linear controller."""
+
+    x: Any
+    """(n,) the system's state"""
+
+
+@dataclass(frozen=True, eq=False)
+class LinearController(Controller[LinearState]):
+    """torque = C x + D z, then x = A x + B z, where z holds p, v and the reference's p, v and a (5 r,).
+
+    With `feedforward` the torque that this mechanism's inverse dynamics asks for on the reference is added. `A` (n, n),
+    `B` (n, 5 r), `C` (r, n), `D` (r, 5 r).
+
+    Guarantees what the linear design does, near the motion that it was made for.
+
+    Gives up: far from there nothing is proved, and nothing learns.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    feedforward: Mechanism | None = None
+
+    def __post_init__(self) -> None:
+        n, r = np.shape(self.A)[0], np.shape(self.D)[0]
+        for name, shape in (("A", (n, n)), ("B", (n, 5 * r)), ("C", (r, n)), ("D", (r, 5 * r))):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), shape, name))
+        mechanism = self.feedforward
+        if mechanism is not None and (mechanism.dof != r or not mechanism.is_plain_tree):
+            raise InputError(f"feedforward: expected a tree of {r} joints, got {mechanism!r}")
+
+    @classmethod
+    def state_feedback(cls, gain: ArrayLike, feedforward: Mechanism | None = None) -> LinearController:
+        """torque = -K (p - p_d, v - v_d), with K (r, 2 r) as `control.lqr` and `control.dlqr` return it."""
+        K = np.atleast_2d(np.asarray(gain, dtype=np.float64))
+        r = len(K)
+        if K.shape != (r, 2 * r):
+            raise InputError(f"state feedback: expected a gain (r, 2 r), got {K.shape}")
+        D = np.concatenate([-K, K, np.zeros((r, r))], axis=1)
+        return cls(np.zeros((0, 0)), np.zeros((0, 5 * r)), np.zeros((r, 0)), D, feedforward)
+
+    @classmethod
+    def of_system(
+        cls, system: control.StateSpace, period: float, feedforward: Mechanism | None = None
+    ) -> LinearController:
+        """The controller that a linear system of python-control in discrete time is, its outputs the torques.
+
+        Its inputs are named p[0], v[0], reference_p[0], reference_v[0], reference_a[0], error[0] (reference_p - p) or
+        error_rate[0] (reference_v - v) and so on, in any order. Raises `InputError` for a system in continuous time, at
+        another period (s), or of inputs of other names.
+        """
+        import control
+
+        sampled = positive_number(period, "period: expected a positive time in s")
+        try:
+            linear = control.ss(system)
+        except (TypeError, ValueError, AttributeError) as error:
+            raise InputError(f"expected a linear system of python-control, got {type(system).__name__}") from error
+        if linear.dt == 0:
+            raise InputError(f"the system is in continuous time: sample it, control.c2d(system, {sampled:g})")
+        if linear.dt not in (True, None) and not np.isclose(linear.dt, sampled):
+            raise InputError(f"the system's period is {linear.dt:g} s, and the controller's {sampled:g} s")
+        choice = _choice(list(system.input_labels), linear.noutputs)
+        return cls(linear.A, linear.B @ choice, linear.C, linear.D @ choice, feedforward)
+
+    @property
+    def dof(self) -> int:
+        """Number of joints r."""
+        return len(self.D)
+
+    def start(self, p: Array, v: Array) -> LinearState:
+        """The memory before the first tick: a state of zero."""
+        return LinearState(np.zeros(len(self.A)))
+
+    def law(self, p: Column, v: Column, reference: ReferencePoint, memory: LinearState) -> tuple[Column, LinearState]:
+        """One tick."""
+        z = Column([*p, *v, *reference.p, *reference.v, *reference.a])
+        torque = _sum(self.C, memory.x, self.D, z)
+        mechanism = self.feedforward
+        if mechanism is not None:
+            equations, own = mechanism.equations, column(np.asarray(mechanism.inertial_parameters))
+            torque = torque + equations.inverse_dynamics(reference.p, reference.v, reference.v, reference.a, own)
+        return torque, LinearState(_sum(self.A, memory.x, self.B, z))
+
+
+def _sum(first: Array, x: Column, second: Array, z: Column) -> Column:
+    """The products of two matrices with columns, added; what is zero is not computed."""
+    return Column(column(row) @ x + column(other) @ z for row, other in zip(first, second, strict=True))
+
+
+def _choice(labels: list[str], r: int) -> Array:
+    """The matrix (m, 5 r) that makes a system's inputs of what a controller is told."""
+    choice = np.zeros((len(labels), 5 * r))
+    for row, label in zip(choice, labels, strict=True):
+        found = _LABEL.fullmatch(label)
+        name, joint = (found[1], int(found[2])) if found else ("", 0)
+        plus, minus = ERRORS.get(name, (name, ""))
+        if plus not in SIGNALS or joint >= r:
+            known = ", ".join((*SIGNALS, *ERRORS))
+            raise InputError(f"input {label!r} is not known: expected {known}, each [0] to [{r - 1}]")
+        row[SIGNALS.index(plus) * r + joint] = 1.0
+        if minus:
+            row[SIGNALS.index(minus) * r + joint] = -1.0
+    return choice

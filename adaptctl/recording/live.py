@@ -1,0 +1,150 @@
+"""A live view of a running loop: samples are thinned and handed to another process, which shows them in rerun."""
+
+from __future__ import annotations
+
+import shutil
+import socket
+import subprocess
+import sys
+import time
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
+from types import TracebackType
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.arrays import positive_number
+from adaptctl.description.writers.mechanism_file import mechanism_toml
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError, LiveViewWarning
+
+HOST, PORT = "127.0.0.1", 9876
+PATIENCE = 10.0
+"""s to wait for a viewer that was started"""
+
+CURRENT: ContextVar[str | None] = ContextVar("live", default=None)
+"""Where experiments stream to while they run: an address, or nowhere."""
+
+
+class Live:
+    """A live view of an arm of r joints: `show` takes a sample of a loop and returns within microseconds.
+
+    At most `rate` samples a second are sent, to a process of its own that draws them; where it does not keep up,
+    samples are dropped and counted in `dropped`, and the loop never waits. `to` is the address of a rerun viewer on
+    this computer, which is started where none is there and bound to 127.0.0.1 alone; or a file that ends in .rrd. A
+    viewer that cannot be reached is told once (`LiveViewWarning`), and the loop goes on unseen. A context manager.
+    """
+
+    def __init__(
+        self, mechanism: Mechanism, to: str | None = None, *, rate: float = 100.0, start_viewer: bool = True
+    ) -> None:
+        self._pause = 1.0 / positive_number(rate, "rate: expected a positive number of samples a second")
+        self._dof, self._latest = mechanism.dof, -np.inf
+        self.sent, self.dropped = 0, 0
+        """samples that were handed on; samples left out since the other process was behind"""
+        self._socket: socket.socket | None = None
+        self._process: subprocess.Popen[bytes] | None = None
+        url = to if to is not None and to.endswith(".rrd") else reachable(to or f"{HOST}:{PORT}", start_viewer)
+        if url is not None:
+            self._begin(mechanism, url)
+
+    @property
+    def is_seen(self) -> bool:
+        """False where there is no viewer, or there is none any more."""
+        return self._socket is not None
+
+    def show(self, time: float, p: ArrayLike, reference_p: ArrayLike, torque: ArrayLike) -> None:
+        """Show a sample: time in s, positions, desired positions and torques (r,) each; it is never waited for."""
+        if self._socket is None or 0.0 <= time - self._latest < 0.999 * self._pause:
+            return
+        self._latest = time
+        try:
+            self._socket.send(np.concatenate(((time,), p, reference_p, torque), dtype=np.float64).tobytes())
+            self.sent += 1
+        except BlockingIOError:
+            self.dropped += 1
+        except (OSError, TypeError, ValueError) as error:
+            self._lose(f"{type(error).__name__}: {error}")
+
+    def close(self) -> None:
+        """Let what was handed on be drawn, and end."""
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+        if self._process is not None:
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(PATIENCE)
+            self._process.kill()
+            self._process.wait()
+            self._process = None
+
+    def __enter__(self) -> Live:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _begin(self, mechanism: Mechanism, url: str) -> None:
+        here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        here.setblocking(False)
+        command = [sys.executable, "-m", "adaptctl.recording.live_process", str(there.fileno()), url]
+        with there:
+            self._process = subprocess.Popen(command, stdin=subprocess.PIPE, pass_fds=(there.fileno(),))
+        if (pipe := self._process.stdin) is not None:
+            with pipe:
+                pipe.write(mechanism_toml(mechanism.description).encode())
+        self._socket = here
+
+    def _lose(self, why: str) -> None:
+        """Go on unseen."""
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+            warnings.warn(f"live view: it has ended ({why}); the run goes on unseen", LiveViewWarning, stacklevel=4)
+
+
+def reachable(address: str, start_viewer: bool = False) -> str | None:
+    """The URL of a viewer at HOST:PORT of this computer, started where there is none; None, after a warning, where none
+    can be reached. Raises `InputError` for another form of address, or another computer's."""
+    host, _, port = address.rpartition(":")
+    if host not in (HOST, "localhost") or not port.isdecimal() or not 0 < int(port) < 65536:
+        raise InputError(f"live view: expected {HOST}:PORT, this computer's own, or a file .rrd, got {address!r}")
+    url = f"rerun+http://{HOST}:{port}/proxy"
+    if _answers(int(port)):
+        return url
+    viewer = shutil.which("rerun")
+    if start_viewer and viewer is not None:
+        command = [viewer, "--bind", HOST, "--port", port]
+        subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
+        deadline = time.monotonic() + PATIENCE
+        while time.monotonic() < deadline:
+            if _answers(int(port)):
+                return url
+            time.sleep(0.1)
+    warnings.warn(
+        f"live view: no viewer is reachable at {HOST}:{port}; the run goes on unseen", LiveViewWarning, stacklevel=4
+    )
+    return None
+
+
+@contextmanager
+def streaming(to: str | None) -> Iterator[None]:
+    """Experiments that run within this stream to an address; None for nowhere."""
+    token = CURRENT.set(to)
+    try:
+        yield
+    finally:
+        CURRENT.reset(token)
+
+
+def _answers(port: int) -> bool:
+    try:
+        socket.create_connection((HOST, port), 0.5).close()
+    except OSError:
+        return False
+    return True

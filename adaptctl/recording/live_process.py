@@ -1,0 +1,101 @@
+"""The process that draws a live view: samples come by a socket, and go to a viewer or a file."""
+
+from __future__ import annotations
+
+import signal
+import socket
+import sys
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import rerun as rr
+
+from adaptctl.arrays import Array
+from adaptctl.dynamics import Mechanism, load
+from adaptctl.recording import views
+from adaptctl.recording.palette import GOAL, joint_color, run_color
+from adaptctl.recording.scene import GOAL_LOOK, WORLD, log_arm, log_base, log_trail, solid_look
+from adaptctl.recording.series import Style, log_series
+from adaptctl.recording.skeleton import Skeleton, skeleton
+from adaptctl.recording.viewpoint import Viewpoint, floor_height
+
+TOGETHER = 0.05
+"""s of samples that are drawn together"""
+LARGEST = 1 << 16
+"""bytes of a sample"""
+
+
+def main(descriptor: int, url: str) -> None:
+    """Draw what comes by a socket until it is closed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the loop, which then closes the socket
+    mechanism = _mechanism(sys.stdin.read())
+    with socket.socket(fileno=descriptor) as samples:
+        rows = _Rows(samples, 1 + 3 * mechanism.dof)
+        first = rows.next()
+        if first is not None:
+            recording, parts = _begun(mechanism, url, first)
+            _draw(recording, mechanism, parts, first)
+            while (more := rows.next()) is not None:
+                _draw(recording, mechanism, parts, more)
+            recording.flush()
+            recording.disconnect()
+
+
+def _mechanism(text: str) -> Mechanism:
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "mechanism.toml"
+        file.write_text(text, encoding="utf-8")
+        return load(file)
+
+
+class _Rows:
+    """Samples (k, 1 + 3 r) as they come: time, positions, desired positions, torques."""
+
+    def __init__(self, samples: socket.socket, width: int) -> None:
+        self._samples, self._width, self._over = samples, width, False
+
+    def next(self) -> Array | None:
+        """What has come in a while; None at the end."""
+        rows: list[Array] = []
+        deadline = time.monotonic() + TOGETHER
+        while not self._over and (not rows or time.monotonic() < deadline):
+            data = self._samples.recv(LARGEST)
+            if data:
+                rows.append(np.frombuffer(data))
+            else:
+                self._over = True
+        return np.stack([row for row in rows if row.size == self._width]) if rows else None
+
+
+def _begun(mechanism: Mechanism, url: str, first: Array) -> tuple[rr.RecordingStream, Skeleton]:
+    recording = rr.RecordingStream("adaptctl-live", make_default=False)
+    recording.save(url) if url.endswith(".rrd") else recording.connect_grpc(url)
+    parts, r = skeleton(mechanism), mechanism.dof
+    around = np.concatenate((first[:, 1 : 1 + r], first[:, 1 + r : 1 + 2 * r]))
+    names = [("/error", "Tracking error [mrad or mm]"), ("/torque", "Torque [N·m or N]"), ("/position", "Position")]
+    arm = views.arm(WORLD, "The arm · desired: green ghost", Viewpoint.of(mechanism, parts, around))
+    recording.send_blueprint(views.live(arm, [views.curves(origin, name) for origin, name in names]))
+    recording.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    recording.send_recording_name(f"{mechanism.name}, live")
+    log_base(recording, mechanism, parts, floor_height(mechanism, parts, around))
+    return recording, parts
+
+
+def _draw(recording: rr.RecordingStream, mechanism: Mechanism, parts: Skeleton, rows: Array) -> None:
+    r, times = mechanism.dof, rows[:, 0]
+    p, desired, torque = (rows[:, 1 + k * r : 1 + (k + 1) * r] for k in range(3))
+    tip = log_arm(recording, "arm", mechanism, parts, times, p, solid_look(run_color(0)))
+    log_arm(recording, "desired", mechanism, parts, times, desired, GOAL_LOOK)
+    log_trail(recording, "trail/arm", times, tip, run_color(0))
+    style = Style([joint.name for joint in mechanism.primary_joints], [joint_color(j) for j in range(r)])
+    log_series(recording, "error", times, 1e3 * (p - desired), style)
+    log_series(recording, "torque", times, torque, style)
+    log_series(recording, "position/actual", times, p, style)
+    pale = Style([f"{name} desired" for name in style.names], [GOAL] * r, width=1.0)
+    log_series(recording, "position/desired", times, desired, pale)
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]), sys.argv[2])

@@ -1,0 +1,36 @@
+"""An environment whose arm is shown live."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.recording.live import Live
+
+
+class LiveView(gymnasium.Wrapper[Array, Array, Array, Array]):
+    """An environment of ours, or one with `observation_slices`, that shows each control period in a `Live` view."""
+
+    def __init__(self, env: gymnasium.Env[Any, Any], live: Live) -> None:
+        super().__init__(env)
+        self.live = live
+        self._slices = env.unwrapped.observation_slices  # type: ignore[attr-defined]
+        self._steps = 0
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
+        """Begin an episode."""
+        self._steps = 0
+        return self.env.reset(seed=seed, options=options)
+
+    def step(self, action: Array) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
+        """One control period, shown."""
+        observation, reward, terminated, truncated, info = self.env.step(action)
+        self._steps += 1
+        p, desired = (np.asarray(observation)[self._slices[name]] for name in ("p", "reference_p"))
+        period: float = self.env.unwrapped.control_period  # type: ignore[attr-defined]
+        time = float(info.get("time", self._steps * period))
+        self.live.show(time, p, desired, info.get("applied_torque", action))
+        return observation, reward, terminated, truncated, info

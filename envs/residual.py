@@ -1,0 +1,72 @@
+"""An environment in which a learner adds torques to those of a controller."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from adaptctl.arrays import Array, positive_number
+from adaptctl.control.controller import Controller, ReferencePoint
+from adaptctl.errors import InputError
+from adaptctl.simulation.rollout import interface
+
+
+class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.RecordConstructorArgs):
+    """
+    ## Description
+
+    A tracking environment whose base is driven by a controller, to whose torque the action is added: what the
+    controller's model does not have is left to be learned. An action of zero is the controller alone.
+
+    ```python
+    env = ResidualEnv(gymnasium.make("adaptctl.envs:adaptctl/Tracking-v0", ...), controller, share=0.2)
+    ```
+
+    ## Action space
+
+    `Box(-1, 1, (r,), float32)`: shares of `share` (0.2) times the torque limits.
+
+    ## Observation space
+
+    That of the environment. `info` has, besides the environment's, `base_torque` (r,).
+    """
+
+    def __init__(self, env: gymnasium.Env[Any, Any], controller: Controller[Any], share: float = 0.2) -> None:
+        gymnasium.utils.RecordConstructorArgs.__init__(self, controller=controller, share=share)
+        gymnasium.Wrapper.__init__(self, env)
+        self._parts, _ = interface(env, controller)
+        limits: Array = env.action_space.high  # type: ignore[attr-defined]  # a Box, as every torque's space
+        if not 0.0 < positive_number(share, "share: expected a number above 0, at most 1") <= 1.0:
+            raise InputError(f"share: expected a number above 0, at most 1, got {share}")
+        self.controller, self._scale = controller, share * np.asarray(limits)
+        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, limits.shape, np.float32)  # type: ignore[assignment]
+        self._memory: Any = None
+        self._base = np.zeros(limits.shape)
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
+        """Begin an episode; the controller knows nothing of the last one."""
+        observation, info = self.env.reset(seed=seed, options=options)
+        p, v, _ = self._read(observation)
+        self._memory = self.controller.init(p, v)
+        self._plan(observation)
+        return observation, info | {"base_torque": self._base.copy()}
+
+    def step(self, action: Array) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
+        """One control period under the controller's torque and the action's."""
+        torque = self._base + self._scale * np.asarray(action, dtype=np.float64)
+        observation, reward, terminated, truncated, info = self.env.step(torque)
+        info = info | {"base_torque": self._base.copy()}
+        if not (terminated or truncated):
+            self._plan(observation)
+        return observation, reward, terminated, truncated, info
+
+    def _plan(self, observation: Array) -> None:
+        """The controller's torque for the next control period."""
+        p, v, reference = self._read(observation)
+        self._base, self._memory = self.controller.step(self._memory, p, v, reference)
+
+    def _read(self, observation: Array) -> tuple[Array, Array, ReferencePoint]:
+        p, v, *reference = (np.asarray(observation, dtype=np.float64)[part] for part in self._parts)
+        return p, v, ReferencePoint(*reference)

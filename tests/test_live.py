@@ -1,0 +1,118 @@
+"""Live views: what is shown arrives, the loop never waits, and a viewer that is not there is told once."""
+
+from __future__ import annotations
+
+import signal
+import socket
+import time
+import warnings
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from rerun.chunk import RrdReader
+
+import adaptctl
+from adaptctl.envs import LiveView
+from adaptctl.errors import InputError, LiveViewWarning
+from adaptctl.experiments.contest import Contender, contest
+from adaptctl.recording.live import reachable, streaming
+
+
+@pytest.fixture(scope="module")
+def arm() -> adaptctl.Mechanism:
+    return adaptctl.load("docs/examples/two_link.toml")
+
+
+def shown(path: Path, entity: str, component: str) -> int:
+    """How many samples of an entity a recording has."""
+    chunks = RrdReader(path).store().stream().filter(content=entity, components=component, is_static=False)
+    return sum(len(chunk.to_record_batch()) for chunk in chunks)
+
+
+def test_what_is_shown_arrives_thinned(arm: adaptctl.Mechanism, tmp_path: Path) -> None:
+    path = tmp_path / "live.rrd"
+    with adaptctl.Live(arm, str(path), rate=50.0) as live:
+        for k in range(1000):
+            live.show(1e-3 * k, np.ones(2), np.zeros(2), np.ones(2))
+    assert live.sent + live.dropped == 50
+    assert shown(path, "/error", "Scalars:scalars") == live.sent
+    assert shown(path, "/world/arm/upper", "Transform3D:translation") == live.sent
+    assert not live.is_seen
+
+
+def test_a_loop_never_waits_for_a_view_that_hangs(arm: adaptctl.Mechanism, tmp_path: Path) -> None:
+    live = adaptctl.Live(arm, str(tmp_path / "live.rrd"), rate=1e6)
+    assert live._process is not None
+    live._process.send_signal(signal.SIGSTOP)
+    begun = time.process_time(), time.monotonic()
+    for k in range(5000):
+        live.show(float(k), np.ones(2), np.zeros(2), np.ones(2))
+    assert time.process_time() - begun[0] < 2.0
+    assert time.monotonic() - begun[1] < 10.0  # however busy the machine is: it does not hang
+    assert live.dropped > 0
+    live._process.kill()
+    live.close()
+
+
+def test_a_view_that_ends_is_told_once_and_the_loop_goes_on(arm: adaptctl.Mechanism, tmp_path: Path) -> None:
+    live = adaptctl.Live(arm, str(tmp_path / "live.rrd"))
+    assert live._process is not None
+    live._process.kill()
+    live._process.wait()
+
+    def shown_often() -> None:
+        for k in range(100):
+            live.show(float(k), np.ones(2), np.zeros(2), np.ones(2))
+
+    with pytest.warns(LiveViewWarning, match="it has ended") as told:
+        shown_often()
+    assert len(told) == 1
+    assert not live.is_seen
+
+
+def free_port() -> int:
+    with socket.socket() as found:
+        found.bind(("127.0.0.1", 0))
+        return int(found.getsockname()[1])
+
+
+def test_a_viewer_that_is_not_reachable_is_told_once_and_the_run_goes_on(arm: adaptctl.Mechanism) -> None:
+    address = f"127.0.0.1:{free_port()}"
+    with pytest.warns(LiveViewWarning, match=f"no viewer is reachable at {address}; the run goes on") as told:
+        live = adaptctl.Live(arm, address, start_viewer=False)
+    env = LiveView(gymnasium.make("adaptctl/Tracking-v0", robot=arm, reference=1, duration=0.05), live)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        run = adaptctl.rollout(env, adaptctl.ComputedTorque(arm, 8.0))
+    assert len(run.time) == 50
+    assert len(told) == 1
+
+
+@pytest.mark.parametrize("address", ["10.0.0.3:9876", "0.0.0.0:9876", "9876", "127.0.0.1:x", "127.0.0.1:0"])
+def test_other_computers_are_refused(address: str) -> None:
+    with pytest.raises(InputError, match="this computer's own"):
+        reachable(address)
+
+
+def test_a_viewer_that_answers_is_taken() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+        assert reachable(f"localhost:{port}") == f"rerun+http://127.0.0.1:{port}/proxy"
+
+
+def test_experiments_stream_while_they_run(arm: adaptctl.Mechanism, tmp_path: Path) -> None:
+    env: Any = gymnasium.make("adaptctl/Tracking-v0", robot=arm, reference=1, duration=0.2)
+    contender = Contender("law", "Computed torque", "everything", adaptctl.ComputedTorque(arm, 8.0))
+    plain = contest(env, arm, [contender], 0, lambda *_: None)
+    with streaming(str(tmp_path / "live.rrd")):
+        streamed = contest(env, arm, [contender], 0, lambda *_: None)
+    np.testing.assert_allclose(streamed.runs[0].rollout.p, plain.runs[0].rollout.p, atol=1e-12)
+    assert shown(tmp_path / "live.rrd", "/torque", "Scalars:scalars") == 20
+
+
+def test_a_rate_is_a_positive_number(arm: adaptctl.Mechanism, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="rate: expected a positive number"):
+        adaptctl.Live(arm, str(tmp_path / "live.rrd"), rate=0.0)

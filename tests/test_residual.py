@@ -1,0 +1,67 @@
+"""Residual learning's environment: the base alone, what actions add, and what is refused."""
+
+from __future__ import annotations
+
+import warnings
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import adaptctl
+from adaptctl.envs import ResidualEnv
+from adaptctl.errors import InputError, NonFiniteError
+
+
+@pytest.fixture(scope="module")
+def arm() -> adaptctl.Mechanism:
+    return adaptctl.load("docs/examples/two_link.toml")
+
+
+def residual(arm: adaptctl.Mechanism, share: float = 0.2) -> ResidualEnv:
+    env = gymnasium.make("adaptctl.envs:adaptctl/Tracking-v0", robot=arm, reference=2, duration=0.3, initial_error=0.05)
+    return ResidualEnv(env, adaptctl.ComputedTorque(arm, 8.0), share)
+
+
+def test_an_action_of_zero_is_the_controller_alone(arm: adaptctl.Mechanism) -> None:
+    env = residual(arm)
+    observations = [env.reset(seed=0)[0]]
+    over = False
+    while not over:
+        observation, _, terminated, truncated, _ = env.step(np.zeros(2, dtype=np.float32))
+        observations.append(observation)
+        over = terminated or truncated
+    alone = adaptctl.rollout(env.env, env.controller, seed=0)
+    np.testing.assert_array_equal(np.array(observations)[:-1, :2], alone.p)
+
+
+def test_actions_are_shares_added_to_the_controllers_torque(arm: adaptctl.Mechanism) -> None:
+    env = residual(arm, 0.1)
+    _, before = env.reset(seed=0)
+    _, _, _, _, info = env.step(np.array([1.0, -0.5], dtype=np.float32))
+    limits = env.env.action_space.high  # type: ignore[attr-defined]
+    expected = before["base_torque"] + 0.1 * limits * np.array([1.0, -0.5])
+    np.testing.assert_allclose(info["applied_torque"], np.clip(expected, -limits, limits))
+    np.testing.assert_array_equal(info["base_torque"], before["base_torque"])
+
+
+def test_it_keeps_gymnasiums_rules(arm: adaptctl.Mechanism) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.filterwarnings(
+            "ignore", message=".*is not within the observation space|.*different from the unwrapped"
+        )
+        check_env(residual(arm), skip_render_check=True)
+
+
+def test_what_is_refused(arm: adaptctl.Mechanism) -> None:
+    for share in (0.0, 1.5, float("nan")):
+        with pytest.raises(InputError, match="share"):
+            residual(arm, share)
+    with pytest.raises(InputError, match="observes 2 joints, the controller is for 6"):
+        ResidualEnv(residual(arm).env, adaptctl.ComputedTorque(adaptctl.load("puma560_measured"), 8.0))
+    env = residual(arm)
+    env.reset(seed=0)
+    with pytest.raises(NonFiniteError):
+        env.step(np.array([np.nan, 0.0], dtype=np.float32))
