@@ -87,7 +87,11 @@ def test_help_answers_at_once() -> None:
 @pytest.mark.parametrize(
     ("command", "told"),
     [
-        ((), "a command is missing: basis, gains, identify, excite, tune, experiment, sweep; see adaptctl --help"),
+        (
+            (),
+            "a command is missing: basis, gains, identify, excite, tune, experiment, sweep, doctor, "
+            "install-completion; see adaptctl --help",
+        ),
         (
             ("bases",),
             'Unknown command "bases". Did you mean "basis"? Available commands: basis, gains,',

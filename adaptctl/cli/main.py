@@ -57,6 +57,12 @@ app.command("adaptctl.cli.excite:excite", name="excite", help="Motions for a rob
 app.command("adaptctl.cli.tune:tune", name="tune", help="A reference and gains for a robot, verified in closed loop.")
 app.command("adaptctl.cli.experiment:app", name="experiment", help="List experiments and run them.")
 app.command("adaptctl.cli.sweep:app", name="sweep", help="Many runs of an experiment, on this machine or a cluster.")
+app.command("adaptctl.cli.doctor:doctor", name="doctor", help="What is installed, and whether it works together.")
+app.command(
+    "adaptctl.cli.completion:install_completion",
+    name="install-completion",
+    help="Completion of commands and flags in your shell.",
+)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
