@@ -13,7 +13,16 @@ from adaptctl.cli.main import app
 from adaptctl.experiments import EXPERIMENTS
 
 PAGES = sorted([Path("README.md"), Path("CONTRIBUTING.md"), *Path("docs").glob("*.md")])
-OTHERS = {"--help", "--version", "--require-hashes", "--no-deps", "--group", "--no-isolation", "--extra", "--with"}
+OTHERS = {
+    "--help",
+    "--version",
+    "--require-hashes",
+    "--no-deps",
+    "--group",
+    "--no-isolation",
+    "--extra",
+    "--follow-tags",
+}
 """Flags of other programs, and those that every command has."""
 COMMANDS = ("basis", "gains", "identify", "excite", "tune", "sweep", "doctor", "install-completion")
 

@@ -15,6 +15,7 @@ import pinocchio
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+import rerun as rr
 from comparisons import PERIOD, comparison, rollout
 from rerun.chunk import RrdReader
 from robot_files import urdf
@@ -26,6 +27,7 @@ from adaptctl.dynamics.recursion.kinematics import joint_axes, link_poses
 from adaptctl.errors import InputError
 from adaptctl.recording import Comparison, write_artifacts
 from adaptctl.recording import shown as result_of
+from adaptctl.recording.scene import log_base
 from adaptctl.recording.skeleton import Solid, skeleton
 from adaptctl.recording.wording import INCOMPLETE, facts, final_error, number, outcome, told
 
@@ -282,6 +284,18 @@ def luminance(color: str) -> float:
     parts = [int(digits[i : i + 2], 16) / 255 for i in (0, 2, 4)]
     linear = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts]
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+@pytest.mark.parametrize("robot", ["semi_direct_drive", "semi_direct_drive_parallelogram", "puma560_measured"])
+def test_arms_stand_on_a_pedestal(robot: str, tmp_path: Path) -> None:
+    """A linkage too that does not close, or is singular, with all joints at zero."""
+    mechanism, path = load(robot), tmp_path / "base.rrd"
+    recording = rr.RecordingStream("test", make_default=False)
+    recording.save(path)
+    log_base(recording, mechanism, skeleton(mechanism), -0.5)
+    recording.flush()
+    recording.disconnect()
+    assert "/world/base" in entities(path)
 
 
 def test_every_true_value_is_named_after_its_parameter(folder: Path) -> None:

@@ -15,4 +15,8 @@ document.addEventListener("DOMContentLoaded", () => {
     block.parentElement.append(button);
     block.tabIndex = 0; // a block that scrolls can be scrolled by keys
   }
+  // What the theme leaves out for readers by ear.
+  for (const caption of document.querySelectorAll("p.caption[role=heading]")) caption.ariaLevel = "2";
+  document.querySelector("aside.sidebar-drawer")?.setAttribute("aria-label", "Pages");
+  document.querySelector("aside.toc-drawer")?.setAttribute("aria-label", "On this page");
 });
