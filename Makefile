@@ -9,7 +9,7 @@ DOCS := docs/_build/html
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: architecture help demo test bench figures check-stability check-export check-page lint types docs format licences audit lock clean
+.PHONY: architecture help demo test bench gallery sdist figures check-stability check-export check-page lint types docs format licences audit lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-15s %s\n", $$1, $$2}' Makefile
@@ -50,6 +50,14 @@ docs: $(STAMP) ## the documentation, in docs/_build/html/index.html
 
 architecture: $(STAMP) ## the picture of what imports what, in docs/images/architecture.svg
 	$(BIN)/python docs/extensions/architecture.py
+
+gallery: $(STAMP) ## the animation and the page of all experiments in docs/, from runs in results/gallery; ten minutes
+	$(BIN)/python -m docs.making
+
+sdist: $(STAMP) ## the source distribution, and its own tests run from it
+	$(BIN)/python -m build --no-isolation --sdist
+	rm -rf build/unpacked && mkdir -p build/unpacked && tar -xzf dist/adaptctl-*.tar.gz -C build/unpacked --strip-components=1
+	cd build/unpacked && PYTHONPATH=$$PWD $(CURDIR)/$(BIN)/python -m pytest -n 2 tests
 
 format: $(STAMP) ## bring the code into style
 	$(BIN)/ruff check --fix .

@@ -17,11 +17,17 @@ author = "the adaptctl developers"
 copyright = f"2026, {author}"
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "card", "mathml", "plain_docstrings"]
-exclude_patterns = ["_build"]
+exclude_patterns = ["_build", "making"]
 html_theme = "furo"
 html_title = f"adaptctl {version}"
 html_show_sphinx = False
 html_copy_source = False
+html_static_path = ["_static"]
+html_js_files = ["copy.js"]
+html_css_files = ["copy.css"]
+_source = _project.get("urls", {}).get("Repository")
+if _source:  # then every page has a link to edit it
+    html_theme_options = {"source_repository": _source, "source_branch": "main", "source_directory": "docs/"}
 
 myst_enable_extensions = ["dollarmath", "deflist"]
 myst_heading_anchors = 3

@@ -340,7 +340,7 @@ class AdaptationLaws(RoughStart, Learning):
         """Sentence with the parameter errors at the end."""
         off = found.of.get(f"parameter_error.{ADAPTATION_OFF}", np.nan)
         adapting = [run for run in outcome.runs if run.name != ADAPTATION_OFF]
-        errors = ", ".join(found.each("parameter_error", adapting, rising=True))
+        errors = found.span("parameter_error", adapting)
         return f"From a parameter error of {off:.2g}, {self.duration:g} s end at {errors}." if errors else None
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:

@@ -15,7 +15,18 @@ from adaptctl.dynamics import Mechanism, load
 from adaptctl.experiments.contest import Contender, Outcome, contest, live_subject
 from adaptctl.experiments.experiment import ClosedLoopExperiment, setting, stated
 from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
-from adaptctl.recording import Comparison, ControllerRun, Failure, Finding, Progress, Result, Setting, shown, wording
+from adaptctl.recording import (
+    Comparison,
+    ControllerRun,
+    Failure,
+    Finding,
+    Leading,
+    Progress,
+    Result,
+    Setting,
+    shown,
+    wording,
+)
 from adaptctl.tuning.rough_links import scaled_links
 
 if TYPE_CHECKING:
@@ -121,6 +132,7 @@ class Learning(ClosedLoopExperiment):
             without_adaptation=ADAPTATION_OFF,
             more_drawings=tuple(self.drawings(outcome, basis)),
             answer=self.answer(outcome, Found(findings)) if outcome.complete else None,
+            leading=self.leading(outcome),
             expected=self.expected,
             live=live_subject(env, subject, self.seed, self.options) if outcome.complete else "",
         )
@@ -137,6 +149,10 @@ class Learning(ClosedLoopExperiment):
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
         """Outcome in a sentence or two; None where it is how much adaptation is worth."""
+        return None
+
+    def leading(self, outcome: Outcome) -> Leading | None:
+        """Errors that a recording shows first; None where the joints' are."""
         return None
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
@@ -208,6 +224,11 @@ class Found:
         if rising:
             owners.sort(key=lambda run: self.of[f"{what}.{run.name}"])
         return [" ".join(filter(None, (self.told(f"{what}.{run.name}"), unit, f"({run.label})"))) for run in owners]
+
+    def span(self, what: str, runs: Sequence[ControllerRun], unit: str = "") -> str:
+        """Text of the least and the greatest finding `what.run` of the runs; empty where none has one."""
+        told = self.each(what, runs, unit, rising=True)
+        return " to ".join(dict.fromkeys((told[0], told[-1]))) if told else ""
 
 
 def numbers(values: Array) -> str:

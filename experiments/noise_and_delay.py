@@ -127,7 +127,7 @@ class NoiseAndDelay(AdaptationLaws):
     def answer(self, outcome: Outcome, found: Found) -> str | None:
         """Sentence with the parameter errors and drifts."""
         adapting = [run for run in outcome.runs if run.name != ADAPTATION_OFF]
-        drifts = ", ".join(found.each("drift", adapting, rising=True))
+        drifts = found.span("drift", adapting)
         return f"{super().answer(outcome, found)} What they moved a minute in the second half: {drifts}."
 
     def _loop(self, mechanism: Mechanism) -> Iterator[Finding]:

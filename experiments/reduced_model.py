@@ -93,14 +93,15 @@ class ReducedModelTracking(Puma560Adaptive):
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
         """Sentence with the tracking errors by number of components."""
-        counts = ", ".join(map(str, self.components))
-        adapted, held = (
-            ", ".join(found.told(f"final_rms_error.{kind}-{s}") for s in self.components) for kind in (ADAPTIVE, FIXED)
+        least, most = min(self.components), max(self.components)
+        few, many = (
+            f"{found.told(f'final_rms_error.{ADAPTIVE}-{s}')} mrad "
+            f"({found.told(f'final_rms_error.{FIXED}-{s}')} holding their true values)"
+            for s in (least, most)
         )
         return (
-            f"Carrying {counts} components, the controller ends at {adapted} mrad of tracking error where it adapts "
-            f"them from zero, at {held} mrad where it holds their true values, and at "
-            f"{found.told(f'final_rms_error.{ADAPTATION_OFF}')} mrad knowing nothing."
+            f"Adapting {most} components from zero, the controller ends at {many} of tracking error; adapting {least}, "
+            f"at {few}; and at {found.told(f'final_rms_error.{ADAPTATION_OFF}')} mrad knowing nothing."
         )
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:

@@ -24,7 +24,7 @@ from adaptctl.experiments.experiment import require_count, setting
 from adaptctl.experiments.learning import ADAPTATION_OFF, Found, Learning
 from adaptctl.experiments.tip_path import ARMS, ArmWithTip, TipPath
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
-from adaptctl.recording import ControllerRun, Finding, Setting
+from adaptctl.recording import ControllerRun, Finding, Leading, Setting
 
 if TYPE_CHECKING:
     import gymnasium
@@ -148,8 +148,14 @@ class TaskSpaceTracking(TipPath, Learning):
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
         """The tool's errors."""
-        errors = ", ".join(found.each("final_tool_error", outcome.runs))
-        return f"The tool's RMS error in the last {END:g} s, mm: {errors}."
+        subject, off = (found.told(f"final_tool_error.{name}") for name in ("task-space", ADAPTATION_OFF))
+        told = f"In the last {END:g} s the tool is off its path by {subject} mm (RMS), with adaptation off by {off} mm."
+        return f"{told} Of all controllers: {found.span('final_tool_error', outcome.runs, 'mm')}."
+
+    def leading(self, outcome: Outcome) -> Leading | None:
+        """The tool's distances from its path."""
+        errors = {run.name: self._tool_errors(outcome.mechanism, run) for run in outcome.runs}
+        return Leading("Distance of the tool from its path", "mm", errors)
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
         """Figure of the tool's errors over time."""

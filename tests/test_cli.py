@@ -89,7 +89,8 @@ def test_help_answers_at_once() -> None:
     [
         (
             (),
-            "a command is missing: basis, gains, identify, excite, tune, design, export, experiment, sweep; see",
+            "a command is missing: basis, gains, identify, excite, tune, design, export, experiment, sweep, doctor, "
+            "install-completion; see adaptctl --help",
         ),
         (
             ("bases",),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import math
+import re
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -14,6 +15,7 @@ import pinocchio
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+import rerun as rr
 from comparisons import PERIOD, comparison, rollout
 from rerun.chunk import RrdReader
 from robot_files import urdf
@@ -25,8 +27,9 @@ from adaptctl.dynamics.recursion.kinematics import joint_axes, link_poses
 from adaptctl.errors import InputError
 from adaptctl.recording import Comparison, write_artifacts
 from adaptctl.recording import shown as result_of
+from adaptctl.recording.scene import log_base
 from adaptctl.recording.skeleton import Solid, skeleton
-from adaptctl.recording.wording import INCOMPLETE, facts, number, outcome, told
+from adaptctl.recording.wording import INCOMPLETE, facts, final_error, number, outcome, told
 
 FILES = {"recording.rrd", "summary.json", "trace.parquet", "report.html"}
 TWO_LINK = "docs/examples/two_link.toml"
@@ -245,6 +248,80 @@ def test_report_says_it_all_and_takes_no_name_for_markup(folder: Path, shown: Co
         assert name in text
     assert "rerun recording.rrd" in text
     assert "interrupted" not in text
+
+
+def test_report_follows_the_reader(folder: Path) -> None:
+    """Light or dark as the reader's setting says; every column is headed, and narrow screens head every number."""
+    html = (folder / "report.html").read_text()
+    assert "prefers-color-scheme: dark" in html
+    assert '<meta name="color-scheme" content="light dark">' in html
+    assert not re.search(r"<th[^>]*>\s*</th>", html)
+    tables = re.findall(r'<table class="rows">.*?<tbody>(.*?)</tbody>', html, re.DOTALL)
+    assert tables
+    for row in re.findall(r"<tr.*?</tr>", " ".join(tables), re.DOTALL):
+        cells = re.findall(r"<td([^>]*)>", row)
+        assert len(cells) > 1
+        assert all("data-of=" in cell for cell in cells[1:])
+
+
+def test_text_of_a_report_stands_out_from_its_ground() -> None:
+    """Ratios of contrast are at least 4.5 (WCAG 2.2, 1.4.3), light and dark."""
+    page = Path("adaptctl/recording/page.html").read_text()
+    themes = [dict(re.findall(r"--(\w+): (#[0-9a-f]{3,6});", part)) for part in page.split(":root {")[1:3]]
+    for theme in themes:
+        for ink in ("ink", "soft", "accent", "warm"):
+            for ground in ("paper", "wash", "card"):
+                assert contrast(theme[ink], theme[ground]) >= 4.5, (ink, ground)
+
+
+def contrast(one: str, other: str) -> float:
+    light, dark = sorted((luminance(one), luminance(other)), reverse=True)
+    return (light + 0.05) / (dark + 0.05)
+
+
+def luminance(color: str) -> float:
+    digits = color[1:] if len(color) == 7 else "".join(2 * digit for digit in color[1:])
+    parts = [int(digits[i : i + 2], 16) / 255 for i in (0, 2, 4)]
+    linear = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+@pytest.mark.parametrize("robot", ["semi_direct_drive", "semi_direct_drive_parallelogram", "puma560_measured"])
+def test_arms_stand_on_a_pedestal(robot: str, tmp_path: Path) -> None:
+    """A linkage too that does not close, or is singular, with all joints at zero."""
+    mechanism, path = load(robot), tmp_path / "base.rrd"
+    recording = rr.RecordingStream("test", make_default=False)
+    recording.save(path)
+    log_base(recording, mechanism, skeleton(mechanism), -0.5)
+    recording.flush()
+    recording.disconnect()
+    assert "/world/base" in entities(path)
+
+
+def test_every_true_value_is_named_after_its_parameter(folder: Path) -> None:
+    stream = RrdReader(folder / "recording.rrd").store().stream()
+    for chunk in stream.filter(content="/estimate/link2/truth", is_static=True):
+        names = chunk.to_record_batch()["SeriesLines:names"].to_pylist()[0]
+        assert all(name.endswith(", true") for name in names)
+        assert len(set(names)) == len(names) > 1
+        return
+    pytest.fail("the true values have no names")
+
+
+def test_units_and_kinds_of_parameters_are_not_mixed() -> None:
+    """Panda's arm turns and its gripper slides; friction's parameters are none of the inertial ones."""
+    what = comparison(load(str(urdf("panda.urdf"))), samples=1100)
+    run, units = what.subject, what.joints_by_unit
+    assert list(units) == ["rad", "m"]
+    told_of = [float(part.split()[0]) for part in final_error(what, run).split(" and ")]
+    last = run.rollout.error[-1000:]
+    expected = [1e3 * np.sqrt(np.mean(last[:, joints] ** 2)) for joints in units.values()]
+    assert told_of == pytest.approx(expected, rel=0.01)
+    inertial, friction = len(what.space.parameter_names), len(what.model.names) - what.space.rank
+    assert friction > 0
+    assert dict(facts(what))["Parameters"] == (
+        f"{what.space.rank} independent among {inertial} inertial, and {friction} of friction"
+    )
 
 
 def test_figures_are_pictures_of_a_readable_size(folder: Path) -> None:

@@ -58,18 +58,21 @@ def values(item: Item, part: str) -> tuple[float, ...]:
 
 def test_verdicts(replication: Replication) -> None:
     assert replication.complete
-    given, reproduced, in_shape, erratum = (
+    given, reproduced, in_shape, erratum, not_reproduced = (
         Outturn.GIVEN,
         Outturn.REPRODUCED,
         Outturn.IN_SHAPE,
         Outturn.ERRATUM,
+        Outturn.NOT_REPRODUCED,
     )
+    assert replication.not_reproduced == ("figure3", "table3", "table10")
+    assert "Not reproduced, and not shown to be wrong: figure3, table3, table10." in headline(replication)
     assert {item.name: item.verdict for item in replication.items} == {
         "figure1": reproduced,
         "table1": given,
         "table2": in_shape,
-        "figure3": in_shape,
-        "table3": in_shape,
+        "figure3": not_reproduced,
+        "table3": not_reproduced,
         "figure4": in_shape,
         "table4": given,
         "table5": erratum,
@@ -77,7 +80,7 @@ def test_verdicts(replication: Replication) -> None:
         "table7": reproduced,
         "table8": reproduced,
         "table9": given,
-        "table10": in_shape,
+        "table10": not_reproduced,
         "figure6": in_shape,
         "table11": given,
         "table12": reproduced,

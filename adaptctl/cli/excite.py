@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from adaptctl.cli.output import print_json
 from adaptctl.folders import replacing_folder
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ def excite(
     seed: Annotated[int, Parameter(help="Of the search; the validation's is the next.")] = 0,
     out: Annotated[Path, Parameter(metavar="DIR", help="Folder to write.")] = Path("results/excite"),
     overwrite: Annotated[bool, Parameter(help="Write into a folder that is not empty.")] = False,
+    json: Annotated[bool, Parameter(help="Print JSON instead of text.")] = False,
 ) -> None:
     """Make a motion that excites a robot's parameters, and another to validate on, each from rest to rest."""
     from adaptctl.dynamics import load
@@ -63,8 +65,12 @@ def excite(
         told = forecast(mechanism, motions["excitation"], _each(noise))
         for name, motion in motions.items():
             _write(folder, name, motion, [joint.name for joint in mechanism.primary_joints], rate)
-        write_json(folder / "forecast.json", as_builtins(robot, motions, told, area.collides is not None))
-    _print(motions, told, area.collides is not None, out)
+        content = as_builtins(robot, motions, told, area.collides is not None)
+        write_json(folder / "forecast.json", content)
+    if json:
+        print_json(content | {"folder": str(out)})
+    else:
+        _print(motions, told, area.collides is not None, out)
 
 
 def _each(given: Numbers) -> Any:

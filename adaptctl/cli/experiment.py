@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import App, Parameter
 
 from adaptctl.cli.interruption import Interruption, interruptible
+from adaptctl.cli.output import print_json
 from adaptctl.errors import InputError
 from adaptctl.experiments import EXPERIMENTS, find, offered
 
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
     from adaptctl.recording import Result
 
 DONE, FAILED, INTERRUPTED = 0, 3, 130
+LIST_SCHEMA, RUN_SCHEMA = "adaptctl/experiments/1", "adaptctl/experiment/1"
 
 app = App(name="experiment")
 run = App(name="run", help="Run an experiment, and keep what it made.")
@@ -28,8 +31,12 @@ for entry in EXPERIMENTS:
 
 
 @app.command(name="list")
-def list_experiments() -> None:
+def list_experiments(*, json: Annotated[bool, Parameter(help="Print JSON instead of lines.")] = False) -> None:
     """Print the names of the experiments, with a line about each."""
+    if json:
+        entries = [{"name": entry.name, "summary": entry.summary} for entry in EXPERIMENTS]
+        print_json({"schema": LIST_SCHEMA, "experiments": entries})
+        return
     width = max(len(entry.name) for entry in EXPERIMENTS)
     for entry in EXPERIMENTS:
         print(f"{entry.name:<{width}}  {entry.summary}")
@@ -70,34 +77,70 @@ def _command(kind: type[Experiment], name: str) -> Callable[..., int]:
         raise InputError(f"experiment {name!r}: every setting needs a default: {error}") from error
 
     def command(
-        *, settings: Any = default, out: Path = Path("results") / name, overwrite: bool = False, live: bool = False
+        *,
+        settings: Any = default,
+        out: Path = Path("results") / name,
+        overwrite: bool = False,
+        json: bool = False,
+        live: bool = False,
     ) -> int:
         from adaptctl.recording.live import HOST, PORT, streaming
 
         with streaming(f"{HOST}:{PORT}" if live else None):
-            return run_experiment(settings, out, overwrite)
+            return run_experiment(settings, out, overwrite, json)
 
     command.__annotations__ = {
         "settings": Annotated[kind, Parameter(name="*", group="Settings", show_default=text)],
         "out": Annotated[Path, Parameter(metavar="DIR", group="Output", help="Folder to write.")],
         "overwrite": Annotated[bool, Parameter(group="Output", help="Write into a folder that is not empty.")],
         "live": Annotated[bool, Parameter(group="Output", help="Show the arm in rerun's viewer while it runs.")],
+        "json": Annotated[bool, Parameter(group="Output", help="Print JSON instead of text.")],
         "return": int,
     }
     return command
 
 
-def run_experiment(experiment: Experiment, out: Path, overwrite: bool) -> int:
+def run_experiment(experiment: Experiment, out: Path, overwrite: bool, json: bool = False) -> int:
     """Run an experiment and write its folder; returns the exit code, 3 where the verdict on its subject is failure."""
     from adaptctl.folders import replacing_folder
 
-    with interruptible() as interruption, replacing_folder(out, overwrite) as folder:
-        result = _computed(experiment, folder, interruption)
-        interruption.hold()
-    _tell(result, out)
+    with notes_last():
+        with interruptible() as interruption, replacing_folder(out, overwrite) as folder:
+            result = _computed(experiment, folder, interruption)
+            interruption.hold()
+        if json:
+            print_json(as_builtins(experiment.name, result, out))
+        else:
+            _tell(result, out)
+        sys.stdout.flush()
     if interruption.asked or not result.complete:
         return INTERRUPTED
     return DONE if result.verdict.passed else FAILED
+
+
+def as_builtins(name: str, result: Result, folder: Path) -> dict[str, Any]:
+    """Outcome of an experiment in JSON's types; the numbers are in the folder's summary.json."""
+    return {
+        "schema": RUN_SCHEMA,
+        "experiment": name,
+        "complete": result.complete,
+        "verdict": result.verdict.as_builtins(),
+        "headline": result.headline,
+        "facts": dict(result.facts),
+        "folder": str(folder),
+    }
+
+
+@contextmanager
+def notes_last() -> Iterator[None]:
+    """Context whose warnings are shown when it is over, below its outcome."""
+    with warnings.catch_warnings(record=True) as kept:
+        try:
+            yield
+        finally:
+            shown = list(kept)
+    for one in shown:
+        warnings.showwarning(one.message, one.category, one.filename, one.lineno)
 
 
 def _computed(experiment: Experiment, folder: Path, interruption: Interruption) -> Result:
@@ -113,13 +156,13 @@ def _computed(experiment: Experiment, folder: Path, interruption: Interruption) 
 
 @contextmanager
 def shown_progress() -> Iterator[Callable[[str, float], None]]:
-    """Progress as a bar a stage on stderr, where that is a terminal."""
+    """Progress as a bar a stage on stderr, where that is a terminal, with the time left; with the time it took."""
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"))
-    console = Console(stderr=True)
-    with Progress(*columns, TimeElapsedColumn(), console=console, disable=not console.is_terminal) as shown:
+    console, left = Console(stderr=True), TimeRemainingColumn(compact=True, elapsed_when_finished=True)
+    with Progress(*columns, left, console=console, disable=not console.is_terminal) as shown:
         tasks: dict[str, TaskID] = {}
 
         def told(what: str, share: float) -> None:

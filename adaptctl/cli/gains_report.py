@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from rich import box
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from adaptctl.cli.output import titled
+from adaptctl.cli.tables import WrappedTable
 from adaptctl.control import GainDesign
 
 METHODS = {"bandwidth": "from a bandwidth and a damping ratio", "poles": "by pole placement", "lqr": "by LQR"}
@@ -28,32 +27,34 @@ def report(design: GainDesign) -> Iterator[RenderableType]:
     yield titled("All joints together", _together(design))
 
 
-def _gains(design: GainDesign) -> Table:
-    table = _table("joint", "inertia", "stiffness", "rate", "ω", "ζ", "Λ", "K")
+def _gains(design: GainDesign) -> WrappedTable:
+    rows: list[list[str | Text]] = []
     cascade = design.gains if design.damped_enough else None
     for i, joint in enumerate(design.mechanism.primary_joints):
         feedback = design.feedback[i]
         numbers = [design.inertia[i], feedback.stiffness, feedback.rate, feedback.bandwidth, feedback.damping_ratio]
         lags = [cascade.bandwidth[i], cascade.damping[i]] if cascade else [math.nan, math.nan]
-        table.add_row(Text(joint.name), *map(_number, (*numbers, *lags)))
-    return table
+        rows.append([Text(joint.name), *map(_number, (*numbers, *lags))])
+    return WrappedTable(("joint", "inertia", "stiffness", "rate", "ω", "ζ", "Λ", "K"), rows)
 
 
-def _margins(design: GainDesign) -> Table:
-    table = _table("joint", "gain", "inertia", "phase", "delay", "periods", "crossover")
+def _margins(design: GainDesign) -> WrappedTable:
+    rows: list[list[str | Text]] = []
     for i, joint in enumerate(design.mechanism.primary_joints):
         of, least = design.margins[i], float(design.least_inertia[i])
         held = of.gain * least > 1.0
-        table.add_row(
-            Text(joint.name),
-            f"× {_number(of.gain)}",
-            Text(f"× {_number(least)}", style="" if held else "red"),
-            f"{math.degrees(of.phase):.0f}°",
-            f"{1e3 * of.delay:.3g} ms",
-            f"{of.delay / design.period:.3g}",
-            f"{_number(of.crossover)} rad/s",
+        rows.append(
+            [
+                Text(joint.name),
+                f"× {_number(of.gain)}",
+                Text(f"× {_number(least)}", style="" if held else "red"),
+                f"{math.degrees(of.phase):.0f}°",
+                f"{1e3 * of.delay:.3g} ms",
+                f"{of.delay / design.period:.3g}",
+                f"{_number(of.crossover)} rad/s",
+            ]
         )
-    return table
+    return WrappedTable(("joint", "gain", "inertia", "phase", "delay", "periods", "crossover"), rows)
 
 
 def _together(design: GainDesign) -> Group:
@@ -73,14 +74,6 @@ def _room(design: GainDesign) -> str:
         f"The period carries poles {design.fastest:.3g} times as fast: the fastest at "
         f"{design.fastest * design.highest:.4g} 1/s instead of {design.highest:.4g}."
     )
-
-
-def _table(first: str, *others: str) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column(first, no_wrap=True)
-    for name in others:
-        table.add_column(name, justify="right", no_wrap=True)
-    return table
 
 
 def _number(value: float) -> str:

@@ -5,16 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from adaptctl.cli.output import print_json
 from adaptctl.folders import replacing_folder
 
 if TYPE_CHECKING:
     from adaptctl.identification import Identification
 
 Pairs = tuple[str, ...]
+SCHEMA = "adaptctl/identified/1"
 
 
 def identify(
@@ -59,6 +61,7 @@ def identify(
     ] = False,
     out: Annotated[Path, Parameter(metavar="DIR", help="Folder to write.")] = Path("results/identify"),
     overwrite: Annotated[bool, Parameter(help="Write into a folder that is not empty.")] = False,
+    json: Annotated[bool, Parameter(help="Print JSON instead of text.")] = False,
 ) -> None:
     """Identify a robot's inertial and friction parameters from logs of its motion."""
     from adaptctl.identification import identify as identified
@@ -80,7 +83,18 @@ def identify(
             instruments=instruments,
         )
         _write(folder, found, robot)
-    _tell(found, out)
+    if json:
+        print_json(as_builtins(found, out))
+    else:
+        _tell(found, out)
+
+
+def as_builtins(found: Identification, folder: Path) -> dict[str, Any]:
+    """Outcome of an identification in JSON's types; the numbers are in the folder's summary.json."""
+    from adaptctl.recording.identified.report import facts, verdict
+
+    told = {"verdict": verdict(found), "facts": dict(facts(found)), "remarks": list(found.remarks)}
+    return {"schema": SCHEMA, "folder": str(folder), **told}
 
 
 @contextmanager

@@ -61,6 +61,12 @@ app.command("adaptctl.cli.design:design", name="design", help="What masses and c
 app.command("adaptctl.cli.export:export", name="export", help="A robot's controller as C or WebAssembly.")
 app.command("adaptctl.cli.experiment:app", name="experiment", help="List experiments and run them.")
 app.command("adaptctl.cli.sweep:app", name="sweep", help="Many runs of an experiment, on this machine or a cluster.")
+app.command("adaptctl.cli.doctor:doctor", name="doctor", help="What is installed, and whether it works together.")
+app.command(
+    "adaptctl.cli.completion:install_completion",
+    name="install-completion",
+    help="Completion of commands and flags in your shell.",
+)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

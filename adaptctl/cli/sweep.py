@@ -10,11 +10,13 @@ from cyclopts import App, Parameter
 
 from adaptctl.cli.experiment import shown_progress
 from adaptctl.cli.interruption import interruptible
+from adaptctl.cli.output import print_json
 from adaptctl.errors import InputError
 
 if TYPE_CHECKING:
     from adaptctl.sweeps.study import SweepStudy
 
+STATUS_SCHEMA = "adaptctl/sweep/1"
 MANY = 20_000
 """Runs that are not begun without being asked for."""
 WHERE, WHAT = "Where it runs", "What is run"
@@ -75,12 +77,16 @@ def sweep(
 
 
 @app.command
-def status(folder: Path) -> int:
+def status(folder: Path, *, json: Annotated[bool, Parameter(help="Print JSON instead of text.")] = False) -> int:
     """Print how far a sweep is, and what its rows say so far."""
     from adaptctl.sweeps.folder import saved_study
 
     study = saved_study(folder)
     shards = len(list((folder / "shards").glob("[!.]*.parquet")))
+    if json:
+        counts = {"shards": shards, "shards_in_all": -(-study.runs // study.shard), "runs": study.runs}
+        print_json({"schema": STATUS_SCHEMA, **counts})
+        return 0
     print(f"{shards} of {-(-study.runs // study.shard)} shards of {study.shard} runs are there")
     return _told(folder) if shards else 0
 

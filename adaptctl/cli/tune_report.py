@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from rich import box
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
 from adaptctl.cli.output import titled
+from adaptctl.cli.tables import WrappedTable
 from adaptctl.tuning import Tuning
 
 
@@ -25,17 +25,14 @@ def report(tuning: Tuning) -> Iterator[RenderableType]:
         yield titled("Notes", Group(*(Text(note, style="yellow") for note in tuning.notes)))
 
 
-def _joints(tuning: Tuning) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column("joint", no_wrap=True)
-    for name in ("Λ", "K", "centre", "amplitude", "Hz", "torque"):
-        table.add_column(name, justify="right", no_wrap=True)
+def _joints(tuning: Tuning) -> WrappedTable:
+    rows: list[list[str | Text]] = []
     reference = tuning.reference
     moved = [getattr(reference, name).ravel() for name in ("center", "amplitude", "frequency")]
     for j, joint in enumerate(tuning.mechanism.primary_joints):
         numbers = (tuning.gains.bandwidth[j], tuning.gains.damping[j], *(values[j] for values in moved))
-        table.add_row(Text(joint.name), *(f"{x:.3g}" for x in numbers), f"{tuning.torque_share[j]:.0%}")
-    return table
+        rows.append([Text(joint.name), *(f"{x:.3g}" for x in numbers), f"{tuning.torque_share[j]:.0%}"])
+    return WrappedTable(("joint", "Λ", "K", "centre", "amplitude", "Hz", "torque"), rows)
 
 
 def _limits(tuning: Tuning) -> Table:

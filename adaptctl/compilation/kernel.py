@@ -95,15 +95,16 @@ class Kernel:
         routine, self._latest = self._latest or self._traced(), None
         return routine
 
-    def map(self, *arguments: ArrayLike, out: Array | None = None) -> Any:
+    def map(self, *arguments: ArrayLike, out: Array | Sequence[Array] | None = None) -> Any:
         """Evaluate at m samples: arrays (m, n) in, or (n,) where all samples share them; out (m, ...), whatever the
         shape of one result. The samples are worked on in SIMD lanes.
 
-        `out` takes the result in place of a fresh array, where it is the only one.
+        `out` takes the result in place of a fresh array, or a sequence of arrays each of the results.
         """
         arrays = self._given.arrays(arguments, sample_axes=1)
         samples = next((len(array) for array in arrays if array.ndim > 1), 1)
-        results = [np.empty((samples, *shape)) for shape in self.outputs] if out is None else [out]
+        given = [out] if isinstance(out, np.ndarray) else out
+        results = [np.empty((samples, *shape)) for shape in self.outputs] if given is None else list(given)
         strides = [array.shape[1] if array.ndim > 1 else 0 for array in arrays]
         tables = [a.ctypes.data for a in arrays], strides, [a.ctypes.data for a in results]
         packed = [np.array(table, dtype=np.int64) for table in tables]

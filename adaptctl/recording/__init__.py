@@ -2,7 +2,7 @@
 
 from adaptctl.recording.artifacts import shown, write_artifacts
 from adaptctl.recording.compared_runs import compared_runs
-from adaptctl.recording.comparison import Comparison, ControllerRun, Finding, Setting, TickCost
+from adaptctl.recording.comparison import Comparison, ControllerRun, Finding, Leading, Setting, TickCost
 from adaptctl.recording.judgement import judged
 from adaptctl.recording.live import Live
 from adaptctl.recording.result import Progress, Result
@@ -14,6 +14,7 @@ __all__ = [
     "Failure",
     "Fault",
     "Finding",
+    "Leading",
     "Live",
     "Progress",
     "Result",

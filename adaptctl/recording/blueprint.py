@@ -29,13 +29,18 @@ class ScreenContents:
     """entities of the runs whose errors are shown; the subject first"""
     labels: tuple[str, ...]
     """what those runs are called"""
-    has_lyapunov: bool
+    lyapunov: str | None
+    """what the Lyapunov function does, where there is one"""
+    leading: str | None
+    """what is shown before the joints' errors, where the experiment is about something else"""
+    end: float
+    """of the run, s"""
     truth_known: bool = True
 
     @property
     def truth(self) -> str:
         """What estimates' titles say of true values."""
-        return "true values pale" if self.truth_known else "true values unknown"
+        return "level lines: true values" if self.truth_known else "true values unknown"
 
 
 def blueprint(shown: ScreenContents) -> rrb.Blueprint:
@@ -48,16 +53,21 @@ def blueprint(shown: ScreenContents) -> rrb.Blueprint:
 
 def _overview(shown: ScreenContents) -> rrb.Container:
     left = rrb.Vertical(_arm(shown), views.text("summary", "Summary"), row_shares=[11, 9])
-    curves = [_error(shown, 0), _error(shown, 1)] if len(shown.runs) > 1 else [_error(shown, 0)]
-    curves.append(_lyapunov() if shown.has_lyapunov else _energy())
-    curves += [_torque_share(), views.curves("/estimate/most_learnt", f"Estimates that moved most · {shown.truth}")]
+    curves = [views.curves("/leading", shown.leading, shown.end, room=views.LONG)] if shown.leading else []
+    curves += [_error(shown, i) for i in range(min(2 - len(curves), len(shown.runs)))]
+    curves.append(_lyapunov(shown) if shown.lyapunov else _energy(shown))
+    curves += [
+        _torque_share(shown),
+        views.curves("/estimate/most_learnt", f"Estimates that moved most · {shown.truth}", shown.end),
+    ]
     right = rrb.Grid(*curves, _spectrum(), grid_columns=2)
     return rrb.Horizontal(left, right, column_shares=[5, 7], name="Overview")
 
 
 def _controllers(shown: ScreenContents) -> rrb.Container:
     errors = [_error(shown, i) for i in range(len(shown.runs))]
-    together = views.curves("/error_decades", f"All controllers: RMS error, powers of ten of a {shown.error_unit}")
+    title = f"All controllers: RMS error of all joints, powers of ten of a {shown.error_unit}"
+    together = views.curves("/error_decades", title, shown.end)
     return rrb.Vertical(
         together, rrb.Grid(*errors, grid_columns=min(len(errors), 4)), row_shares=[1, 1], name="Controllers"
     )
@@ -65,7 +75,7 @@ def _controllers(shown: ScreenContents) -> rrb.Container:
 
 def _tracking(shown: ScreenContents) -> rrb.Container:
     joints = [
-        views.curves(f"/position/{name}", f"{name}: actual and desired position [{unit}]")
+        views.curves(f"/position/{name}", f"{name}: actual and desired position [{unit}]", shown.end)
         for name, unit in zip(shown.joints, shown.position_units, strict=True)
     ]
     return rrb.Grid(*joints, grid_columns=3 if len(joints) > 2 else 1, name="Tracking")
@@ -73,7 +83,7 @@ def _tracking(shown: ScreenContents) -> rrb.Container:
 
 def _torques(shown: ScreenContents) -> rrb.Container:
     joints = [
-        views.curves(f"/torque/{name}", f"{name}: torque and limits [{unit}]")
+        views.curves(f"/torque/{name}", f"{name}: torque and limits [{unit}]", shown.end)
         for name, unit in zip(shown.joints, shown.torque_units, strict=True)
     ]
     return rrb.Grid(*joints, grid_columns=3 if len(joints) > 2 else 1, name="Torque")
@@ -81,7 +91,8 @@ def _torques(shown: ScreenContents) -> rrb.Container:
 
 def _parameters(shown: ScreenContents) -> rrb.Container:
     links = [
-        views.curves(f"/estimate/{name}", f"{name}: estimates, {shown.truth} [kg, kg m, kg m²]") for name in shown.links
+        views.curves(f"/estimate/{name}", f"{name}: estimates · {shown.truth} [kg, kg m, kg m²]", shown.end)
+        for name in shown.links
     ]
     return rrb.Grid(*links, grid_columns=3 if len(links) > 2 else 1, name="Parameters")
 
@@ -99,22 +110,23 @@ def _arm(shown: ScreenContents) -> rrb.View:
 def _error(shown: ScreenContents, index: int) -> rrb.View:
     return views.curves(
         f"/error/{shown.runs[index]}",
-        f"Tracking error [{shown.error_unit}] · {shown.labels[index]}",
+        f"Joints' tracking errors [{shown.error_unit}] · {shown.labels[index]}",
+        shown.end,
         shown.error_range,
     )
 
 
-def _lyapunov() -> rrb.View:
-    return views.curves("/lyapunov", "Lyapunov function [J] · must never rise")
+def _lyapunov(shown: ScreenContents) -> rrb.View:
+    return views.curves("/lyapunov", f"Lyapunov function [J] · {shown.lyapunov}", shown.end)
 
 
-def _energy() -> rrb.View:
-    return views.curves("/energy", "Energy [J]")
+def _energy(shown: ScreenContents) -> rrb.View:
+    return views.curves("/energy", "Energy [J]", shown.end)
 
 
-def _torque_share() -> rrb.View:
-    return views.curves("/torque_share", "Torque / limit", (-1.1, 1.1))
+def _torque_share(shown: ScreenContents) -> rrb.View:
+    return views.curves("/torque_share", "Torque / limit", shown.end, (-1.1, 1.1))
 
 
 def _spectrum() -> rrb.View:
-    return views.bars("/basis/spectrum", "Energy spectrum · powers of ten above the threshold")
+    return views.bars("/basis/spectrum", "Energy spectrum, powers of ten above the threshold · grey: null space")

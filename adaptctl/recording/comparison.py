@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -27,6 +27,10 @@ BEGINNING = 1.0
 """s at the start of a run over which its first error is taken."""
 AT_LIMIT = 1.0 - 1e-9
 """of a torque's limit"""
+
+Joints: TypeAlias = slice | list[int]
+"""Joints by their indices."""
+ALL = slice(None)
 
 
 @dataclass(frozen=True)
@@ -62,20 +66,28 @@ class ControllerRun:
         """Time in closed loop, s."""
         return self.rollout.duration
 
-    def rms_error(self, start: float = 0.0, stop: float = np.inf) -> float | None:
-        """Root mean square of the tracking errors of all joints over a stretch of time; None without samples."""
+    def rms_error(self, start: float = 0.0, stop: float = np.inf, joints: Joints = ALL) -> float | None:
+        """Root mean square of the tracking errors of joints over a stretch of time; None without samples."""
         inside = (self.rollout.time >= start) & (self.rollout.time < stop)
-        return float(np.sqrt(np.mean(self.rollout.error[inside] ** 2))) if inside.any() else None
+        return float(np.sqrt(np.mean(self.rollout.error[inside][:, joints] ** 2))) if inside.any() else None
 
     @property
     def first_rms_error(self) -> float | None:
         """`rms_error` over the first second; None where the run is shorter."""
-        return self.rms_error(stop=BEGINNING) if self._lasts(BEGINNING) else None
+        return self.first_rms_error_of(ALL)
 
     @property
     def final_rms_error(self) -> float | None:
         """`rms_error` over the last two seconds that were run; None where the run is shorter."""
-        return self.rms_error(start=self.duration - SETTLED) if self._lasts(SETTLED) else None
+        return self.final_rms_error_of(ALL)
+
+    def first_rms_error_of(self, joints: Joints) -> float | None:
+        """`first_rms_error` of some joints."""
+        return self.rms_error(stop=BEGINNING, joints=joints) if self._lasts(BEGINNING) else None
+
+    def final_rms_error_of(self, joints: Joints) -> float | None:
+        """`final_rms_error` of some joints."""
+        return self.rms_error(start=self.duration - SETTLED, joints=joints) if self._lasts(SETTLED) else None
 
     def _lasts(self, length: float) -> bool:
         """Whether the run has that many seconds, to half a sample."""
@@ -122,6 +134,18 @@ def _thousandths(value: float | None) -> str:
 
 
 @dataclass(frozen=True, eq=False)
+class Leading:
+    """Errors that an experiment is about besides the joints', such as a tool's distance from its path."""
+
+    meaning: str
+    """what is drawn: ``Distance of the tool from its path``"""
+    unit: str
+    """of a thousandth of it: ``mm``"""
+    errors: Mapping[str, Array]
+    """(T,) by the name of the run"""
+
+
+@dataclass(frozen=True, eq=False)
 class Comparison:
     """Runs on one arm, one reference and one seed; the first is the experiment's subject, which adapts."""
 
@@ -149,6 +173,8 @@ class Comparison:
     """the outcome in a sentence or two, where it is not how much adaptation is worth"""
     truth_known: bool = True
     """whether the mechanism's own parameters are the arm's: those of a real arm are not known"""
+    leading: Leading | None = None
+    """what a recording shows before the joints' errors"""
     expected: Mapping[Failure, str] = field(default_factory=dict)
     """the failures that the experiment expects of its subject, and why: they are its question"""
     live: LiveArm | str = ""
@@ -205,8 +231,14 @@ class Comparison:
 
     @property
     def error_unit(self) -> str:
-        """Unit of a thousandth of a joint's position: mrad, mm, or both."""
-        return ", ".join(f"m{unit}" for unit in sorted(set(self.position_units), reverse=True))
+        """Unit of a thousandth of a joint's position: mrad, mm, or either."""
+        return " or ".join(f"m{unit}" for unit in self.joints_by_unit)
+
+    @property
+    def joints_by_unit(self) -> dict[str, list[int]]:
+        """Indices of the primary joints by the unit of their positions: rad before m."""
+        units = self.position_units
+        return {unit: [j for j, one in enumerate(units) if one == unit] for unit in sorted(set(units), reverse=True)}
 
     def limited_steps(self, run: ControllerRun) -> int:
         """Samples of a run in which a torque was clipped, or was at its limit."""

@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 from adaptctl.recording.comparison import Comparison
-from adaptctl.recording.wording import CONVERGENCE, INCOMPLETE, TRUTH_UNKNOWN, error, facts, outcome, told
+from adaptctl.recording.wording import (
+    CONVERGENCE,
+    INCOMPLETE,
+    TRUTH_UNKNOWN,
+    facts,
+    final_error,
+    first_error,
+    outcome,
+    told,
+)
 
 
 def summary_markdown(comparison: Comparison) -> str:
     """Summary in Markdown: the outcome, the numbers that matter, a table of the runs."""
     warning = "" if comparison.complete else f"**{INCOMPLETE}**\n\n"
-    unit = comparison.error_unit
     runs = "\n".join(
-        f"| {run.label} | {run.knows or '–'} | {error(run.first_rms_error, unit)} | {error(run.final_rms_error, unit)} "
+        f"| {run.label} | {run.knows or '–'} | {first_error(comparison, run)} | {final_error(comparison, run)} "
         f"| {outcome(run)} |"
         for run in comparison.runs
     )
@@ -37,7 +45,7 @@ def _paired(answers: list[tuple[str, str]]) -> str:
 
 def equations_markdown(comparison: Comparison) -> str:
     """Regrouping equations in Markdown: the parameters that are kept, and what is added to them."""
-    certificate = f"rank {comparison.space.rank} of {len(comparison.mechanism.parameter_names)}"
+    certificate = f"rank {comparison.space.rank} of {len(comparison.space.parameter_names)}"
     equations = "\n".join(f"    {equation}" for equation in comparison.basis.equations())
     return f"""# Independent parameters: {certificate}
 

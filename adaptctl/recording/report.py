@@ -16,7 +16,17 @@ from adaptctl.recording.figures import drawings
 from adaptctl.recording.page import embedded, rendered
 from adaptctl.recording.palette import run_color
 from adaptctl.recording.trace import parameter_unit
-from adaptctl.recording.wording import CONVERGENCE, INCOMPLETE, TRUTH_UNKNOWN, error, facts, number, outcome, told
+from adaptctl.recording.wording import (
+    CONVERGENCE,
+    INCOMPLETE,
+    TRUTH_UNKNOWN,
+    facts,
+    final_error,
+    first_error,
+    number,
+    outcome,
+    told,
+)
 
 
 def write_report(path: str | Path, comparison: Comparison, figures: Mapping[str, Path]) -> None:
@@ -39,6 +49,7 @@ def report(comparison: Comparison, figures: Mapping[str, Path]) -> str:
         measured=measured(comparison),
         findings=[(f.meaning, number(f.value), _typeset(f.unit)) for f in others],
         parameters=list(_parameter_rows(comparison)),
+        friction=len(comparison.mechanism.parameter_names) - len(comparison.space.parameter_names),
         kinds=PARAMETERS,
         grid=_grid(comparison),
         equations=[str(equation) for equation in comparison.basis.equations()],
@@ -89,14 +100,13 @@ def _owner(finding: Finding) -> str:
 
 
 def _run_row(index: int, run: ControllerRun, comparison: Comparison) -> dict[str, Any]:
-    unit = comparison.error_unit
     cost = run.cost
     return {
         "color": run_color(index).hex,
         "label": run.label,
         "knows": run.knows,
-        "first": error(run.first_rms_error, unit),
-        "final": error(run.final_rms_error, unit),
+        "first": first_error(comparison, run),
+        "final": final_error(comparison, run),
         "clipped": comparison.limited_steps(run),
         "called": f"{1e6 * cost.called:.1f} µs" if cost else "–",
         "native": f"{1e9 * cost.native:.0f} ns" if cost and cost.native else "–",

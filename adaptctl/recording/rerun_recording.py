@@ -26,8 +26,9 @@ from adaptctl.recording.tracking import (
     log_torque_shares,
 )
 from adaptctl.recording.viewpoint import Viewpoint, floor_height
+from adaptctl.recording.wording import lyapunov_words
 
-MOST = 6
+MOST = 4
 """Parameters shown at a glance."""
 AVERAGE = 0.25
 """s over which errors are averaged where they are shown in powers of ten"""
@@ -42,6 +43,7 @@ def write_recording(path: str | Path, comparison: Comparison) -> None:
         floor = floor_height(comparison.mechanism, parts, comparison.subject.rollout.p)
         log_scene(recording, comparison, parts, floor, run_color(0))
         _log_tracking(recording, comparison)
+        _log_leading(recording, comparison)
         _log_torques(recording, comparison)
         _log_energies(recording, comparison.subject)
         if comparison.subject.rollout.estimate.shape[1]:
@@ -61,6 +63,14 @@ def _log_tracking(recording: rr.RecordingStream, comparison: Comparison) -> None
         both = np.stack([rollout.reference_p[every, j], rollout.p[every, j]], axis=-1)
         style = Style(("desired", "actual"), (GOAL, joint_color(j)))
         log_series(recording, f"position/{entity(name)}", rollout.time[every], both, style)
+
+
+def _log_leading(recording: rr.RecordingStream, comparison: Comparison) -> None:
+    if (leading := comparison.leading) is None:
+        return
+    for i, run in enumerate(comparison.runs):
+        style = Style((run.label,), (run_color(i),), width=2.0)
+        log_decades(recording, f"leading/{run.name}", run, leading.errors[run.name], style)
 
 
 def _log_torques(recording: rr.RecordingStream, comparison: Comparison) -> None:
@@ -96,7 +106,7 @@ def _log_group(
     every = thinned(len(rollout.time), CURVE_SAMPLES)
     colors = [joint_color(i) for i in range(len(indices))]
     time, values = rollout.time[every], rollout.estimate[every][:, indices]
-    pale = Style(["true"] * len(names), [c.faded(0.55, DARK) for c in colors], width=1.0)
+    pale = Style([f"{name}, true" for name in names], [c.faded(0.3, DARK) for c in colors], width=1.0)
     if comparison.truth_known:
         log_levels(recording, f"estimate/{path}/truth", time, comparison.true_parameters[indices], pale)
     log_series(recording, f"estimate/{path}/estimate", time, values, Style(names, colors))
@@ -109,7 +119,7 @@ def _links(comparison: Comparison) -> list[str]:
 
 def _contents(comparison: Comparison) -> ScreenContents:
     parts = skeleton(comparison.mechanism)
-    shown = _shown(comparison)
+    shown, leading, rise = _shown(comparison), comparison.leading, comparison.subject.lyapunov_max_increase
     errors = np.concatenate([run.rollout.error for run in shown[:2]])
     margin = 0.06 * float(np.ptp(errors)) + 1e-9
     has_estimates = comparison.subject.rollout.estimate.shape[1] > 0
@@ -123,7 +133,9 @@ def _contents(comparison: Comparison) -> ScreenContents:
         torque_units=comparison.torque_units,
         runs=tuple(run.name for run in shown),
         labels=tuple(run.label for run in shown),
-        has_lyapunov=comparison.subject.lyapunov is not None,
+        lyapunov=None if rise is None else lyapunov_words(rise),
+        leading=f"{leading.meaning}, powers of ten of a {leading.unit}" if leading else None,
+        end=comparison.subject.duration,
         truth_known=comparison.truth_known,
     )
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import rerun as rr
+from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
 from adaptctl.description import GROUND
@@ -106,6 +107,9 @@ def log_base(
     if log_visuals(recording, f"{WORLD}/{name}", GROUND, shown, BASE):
         lowest = min(float(visual.pose.translation[2]) for visual in shown.of_link[GROUND])
         feet[:, 2] = np.minimum(feet[:, 2], max(lowest, floor))
+    feet = feet[_stands(mechanism, feet, 2.2 * radius)]
+    if not len(feet):
+        return
     heights = feet[:, 2] - floor
     centers = np.stack([feet[:, 0], feet[:, 1], floor + heights / 2.0], axis=-1)
     plate = np.stack([feet[:, 0], feet[:, 1], np.full(len(feet), floor + 0.1 * radius)], axis=-1)
@@ -117,6 +121,16 @@ def log_base(
         fill_mode=rr.components.FillMode.Solid,
     )
     recording.log(f"{WORLD}/{name}", pedestal, static=True)
+
+
+def _stands(mechanism: Mechanism, feet: Array, radius: float) -> NDArray[np.bool_]:
+    """Which feet (n,) a pedestal may stand under: none of a body that hangs, as a humanoid's hips above its legs do."""
+    if mechanism.description.loops is not None:  # linkages stand, and may not close with all joints at zero
+        return np.ones(len(feet), dtype=np.bool_)
+    origins = link_poses(mechanism, np.zeros(len(mechanism.primary_joints))).translations
+    apart = np.linalg.norm(origins[None, :, :2] - feet[:, None, :2], axis=-1)
+    below = origins[None, :, 2] < feet[:, None, 2] - radius
+    return np.full(len(feet), not bool(((apart < radius) & below).any()))
 
 
 def entity(name: str) -> str:

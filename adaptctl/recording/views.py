@@ -12,6 +12,8 @@ from adaptctl.recording.scene import TIMELINE
 from adaptctl.recording.viewpoint import Viewpoint
 
 NIGHT = Color(22, 26, 36)
+SHORT, LONG = 0.3, 0.7
+"""Of a run's length, left empty at the right of curves: the legend, of short or of long names, stands there."""
 TRAIL = 4.0
 """s of the tip's path that stay visible."""
 
@@ -62,19 +64,25 @@ def arm(origin: str, name: str, viewpoint: Viewpoint) -> rrb.View:
     )
 
 
-def curves(origin: str, name: str, bounds: tuple[float, float] | None = None) -> rrb.View:
-    """View of curves over time, on a fixed range if one is given."""
+def curves(
+    origin: str, name: str, end: float, bounds: tuple[float, float] | None = None, room: float = SHORT
+) -> rrb.View:
+    """View of curves over the time until `end` (s), on a fixed range if one is given; the legend comes after them."""
+    time = rr.TimeRange(
+        start=rr.TimeRangeBoundary.absolute(seconds=0.0), end=rr.TimeRangeBoundary.absolute(seconds=(1.0 + room) * end)
+    )
     return rrb.TimeSeriesView(
         origin=origin,
         name=name,
+        axis_x=rrb.TimeAxis(view_range=time),
         axis_y=rrb.ScalarAxis(range=bounds) if bounds else None,
         plot_legend=rrb.Corner2D.RightTop,
     )
 
 
 def bars(origin: str, name: str) -> rrb.View:
-    """View of bars, the same at all times."""
-    return rrb.BarChartView(origin=origin, name=name, plot_legend=rrb.Corner2D.RightTop)
+    """View of bars, the same at all times; its name tells what their colours are, since a legend has only paths."""
+    return rrb.BarChartView(origin=origin, name=name, plot_legend=rrb.PlotLegend(visible=False))
 
 
 def text(origin: str, name: str) -> rrb.View:

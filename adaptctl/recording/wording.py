@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
-from adaptctl.recording.comparison import Comparison, ControllerRun
+from adaptctl.recording.comparison import Comparison, ControllerRun, Joints
 from adaptctl.recording.judgement import judged
 from adaptctl.recording.summary import realtime_factor
 
@@ -29,6 +29,20 @@ def error(value: float | None, unit: str) -> str:
     return "–" if value is None else f"{number(1e3 * value)} {unit}"
 
 
+def first_error(comparison: Comparison, run: ControllerRun) -> str:
+    """Text of a run's error in the first second, that of each unit by itself: "12 mrad and 3 mm"."""
+    return _in_each_unit(comparison, run.first_rms_error_of)
+
+
+def final_error(comparison: Comparison, run: ControllerRun) -> str:
+    """Text of a run's error in the last two seconds, that of each unit by itself."""
+    return _in_each_unit(comparison, run.final_rms_error_of)
+
+
+def _in_each_unit(comparison: Comparison, of: Callable[[Joints], float | None]) -> str:
+    return " and ".join(error(of(joints), f"m{unit}") for unit, joints in comparison.joints_by_unit.items())
+
+
 def told(comparison: Comparison) -> str:
     """Outcome of a comparison: what failed first, then its own answer, or what adaptation is worth."""
     answer = _worth(comparison) if comparison.answer is None else comparison.answer
@@ -37,13 +51,15 @@ def told(comparison: Comparison) -> str:
 
 def _worth(comparison: Comparison) -> str:
     """What adaptation is worth, in a sentence or two."""
-    subject, unit = comparison.subject, comparison.error_unit
+    subject = comparison.subject
     first, final = subject.first_rms_error, subject.final_rms_error
     knowing = f"Knowing {subject.knows} of its inertial parameters, the arm" if subject.knows else "The arm"
     if first is None or final is None:
-        return f"{knowing} has {error(subject.rms_error(), unit)} of tracking error in {subject.duration:.2f} s."
+        short = _in_each_unit(comparison, lambda joints: subject.rms_error(joints=joints))
+        return f"{knowing} has {short} of tracking error in {subject.duration:.2f} s."
     went = (
-        f"goes from {error(first, unit)} of tracking error in the first second to {error(final, unit)} in the last two"
+        f"goes from {first_error(comparison, subject)} of tracking error in the first second to "
+        f"{final_error(comparison, subject)} in the last two"
     )
     return " ".join((f"{knowing} {went}.", *_without_adaptation(comparison, final)))
 
@@ -56,8 +72,8 @@ def _without_adaptation(comparison: Comparison, final: float) -> Iterator[str]:
     if baseline.rollout.terminated:
         yield f"The same controller with adaptation off is {outcome(baseline)}."
     elif (off := baseline.final_rms_error) is not None and final:
-        times = f"{number(off / final, 2)} times as much"
-        yield f"The same controller with adaptation off stays at {error(off, comparison.error_unit)}, {times}."
+        times = f", {number(off / final, 2)} times as much" if len(comparison.joints_by_unit) == 1 else ""
+        yield f"The same controller with adaptation off stays at {final_error(comparison, baseline)}{times}."
 
 
 def headline(told: str, complete: bool) -> str:
@@ -76,22 +92,33 @@ def outcome(run: ControllerRun) -> str:
 
 def facts(comparison: Comparison) -> Iterator[tuple[str, str]]:
     """Questions that a person asks first, and the answers."""
-    subject, unit = comparison.subject, comparison.error_unit
-    yield "RMS error, first second", error(subject.first_rms_error, unit)
-    yield "RMS error, last 2 s", error(subject.final_rms_error, unit)
+    subject = comparison.subject
+    yield "RMS error, first second", first_error(comparison, subject)
+    yield "RMS error, last 2 s", final_error(comparison, subject)
     if comparison.baseline:
         baseline = comparison.baseline
         fell = baseline.rollout.terminated
-        yield "… with adaptation off", outcome(baseline) if fell else error(baseline.final_rms_error, unit)
+        yield "… with adaptation off", outcome(baseline) if fell else final_error(comparison, baseline)
     if subject.lyapunov_max_increase is not None:
-        rise = subject.lyapunov_max_increase
-        yield "Lyapunov function", "never rises" if rise == 0.0 else f"rises by at most {number(rise)} J a step"
+        yield "Lyapunov function", lyapunov_words(subject.lyapunov_max_increase)
     peak = float(comparison.peak_torque_shares.max())
     yield "Peak torque", f"{100 * peak:.0f} % of the limit"
     yield "Steps at a torque limit", f"{comparison.limited_steps(subject):,} of {len(subject.rollout.time):,}"
-    yield "Parameters", f"{comparison.space.rank} independent among {len(comparison.mechanism.parameter_names)}"
+    yield "Parameters", parameters(comparison)
     if (factor := realtime_factor(subject)) is not None:
         yield "Simulated", f"{number(factor)} times faster than real time"
+
+
+def lyapunov_words(rise: float) -> str:
+    """What a Lyapunov function does whose largest rise in a control period is `rise` (J); in theory it never rises."""
+    return "never rises" if rise == 0.0 else f"rises by at most {number(rise)} J a step"
+
+
+def parameters(comparison: Comparison) -> str:
+    """Numbers of independent and of all inertial parameters, and of friction's, which energies do not tell of."""
+    inertial, all_of_them = len(comparison.space.parameter_names), len(comparison.mechanism.parameter_names)
+    friction = f", and {all_of_them - inertial} of friction" if all_of_them > inertial else ""
+    return f"{comparison.space.rank} independent among {inertial} inertial{friction}"
 
 
 INCOMPLETE = "This run was interrupted. What was computed until then is shown; it is not the whole experiment."

@@ -11,7 +11,18 @@ from adaptctl.experiments.replication.draws import Draws
 from adaptctl.experiments.replication.printed import Table, printed
 from adaptctl.experiments.replication.study import Study
 from adaptctl.experiments.replication.torque_tables import ENERGY
-from adaptctl.experiments.replication.verdict import Check, Claim, Item, Outturn, Scene, drawn, evidence, percent
+from adaptctl.experiments.replication.verdict import (
+    Check,
+    Claim,
+    Item,
+    Outturn,
+    Scene,
+    drawn,
+    evidence,
+    held,
+    judged,
+    percent,
+)
 
 SLOPE, REAL = 0.5, np.array([3.0, 2.5])
 """c and D_R of the drawn example."""
@@ -57,16 +68,17 @@ def figure3(study: Study) -> Item:
         drawn("PUMA 560", str(s), text, percents[:, s])
         for s, text in zip((30, 34), _sayings("puma_energy"), strict=True)
     )
+    claims = (_puma_energy(study.puma_draws, checks), *_arm_energy(study))
     return Item(
         "figure3",
         "The relations between %error and the number of inertial components, both arms",
-        Outturn.IN_SHAPE,
-        "The PUMA's curve falls as printed, steadily to 34 components, then steeply; the printed draw lies high: "
-        f"{above} of the five printed errors exceed those of all {study.seeds} seeds. The other arm's steep tail is "
-        "that of a linkage that is nearly a parallelogram.",
+        judged(checks, claims),
+        f"{held(claims)} The PUMA's curve falls as printed, steadily to 34 components, then steeply; the printed draw "
+        f"lies high: {above} of the five printed errors exceed those of all {study.seeds} seeds. The other arm's steep "
+        "tail is that of a linkage that is nearly a parallelogram.",
         chosen=study.choices,
         checks=checks,
-        claims=(_puma_energy(study.puma_draws, checks), *_arm_energy(study)),
+        claims=claims,
         evidence=(
             evidence(
                 "The PUMA's largest errors over the seeds: {} % at 25 components (printed 11.3), {} % at 30 (5.3).",

@@ -72,14 +72,18 @@ def _layout(scenes: Sequence[Scene], figures: Mapping[str, Path]) -> rrb.Bluepri
     first = rrb.Horizontal(
         views.text("verdicts", "Verdicts"), views.text("evidence", "Claims and evidence"), name="Verdicts"
     )
-    return views.tabs(first, *(_arm_tab(scene) for scene in scenes), *_pictures(figures))
+    return views.tabs(*_pictures(figures), *(_arm_tab(scene) for scene in scenes), first)
 
 
 def _arm_tab(scene: Scene) -> rrb.Container:
     name = entity(scene.label)
     viewpoint = Viewpoint.of(scene.mechanism, skeleton(scene.mechanism), scene.p)
     joints = [
-        views.curves(f"/torque/{name}/{entity(joint.name)}", f"{joint.name}: torque [N·m], actual and of components")
+        views.curves(
+            f"/torque/{name}/{entity(joint.name)}",
+            f"{joint.name}: torque [N·m], actual and of components",
+            float(scene.time[-1]),
+        )
         for joint in scene.mechanism.primary_joints
     ]
     arm = views.arm(f"{WORLD}/{name}", f"{scene.label} along the stated sinusoid", viewpoint)

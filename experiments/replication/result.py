@@ -40,4 +40,12 @@ class Replication:
     @property
     def errata(self) -> tuple[str, ...]:
         """Names of the items that are wrong somewhere."""
-        return tuple(item.name for item in self.items if item.verdict is Outturn.ERRATUM)
+        return self._named(Outturn.ERRATUM)
+
+    @property
+    def not_reproduced(self) -> tuple[str, ...]:
+        """Names of the items that did not come out."""
+        return self._named(Outturn.NOT_REPRODUCED)
+
+    def _named(self, verdict: Outturn) -> tuple[str, ...]:
+        return tuple(item.name for item in self.items if item.verdict is verdict)

@@ -32,6 +32,7 @@ def summary(replication: Replication) -> dict[str, Any]:
         "marks": asdict(replication.marks),
         "items_by_verdict": {v.value: sum(item.verdict is v for item in items) for v in Outturn},
         "errata": list(replication.errata),
+        "not_reproduced": list(replication.not_reproduced),
         "items": {item.name: _item(item) for item in items},
         "settings": {setting.name: setting.value for setting in replication.settings},
     }

@@ -189,9 +189,21 @@ def marked(row: str, column: str, text: str, kept: bool, unlike: Outturn = Outtu
     return Check(row, column, printed, computed, Outturn.REPRODUCED if printed == computed else unlike)
 
 
-def judged(checks: Sequence[Check]) -> Outturn:
-    """Outturn on several checks: an erratum if one is; else the most frequent of those that are no inputs."""
+def judged(checks: Sequence[Check], claims: Sequence[Claim] = ()) -> Outturn:
+    """Outturn on several checks and on what the text says of them.
+
+    An erratum if one is; not reproduced where one entry is not, or nothing that is said holds; else the most frequent
+    of the checks that are no inputs.
+    """
     verdicts = [check.verdict for check in checks if check.verdict is not Outturn.GIVEN]
-    if not verdicts:
-        return Outturn.GIVEN
-    return Outturn.ERRATUM if Outturn.ERRATUM in verdicts else max(verdicts, key=verdicts.count)
+    if Outturn.ERRATUM in verdicts:
+        return Outturn.ERRATUM
+    if Outturn.NOT_REPRODUCED in verdicts or (claims and all(c.verdict is Outturn.NOT_REPRODUCED for c in claims)):
+        return Outturn.NOT_REPRODUCED
+    return max(verdicts, key=verdicts.count) if verdicts else Outturn.GIVEN
+
+
+def held(claims: Sequence[Claim]) -> str:
+    """Sentence on how many claims of the text hold."""
+    count = sum(claim.verdict is not Outturn.NOT_REPRODUCED for claim in claims)
+    return f"{count or 'None'} of the text's {len(claims)} claims {'holds' if count == 1 else 'hold'}."

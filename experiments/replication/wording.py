@@ -28,6 +28,8 @@ def headline(replication: Replication) -> str:
         )
     if replication.errata:
         said.append(f"Wrong, with a proof by numbers: {', '.join(replication.errata)}.")
+    if replication.not_reproduced:
+        said.append(f"Not reproduced, and not shown to be wrong: {', '.join(replication.not_reproduced)}.")
     return " ".join(said) or f"Computed: {', '.join(item.name for item in replication.items)}."
 
 
@@ -38,7 +40,7 @@ def facts(replication: Replication) -> Iterator[tuple[str, str]]:
     yield "Reproduced", f"{n.reproduced}, {n.to_the_last_digit} to the last digit"
     yield "Reproduced in shape", f"{n.in_shape}"
     yield "Errata", f"{len(replication.errata)} of {len(replication.items)} items"
-    yield "Not reproduced", f"{n.not_reproduced}"
+    yield "Not reproduced", f"{n.not_reproduced} numbers, {len(replication.not_reproduced)} items as a whole"
     yield "Crosses and blanks", f"{m.reproduced} of {m.printed}"
     yield "Draws of random states", f"{replication.study.seeds} where the paper made one"
     yield "Computed in", f"{replication.seconds:.1f} s"

@@ -46,7 +46,7 @@ def _log_curves(recording: rr.RecordingStream, side: Side, color: Color) -> None
     subject, baseline = side.comparison.subject, side.comparison.baseline
     _log_tip_error(recording, side, subject, Style((f"{side.label}, learning",), (color,), width=2.0))
     if baseline is not None:
-        _log_tip_error(recording, side, baseline, Style((f"{side.label}, adaptation off",), (color.faded(0.55, DARK),)))
+        _log_tip_error(recording, side, baseline, Style((f"{side.label}, adaptation off",), (color.faded(0.3, DARK),)))
     log_joint_errors(recording, f"error/{side.name}", subject, side.comparison.joint_names)
     log_torque_shares(recording, f"torque_share/{side.name}", side.comparison)
     if subject.lyapunov is not None and subject.lyapunov[0] > 0.0:
@@ -81,18 +81,22 @@ def _markdown(result: SideBySide) -> str:
 def _blueprint(result: SideBySide) -> rrb.Blueprint:
     """Layout of the screen: both arms and the table on the left, curves on the right."""
     left = rrb.Vertical(_scene(result), views.text("summary", "Table"), row_shares=[1, 1])
-    curves = [views.curves("/tip_error", "Distance of the tip from its path, powers of ten of a mm")]
-    curves.append(views.curves("/lyapunov", "Lyapunov function over its first value · must never rise"))
+    end = max(side.comparison.subject.duration for side in result.sides)
+    curves = [
+        views.curves("/tip_error", "Distance of the tip from its path, powers of ten of a mm", end, room=views.LONG)
+    ]
+    curves.append(views.curves("/lyapunov", "Lyapunov function over its first value · in theory it never rises", end))
     for side in result.sides:
         unit = side.comparison.error_unit
-        curves.append(views.curves(f"/error/{side.name}", f"{side.label}: tracking error [{unit}]"))
+        curves.append(views.curves(f"/error/{side.name}", f"{side.label}: tracking error [{unit}]", end))
     for side in result.sides:
-        curves.append(views.curves(f"/torque_share/{side.name}", f"{side.label}: torque / limit", (-1.1, 1.1)))
+        curves.append(views.curves(f"/torque_share/{side.name}", f"{side.label}: torque / limit", end, (-1.1, 1.1)))
     return views.tabs(rrb.Horizontal(left, rrb.Grid(*curves, grid_columns=2), column_shares=[5, 7], name="Overview"))
 
 
 def _scene(result: SideBySide) -> rrb.View:
-    target = np.array([0.2, 0.0, 0.12])
-    away = np.array([1.5, -0.75, 0.6]) * (0.5 + 0.45 * APART * (len(result.sides) - 1))
+    floor = _floor(result)
+    target = np.array([0.2, 0.0, 0.12 + 0.4 * floor])
+    away = np.array([1.5, -0.75, 0.6]) * (0.45 - 0.3 * floor + 0.45 * APART * (len(result.sides) - 1))
     names = [*(side.label for side in result.sides), "desired: green ghost", "adaptation off: orange"]
-    return views.arm(WORLD, " · ".join(names), Viewpoint(target + away, target, _floor(result)))
+    return views.arm(WORLD, " · ".join(names), Viewpoint(target + away, target, floor))

@@ -1,0 +1,26 @@
+"""`adaptctl install-completion`: commands, flags and experiments completed by the shell."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+
+def install_completion(
+    *,
+    shell: Annotated[Literal["bash", "zsh", "fish"] | None, Parameter(help="The shell; else the one in use.")] = None,
+    out: Annotated[Path | None, Parameter(metavar="FILE", help="Write the script here instead.")] = None,
+) -> None:
+    """Install completion for a shell: its script, and a line in its startup file where it needs one."""
+    from cyclopts.completion import ShellDetectionError
+
+    from adaptctl.cli.main import app
+    from adaptctl.errors import InputError
+
+    try:
+        path = app.install_completion(shell=shell, output=out, add_to_startup=out is None)
+    except ShellDetectionError as error:
+        raise InputError("--shell: the shell in use is not known: name bash, zsh or fish") from error
+    print(f"Written: {path}\nIt works in shells opened from now on.")

@@ -1,0 +1,118 @@
+"""`adaptctl doctor`: what is installed, and whether it works together."""
+
+from __future__ import annotations
+
+import sys
+from importlib.metadata import PackageNotFoundError, requires, version
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from adaptctl.cli.output import print_json
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+SCHEMA = "adaptctl/doctor/1"
+OK, WRONG = 0, 1
+
+
+def doctor(*, json: Annotated[bool, Parameter(help="Print JSON instead of text.")] = False) -> int:
+    """Tell what is installed: versions, the processor's lanes, the cache, the viewer, extras. Exit code 1 if wrong."""
+    found = examined()
+    if json:
+        print_json(found)
+    else:
+        print("\n".join(_lines(found)))
+    return WRONG if found["wrong"] else OK
+
+
+def examined() -> dict[str, Any]:
+    """What is installed, in JSON's types; `wrong` holds a sentence for each thing that keeps adaptctl from working."""
+    import platform
+
+    required, extras = _requirements()
+    packages = {name: _version(name) for name in required}
+    compiler, viewer = _compiler(), _viewer()
+    wrong = [f"{name} is missing: pip install {name}" for name, found in packages.items() if found is None]
+    wrong += [compiler["error"]] if compiler["error"] else []
+    wrong += [] if viewer else ["the viewer is missing: pip install rerun-sdk"]
+    return {
+        "schema": SCHEMA,
+        "adaptctl": _version("adaptctl"),
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "packages": packages,
+        "compiler": compiler,
+        "cache": _cache(),
+        "viewer": viewer,
+        "extras": {extra: {name: _version(name) for name in names} for extra, names in extras.items()},
+        "wrong": wrong,
+    }
+
+
+def _requirements() -> tuple[list[str], dict[str, list[str]]]:
+    """Names of the packages that are required, and of those of each extra."""
+    import re
+
+    required: list[str] = []
+    extras: dict[str, list[str]] = {}
+    for entry in requires("adaptctl") or ():
+        name = re.split(r"[^\w.-]", entry, maxsplit=1)[0]
+        extra = re.search(r"""extra\s*==\s*['"]([\w-]+)""", entry)
+        (extras.setdefault(extra[1], []) if extra else required).append(name)
+    return required, extras
+
+
+def _version(name: str) -> str | None:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return None
+
+
+def _compiler() -> dict[str, Any]:
+    """Lanes of the processor, and what a compiled sum of squares says of the compiler."""
+    try:
+        from adaptctl.compilation import compile_function
+        from adaptctl.compilation.processor import Processor
+
+        kernel = compile_function(lambda x: sum(x[i] * x[i] for i in range(3)), {"x": 3}, name="doctor")
+        right = float(kernel([1.0, 2.0, 3.0])) == 14.0
+        return {"lanes": Processor.host().lanes, "error": None if right else "compiled code computes wrong numbers"}
+    except Exception as error:  # whatever it is, telling it is what this command is for
+        return {"lanes": None, "error": f"nothing can be compiled: {' '.join(str(error).split())}"}
+
+
+def _cache() -> dict[str, Any]:
+    from adaptctl.compilation.object_cache import SUFFIX, cache_folder
+
+    folder = cache_folder()
+    sizes = [path.stat().st_size for path in folder.glob(f"*{SUFFIX}")] if folder and folder.is_dir() else []
+    return {"folder": str(folder) if folder else None, "objects": len(sizes), "bytes": sum(sizes)}
+
+
+def _viewer() -> str | None:
+    """Path of the viewer's program, beside this Python or on the PATH."""
+    import shutil
+
+    return shutil.which("rerun", path=str(Path(sys.executable).parent)) or shutil.which("rerun")
+
+
+def _lines(found: dict[str, Any]) -> Iterator[str]:
+    yield f"adaptctl {found['adaptctl']}, Python {found['python']}, {found['platform']}"
+    compiler, cache = found["compiler"], found["cache"]
+    yield f"compiler  {compiler['error'] or 'works, ' + str(compiler['lanes']) + ' lanes of doubles'}"
+    yield f"cache     {cache['folder'] or 'off'}: {cache['objects']} objects, {cache['bytes'] / 2**20:.1f} MB"
+    yield f"viewer    {found['viewer'] or 'missing'}"
+    yield "packages"
+    yield from (f"  {name:<14} {has or 'missing'}" for name, has in found["packages"].items())
+    yield "extras"
+    for extra, packages in found["extras"].items():
+        there = ", ".join(f"{name} {has}" for name, has in packages.items() if has)
+        missing = ", ".join(name for name, has in packages.items() if not has)
+        yield f"  {extra:<14} {there}{'; ' if there and missing else ''}{f'missing: {missing}' if missing else ''}"
+    yield from (f"wrong: {one}" for one in found["wrong"])
+    if not found["wrong"]:
+        yield "Nothing is wrong."

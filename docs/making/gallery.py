@@ -1,0 +1,102 @@
+"""Gallery page: every experiment with a picture, its command, and what came out of it."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from subprocess import run
+
+from PIL import Image
+
+from adaptctl.experiments import EXPERIMENTS, Entry
+
+DOCS = Path(__file__).resolve().parent.parent
+PICTURES, PAGE = DOCS / "images" / "gallery", DOCS / "gallery.md"
+WIDTH = 720
+"""pixels of a picture"""
+FIRST = {"task-space": "tool-error", "serial-versus-graph": "tip-error", "sheu-walker-1991": "figure-3"}
+"""Figures that show what the experiment is about, where it is not the tracking error."""
+HEAD = """# Gallery
+
+Every experiment: a picture, the command that makes it, and what came out. `make gallery` makes this page anew.
+"""
+
+
+def make(results: Path) -> list[str]:
+    """Run what has no results yet, and write pictures and page; returns sentences on what is missing."""
+    missing, parts = [], [HEAD]
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    for entry in EXPERIMENTS:
+        folder = results / entry.name
+        if not (folder / "report.html").is_file():
+            command = [sys.executable, "-m", "adaptctl", "experiment", "run", entry.name, "--out", str(folder)]
+            if run(command, check=False).returncode not in (0, 3):
+                missing.append(f"{entry.name}: it did not run")
+        missing += list(_picture(entry.name, folder))
+        parts.append(_part(entry, folder))
+    PAGE.write_text("\n".join(parts), encoding="utf-8")
+    return missing
+
+
+def _picture(name: str, folder: Path) -> Iterator[str]:
+    """Write the picture of an experiment: its recording in the viewer, or a figure; yields what is missing."""
+    target = PICTURES / f"{name}.png"
+    if os.environ.get("GALLERY_VIEWER", "on") == "off" or not _screenshot(folder / "recording.rrd", target):
+        yield f"{name}: no viewer without a screen, so a figure of the report is shown (Vulkan is missing?)"
+        figures = sorted((folder / "figures").glob("*.png"))
+        if not figures:
+            return
+        chosen = folder / "figures" / f"{FIRST.get(name, 'tracking-error')}.png"
+        _shrink(chosen if chosen.is_file() else figures[0], target)
+
+
+def _shrink(source: Path, target: Path) -> None:
+    with Image.open(source) as picture:
+        small = picture.convert("RGB")
+    small.thumbnail((WIDTH, WIDTH), Image.Resampling.LANCZOS)
+    small.quantize(96).save(target, optimize=True)
+
+
+def _screenshot(recording: Path, target: Path, seconds: float = 8.0) -> bool:
+    """Write what a person sees who opens the recording; False where no viewer runs."""
+    from rerun.experimental import ViewerClient
+
+    try:
+        with ViewerClient.spawn(headless=True, port=20_000 + os.getpid() % 10_000, hide_welcome_screen=True) as viewer:
+            viewer.open(str(recording.resolve()))
+            while viewer.get_state().loading:
+                time.sleep(0.1)
+            viewer.set_time("sim_time", duration=seconds)
+            time.sleep(1.5)
+            target.write_bytes(viewer.take_screenshot())
+    except (RuntimeError, ConnectionError, TimeoutError, OSError):
+        return False
+    _shrink(target, target)
+    return True
+
+
+def _part(entry: Entry, folder: Path) -> str:
+    """Section of an experiment, in Markdown."""
+    outcome = _outcome(folder / "summary.json")
+    shown = PICTURES / f"{entry.name}.png"
+    picture = f"![What {entry.name} shows](images/gallery/{entry.name}.png)\n\n" if shown.is_file() else ""
+    command = f"```console\nadaptctl experiment run {entry.name}\n```\n"
+    return f"## {entry.name}\n\n{picture}{entry.summary}.{outcome}\n\n{command}"
+
+
+def _outcome(summary: Path) -> str:
+    """Sentence on the error at the end, where the experiment tells one."""
+    if not summary.is_file():
+        return ""
+    found = json.loads(summary.read_text(encoding="utf-8"))
+    final, off = (found.get(name) for name in ("final_rms_error", "final_rms_error_adaptation_off"))
+    if not final or not off:
+        return ""
+    return (
+        f" It ends at {1e3 * final:.3g} thousandths of a rad or m of tracking error, with adaptation off at "
+        f"{1e3 * off:.3g}."
+    )

@@ -1,0 +1,113 @@
+"""What the command line shows fits the terminal and loses no number, and scripts get JSON."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+
+from adaptctl.cli.doctor import examined
+from adaptctl.cli.main import main
+from adaptctl.cli.tables import WrappedTable
+
+EXPERIMENT = ("experiment", "run", "puma560-adaptive", "--duration", "0.05")
+
+
+def told(capsys: pytest.CaptureFixture[str], *command: str) -> dict[str, object]:
+    assert main(command) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def drawn(table: WrappedTable, width: int) -> str:
+    console = Console(width=width, force_terminal=False)
+    with console.capture() as captured:
+        console.print(table)
+    return captured.get()
+
+
+@given(
+    width=st.integers(24, 120),
+    rows=st.lists(st.lists(st.floats(-1e6, 1e6), min_size=6, max_size=6), min_size=1, max_size=4),
+)
+def test_tables_lose_no_number_whatever_the_width(width: int, rows: list[list[float]]) -> None:
+    texts = [[f"{x:.4g}" for x in row] for row in rows]
+    table = WrappedTable(("joint", *"abcdef"), [[f"j{i}", *row] for i, row in enumerate(texts)])
+    lines = drawn(table, width).splitlines()
+    assert max(map(len, lines)) <= width
+    for i, row in enumerate(texts):
+        shown = [word for line in lines if line.split()[:1] == [f"j{i}"] for word in line.split()[1:]]
+        assert shown == row
+
+
+@pytest.mark.parametrize("columns", ["40", "80", "200"])
+def test_gains_are_whole_into_a_pipe(columns: str, capsys: pytest.CaptureFixture[str]) -> None:
+    found = told(capsys, "gains", "puma560_geared", "--json")
+    done = subprocess.run(
+        [sys.executable, "-m", "adaptctl", "gains", "puma560_geared"],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, "COLUMNS": columns},
+    )
+    assert "…" not in done.stdout
+    for joint in found["joints"]:  # type: ignore[attr-defined]
+        for name in ("inertia", "stiffness", "rate", "slotine_li_damping"):
+            assert f"{joint[name]:.4g}" in done.stdout.split()
+
+
+def test_doctor_tells_what_is_there(capsys: pytest.CaptureFixture[str]) -> None:
+    found = told(capsys, "doctor", "--json")
+    assert found["wrong"] == []
+    assert found["packages"]["numpy"] == numpy.__version__  # type: ignore[index]
+    assert found["compiler"]["lanes"] in (2, 4, 8)  # type: ignore[index]
+    assert main(["doctor"]) == 0
+    assert "Nothing is wrong." in capsys.readouterr().out
+
+
+def test_doctor_names_what_is_missing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
+    monkeypatch.setenv("ADAPTCTL_CACHE", "off")
+    assert examined()["cache"]["folder"] is None
+    assert main(["doctor"]) == 1
+    assert "wrong: the viewer is missing: pip install rerun-sdk" in capsys.readouterr().out
+
+
+def test_completion_knows_commands_experiments_and_flags(tmp_path: Path) -> None:
+    script = tmp_path / "completion.bash"
+    assert main(["install-completion", "--shell", "bash", "--out", str(script)]) == 0
+    text = script.read_text()
+    for word in ("doctor", "payload-drop", "--initial-error", "--energy-error"):
+        assert word in text
+    subprocess.run(["bash", "-n", str(script)], check=True)
+
+
+def test_experiments_are_told_as_json_and_notes_come_last(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "adaptctl", *EXPERIMENT, "--out", str(tmp_path / "out"), "--json"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+    )
+    text, _, note = done.stdout.rpartition("}\n")
+    found = json.loads(text + "}")
+    assert (found["schema"], found["complete"]) == ("adaptctl/experiment/1", True)
+    assert found["folder"] == str(tmp_path / "out")
+    assert done.returncode == (0 if found["verdict"]["passed"] else 3)
+    assert note.startswith("adaptctl: note: puma560: no rigid body")
+
+
+def test_list_is_told_as_json(capsys: pytest.CaptureFixture[str]) -> None:
+    found = told(capsys, "experiment", "list", "--json")
+    assert {"name", "summary"} == set(found["experiments"][0])  # type: ignore[index]
