@@ -76,7 +76,7 @@ def _begun(mechanism: Mechanism, url: str, first: Array) -> tuple[rr.RecordingSt
     around = np.concatenate((first[:, 1 : 1 + r], first[:, 1 + r : 1 + 2 * r]))
     names = [("/error", "Tracking error [mrad or mm]"), ("/torque", "Torque [N·m or N]"), ("/position", "Position")]
     arm = views.arm(WORLD, "The arm · desired: green ghost", Viewpoint.of(mechanism, parts, around))
-    recording.send_blueprint(views.live(arm, [views.curves(origin, name) for origin, name in names]))
+    recording.send_blueprint(views.live(arm, [views.curves(origin, name, None) for origin, name in names]))
     recording.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     recording.send_recording_name(f"{mechanism.name}, live")
     log_base(recording, mechanism, parts, floor_height(mechanism, parts, around))

@@ -122,8 +122,9 @@ def _layout(study: DesignStudy, named: Named, figures: Mapping[str, Path], eye: 
     pictures = {name: views.picture(f"figures/{name}", name) for name in figures}
     right: list[rrb.View] = [views.text("summary", "Summary")]
     if named.runs:
-        right.append(views.curves("/error", "Tracking error of all joints (RMS), powers of ten of a mrad or mm"))
-        right.append(views.curves("/torque", "Torque of all joints (RMS over 0.25 s, N m)"))
+        end, error = named.runs[0].duration, "Tracking error of all joints (RMS), powers of ten of a mrad or mm"
+        right.append(views.curves("/error", error, end))
+        right.append(views.curves("/torque", "Torque of all joints (RMS over 0.25 s, N m)", end))
     else:
         right.append(views.picture("figures/links", "links"))
     overview = rrb.Horizontal(views.arm(WORLD, label, eye), rrb.Vertical(*right), name="Overview")
@@ -135,7 +136,7 @@ def _log_run(recording: rr.RecordingStream, index: int, run: ControllerRun) -> N
     style = Style((run.label,), (run_color(index),), width=2.0)
     log_decades(recording, f"error/{run.name}", run, run.moving_rms_error(AVERAGE), style)
     squares = np.mean(run.rollout.applied**2, axis=1)
-    window = max(1, round(AVERAGE / run.rollout.control_period))
+    window = max(1, round(AVERAGE / run.rollout.spacing))
     mean = np.sqrt(np.convolve(squares, np.full(window, 1.0 / window), "same"))
     log_series(recording, f"torque/{run.name}", run.rollout.time[every], mean[every, None], style)
 
