@@ -157,7 +157,7 @@ def tick_cost(controller: Controller[Any], run: Rollout) -> TickCost:
     if kernel is None:
         return TickCost(called)
     memory = controller.init(run.p[0], run.v[0])
-    kept = [*leaves(memory), *([controller.packed] if controller.packed.size else [])]
+    kept = [np.concatenate([np.zeros(0), *leaves(memory)]), *([controller.packed] if controller.packed.size else [])]
     arguments = [*states, *(np.tile(part, (TIMED_TICKS, 1)) for part in kept)]
     results = [np.empty((TIMED_TICKS, *shape)) for shape in kernel.outputs]  # fresh ones would time page faults
     native = min(_duration(partial(kernel.map, out=results), *arguments) for _ in range(REPETITIONS))
