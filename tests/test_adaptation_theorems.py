@@ -96,7 +96,8 @@ def prediction_errors(run: Loop, controller: AdaptiveController, true: Array) ->
 )
 def test_gradient(name: str, bandwidth: float, ratio: float, rate: float, mass: float, seed: int) -> None:
     mechanism, model = arm(name), reduced(name)
-    law = SlotineLi(model, bandwidth, ratio / 4.0 * gains(name).damping, own_gain(name, rate))
+    trapezium = Gradient(own_gain(name, rate), theta=0.5, cap=0.0)  # closest to the law in continuous time
+    law = SlotineLi(model, bandwidth, ratio / 4.0 * gains(name).damping, trapezium)
     true = loaded(mechanism, mass)
     run = loop(law, mechanism, swinging(mechanism, seed), 0.5, parameters=true)
     V = kinetic(mechanism.with_parameters(true), run) + distance(law, run, true)
