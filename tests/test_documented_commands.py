@@ -24,7 +24,7 @@ OTHERS = {
     "--follow-tags",
 }
 """Flags of other programs, and those that every command has."""
-COMMANDS = ("basis", "gains", "identify", "excite", "tune", "sweep", "doctor", "install-completion")
+COMMANDS = ("basis", "gains", "identify", "excite", "tune", "design", "export", "sweep", "doctor", "install-completion")
 
 
 def commands(text: str) -> list[list[str]]:
