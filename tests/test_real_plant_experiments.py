@@ -49,7 +49,7 @@ def test_friction_is_learned_where_there_are_columns_for_it() -> None:
 
 def test_a_payload_is_learned_and_forgotten() -> None:
     """From a rough model these come back after either event; the same without adaptation does not."""
-    laws = ("gradient", "cushioned-floor", "natural")
+    laws = ("gradient", "natural")
     content = shown(PayloadDrop(laws=laws, duration=24.0, start=6.0, stop=15.0))
     for law in laws:
         assert 0.0 <= found(content, f"return_after_pickup.{law}") < (8.0 if law == "gradient" else 5.0)

@@ -38,6 +38,8 @@ NOT_SENT = {"Period", "Result", "Live", "LiveView"}
 WAYS: tuple[Callable[[Any], Any], ...] = (copy.deepcopy, lambda x: pickle.loads(pickle.dumps(x)))
 ATOMS = (enum.Enum, int, float, complex, str, bytes, type(None), type, types.FunctionType, types.BuiltinFunctionType)
 REST = np.zeros(3)
+LARGE = ("composite learning", "floor")
+"""laws that take long to compile, and are sent as `forgetting` is"""
 
 
 def public_classes() -> set[type]:
@@ -229,7 +231,7 @@ def test_an_instance_of_every_public_class_was_among_it() -> None:
     assert missing <= NOT_SENT, f"add an example to ROOTS of {sorted(missing - NOT_SENT)}"
 
 
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("name", [name for name in LAWS if name not in LARGE])
 @pytest.mark.parametrize("sent", WAYS, ids=["copied", "pickled"])
 def test_laws_compute_the_same_before_and_after_use(name: str, sent: Callable[[Any], Any]) -> None:
     before = sent(slow := sent(LAWS[name]))
