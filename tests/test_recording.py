@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import math
-import re
 from dataclasses import replace
-from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
@@ -203,87 +200,6 @@ def test_summary_says_how_it_went(folder: Path, shown: Comparison) -> None:
     np.testing.assert_array_equal(truth, shown.true_parameters)
     assert [entry["estimate"] for entry in said["parameters"].values()] == run.estimate[-1].tolist()
     assert said["findings"]["difference"] == {"value": 2e-11, "unit": "N m"}
-
-
-class Page(HTMLParser):
-    """The links, images and text of a page."""
-
-    def __init__(self, html: str) -> None:
-        super().__init__()
-        self.links: list[str] = []
-        self.images: list[str] = []
-        self.tags: list[str] = []
-        self.text = ""
-        self.feed(html)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        given = dict(attrs)
-        self.tags.append(tag)
-        self.links += [given[name] or "" for name in ("src", "href") if name in given]
-        if tag == "img":
-            self.images.append(given["src"] or "")
-
-    def handle_data(self, data: str) -> None:
-        self.text += data
-
-
-def test_report_needs_nothing_but_itself(folder: Path) -> None:
-    html = (folder / "report.html").read_text()
-    page = Page(html)
-    assert page.links == page.images
-    assert not {"script", "link", "iframe", "object"} & set(page.tags)
-    assert "http" not in html
-    assert "url(" not in html
-    embedded = {base64.b64decode(image.removeprefix("data:image/png;base64,")) for image in page.images}
-    assert embedded == {path.read_bytes() for path in (folder / "figures").iterdir()}
-
-
-def test_report_says_it_all_and_takes_no_name_for_markup(folder: Path, shown: Comparison) -> None:
-    text = Page((folder / "report.html").read_text()).text
-    assert "Slotine-Li, <learning>" in text
-    assert told(shown) in text
-    for equation in shown.basis.equations():
-        assert equation in text
-    for name in shown.basis.names:
-        assert name in text
-    assert "rerun recording.rrd" in text
-    assert "interrupted" not in text
-
-
-def test_report_follows_the_reader(folder: Path) -> None:
-    """Light or dark as the reader's setting says; every column is headed, and narrow screens head every number."""
-    html = (folder / "report.html").read_text()
-    assert "prefers-color-scheme: dark" in html
-    assert '<meta name="color-scheme" content="light dark">' in html
-    assert not re.search(r"<th[^>]*>\s*</th>", html)
-    tables = re.findall(r'<table class="rows">.*?<tbody>(.*?)</tbody>', html, re.DOTALL)
-    assert tables
-    for row in re.findall(r"<tr.*?</tr>", " ".join(tables), re.DOTALL):
-        cells = re.findall(r"<td([^>]*)>", row)
-        assert len(cells) > 1
-        assert all("data-of=" in cell for cell in cells[1:])
-
-
-def test_text_of_a_report_stands_out_from_its_ground() -> None:
-    """Ratios of contrast are at least 4.5 (WCAG 2.2, 1.4.3), light and dark."""
-    page = Path("adaptctl/recording/page.html").read_text()
-    themes = [dict(re.findall(r"--(\w+): (#[0-9a-f]{3,6});", part)) for part in page.split(":root {")[1:3]]
-    for theme in themes:
-        for ink in ("ink", "soft", "accent", "warm"):
-            for ground in ("paper", "wash", "card"):
-                assert contrast(theme[ink], theme[ground]) >= 4.5, (ink, ground)
-
-
-def contrast(one: str, other: str) -> float:
-    light, dark = sorted((luminance(one), luminance(other)), reverse=True)
-    return (light + 0.05) / (dark + 0.05)
-
-
-def luminance(color: str) -> float:
-    digits = color[1:] if len(color) == 7 else "".join(2 * digit for digit in color[1:])
-    parts = [int(digits[i : i + 2], 16) / 255 for i in (0, 2, 4)]
-    linear = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts]
-    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
 
 
 @pytest.mark.parametrize("robot", ["semi_direct_drive", "semi_direct_drive_parallelogram", "puma560_measured"])

@@ -1,0 +1,67 @@
+"""Effects that cannot be, and those that do not fit an arm, are refused."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+from adaptctl.dynamics import load
+from adaptctl.envs import TrackingEnv
+from adaptctl.errors import InputError, NotFoundError
+from adaptctl.simulation.effects import (
+    ActuatorLag,
+    ControlDelay,
+    Effect,
+    Encoder,
+    FilteredDifferences,
+    Friction,
+    PayloadHeld,
+    PlantEffects,
+    TorqueLimit,
+    TorqueRateLimit,
+)
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "message"),
+    [
+        (lambda: ControlDelay(65), InputError, "65 control periods are longer than the buffer, which holds 64"),
+        (lambda: ControlDelay(-1), InputError, "control delay: expected a whole number"),
+        (lambda: ControlDelay(1.5), InputError, "expected a whole number of control periods, got 1.5"),
+        (lambda: ActuatorLag(0.0), InputError, "actuator lag: expected a positive number of s, got 0"),
+        (lambda: FilteredDifferences(-3.0), InputError, "cutoff: expected a positive number of Hz"),
+        (lambda: Friction(speed=0.0), InputError, "friction: speed: expected a positive number"),
+        (lambda: PayloadHeld(1.0, 2.0, 1.0), InputError, "expected a start before its stop, got 2.0 and 1.0 s"),
+        (lambda: PayloadHeld(-1.0), InputError, "expected a mass of at least 0 kg"),
+        (lambda: PlantEffects.of([ControlDelay(1), ControlDelay(2)]), InputError, "ControlDelay is given 2 times"),
+        (lambda: PlantEffects.of([0.1]), InputError, r"expected plant effects, such as ControlDelay\(2\), got 0.1"),
+    ],
+)
+def test_what_cannot_be_is_refused(make: Any, error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("effect", "error", "message"),
+    [
+        (Friction(viscous=-1.0), InputError, "friction: viscous: expected numbers of at least 0, got -1"),
+        (
+            Friction(coulomb=[1.0, 2.0]),
+            InputError,
+            r"friction: coulomb: expected a number or 6 of them, got shape \(2,\)",
+        ),
+        (Friction(stribeck=math.inf), InputError, "friction: expected finite numbers"),
+        (TorqueRateLimit(math.nan), InputError, "torque rate limit: expected numbers of at least 0"),
+        (TorqueLimit([-1.0] * 6), InputError, "torque limit: expected numbers of at least 0"),
+        (Encoder(resolution=math.inf), InputError, "encoder: resolution: expected finite numbers"),
+        (Encoder(noise=-1e-3), InputError, "encoder: noise: expected numbers of at least 0"),
+        (FilteredDifferences(500.0), InputError, "500 Hz is not below half the sampling rate, 500 Hz"),
+        (PayloadHeld(1.0, link="hand"), NotFoundError, "there is no link 'hand'; links: link1, link2"),
+    ],
+)
+def test_what_does_not_fit_an_arm_is_refused(effect: Effect, error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        TrackingEnv(load("puma560_measured"), effects=[effect])
