@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -12,7 +14,7 @@ import pytest
 
 import adaptctl
 from adaptctl.control import ReferencePoint
-from adaptctl.errors import InputError, LostSamplesWarning, MissingExtraError, NonFiniteError, NotFoundError
+from adaptctl.errors import InputError, LostSamplesWarning, NonFiniteError, NotFoundError
 from adaptctl.recording import compared_runs, judged, shown, write_artifacts
 from adaptctl.recording.summary import summary
 
@@ -71,11 +73,25 @@ def test_a_run_goes_to_tables_files_and_pictures(tmp_path: Path) -> None:
         run.plot(["waist"])
 
 
-def test_pandas_is_asked_for_where_it_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(__import__("sys").modules, "pandas", None)
-    run = adaptctl.Rollout.from_arrays(**motion(), control_period=PERIOD)
-    with pytest.raises(MissingExtraError, match="pip install pandas"):
-        run.to_pandas()
+WITHOUT_PANDAS = """
+import sys
+
+class Missing:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] == "pandas":
+            raise ModuleNotFoundError("No module named 'pandas'", name="pandas")
+
+sys.meta_path.insert(0, Missing())
+import numpy as np, adaptctl
+
+p = np.zeros((5, 2))
+adaptctl.Rollout.from_arrays(p, p, p, 1e-3).to_pandas()
+"""
+
+
+def test_pandas_is_asked_for_where_it_is_missing() -> None:
+    done = subprocess.run([sys.executable, "-c", WITHOUT_PANDAS], capture_output=True, text=True, timeout=60)
+    assert done.stderr.strip().endswith("MissingExtraError: Rollout.to_pandas needs pandas: pip install pandas")
 
 
 def logged(log: adaptctl.RunLogger, count: int, **more: Any) -> None:
