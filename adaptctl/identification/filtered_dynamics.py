@@ -157,18 +157,21 @@ class RowFilter:
     def rows(self, motion: SmoothMotion, regressor: Array) -> Rows:
         """With the torques, filtered alike at the log's own rate, where the arm moves."""
         log, n = motion.log, len(regressor)
-        at = motion.first + motion.every * (self.taps // 2 + self.every * np.arange(n))
+        at = self._centers(motion, n)
         own = low_pass(self.cutoff, log.rate)
         torque = filtered(log.torque, own)[at - len(own) // 2]
-        rows = Rows(
-            self.cutoff, log.time[at], regressor, torque, self.signal(motion.velocity), np.full(n, motion.number)
-        )
-        return rows.chosen(log.moving[at])
+        velocity, number = self.signal(motion.velocity), np.full(n, motion.number)
+        return Rows(self.cutoff, log.time[at], regressor, torque, velocity, number).chosen(self.moving(motion))
 
     def moving(self, motion: SmoothMotion) -> NDArray[np.bool_]:
-        """Which of the rows are kept, since the arm moves."""
-        n = len(range(0, len(motion.position) - self.taps + 1, self.every))
-        return np.asarray(motion.log.moving[motion.first + motion.every * (self.taps // 2 + self.every * np.arange(n))])
+        """Which of the rows are kept: those that the filter makes of motion alone, not of rest before or after it."""
+        at = self._centers(motion, len(range(0, len(motion.position) - self.taps + 1, self.every)))
+        around, moving = motion.every * (self.taps // 2), motion.log.moving
+        return np.asarray(moving[at - around] & moving[at] & moving[at + around])
+
+    def _centers(self, motion: SmoothMotion, count: int) -> NDArray[np.int64]:
+        """The log's samples that rows are of."""
+        return motion.first + motion.every * (self.taps // 2 + self.every * np.arange(count))
 
 
 def rows_of(motions: Sequence[SmoothMotion], mechanism: Mechanism, cutoffs: Sequence[float]) -> list[Rows]:
