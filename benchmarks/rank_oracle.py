@@ -329,7 +329,7 @@ def tree(rng: np.random.Generator, links: int, branched: bool) -> Case:
 
 
 def bent(rng: np.random.Generator, links: int) -> Case:
-    """A chain with one angle, or one offset, that is nearly special."""
+    """A chain with one angle, or one offset, that is nearly special, by more than round-off."""
     case = tree(rng, links, False)
     case.kind, case.miss = "near", float(10.0 ** rng.uniform(-10.5, -3.2))
     which = int(rng.integers(1, links))
@@ -337,7 +337,8 @@ def bent(rng: np.random.Generator, links: int) -> Case:
         small = about(0, turned(Fraction(case.miss / 2)))
         case.links[which].near = times(case.links[which].near, small)
     else:
-        case.links[which].near = times(shifted(Fraction(case.miss) / 10, 0, 0), case.links[which].near)
+        case.miss = max(case.miss / 10.0, 1e-10)
+        case.links[which].near = times(shifted(Fraction(case.miss), 0, 0), case.links[which].near)
     return case
 
 
