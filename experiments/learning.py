@@ -112,8 +112,8 @@ class Learning(ClosedLoopExperiment):
         space = essential_space(mechanism, seed=self.seed)
         basis = fundamental_basis(space)
         progress(OFFLINE, 1.0)
-        outcome = self.outcome(env, mechanism, basis, progress)
-        subject = self.contenders(mechanism, basis)[0].controller
+        contenders = self.contenders(mechanism, basis)
+        outcome = self.outcome(env, mechanism, contenders, progress)
         findings = tuple(self.findings(outcome, basis))
         return Comparison(
             experiment=self.name,
@@ -134,14 +134,14 @@ class Learning(ClosedLoopExperiment):
             answer=self.answer(outcome, Found(findings)) if outcome.complete else None,
             leading=self.leading(outcome),
             expected=self.expected,
-            live=live_subject(env, subject, self.seed, self.options) if outcome.complete else "",
+            live=live_subject(env, contenders[0].controller, self.seed, self.options) if outcome.complete else "",
         )
 
     def outcome(
-        self, env: gymnasium.Env[Any, Any], mechanism: Mechanism, basis: FundamentalBasis, progress: Progress
+        self, env: gymnasium.Env[Any, Any], mechanism: Mechanism, contenders: Sequence[Contender], progress: Progress
     ) -> Outcome:
         """Runs of all contenders."""
-        return contest(env, mechanism, self.contenders(mechanism, basis), self.seed, progress, self.options)
+        return contest(env, mechanism, contenders, self.seed, progress, self.options)
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
         """Findings besides the runs."""

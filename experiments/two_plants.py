@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -61,18 +61,17 @@ class TwoPlants(AdaptiveTracking):
         ]
 
     def outcome(
-        self, env: gymnasium.Env[Any, Any], mechanism: Mechanism, basis: FundamentalBasis, progress: Progress
+        self, env: gymnasium.Env[Any, Any], mechanism: Mechanism, contenders: Sequence[Contender], progress: Progress
     ) -> Outcome:
         """Runs on MuJoCo, then the law again on MuJoCo at shorter steps and on our plant."""
-        done = super().outcome(env, mechanism, basis, progress)
-        law = self.contenders(mechanism, basis)[0]
+        done = super().outcome(env, mechanism, contenders, progress)
         for name, label, other in (
             (FINE, f"Slotine-Li on MuJoCo, steps {SHORTER} times shorter", _Finer(**_settings(self))),
             (OURS, "Slotine-Li on adaptctl's plant", AdaptiveTracking(**_settings(self) | {"plant": "adaptctl"})),
         ):
             if not done.complete:
                 break
-            contender = replace(law, name=name, label=label)
+            contender = replace(contenders[0], name=name, label=label)
             more = contest(other.environment(mechanism), mechanism, [contender], self.seed, progress, self.options)
             done = Outcome(mechanism, (*done.runs, *more.runs), more.complete)
         return done

@@ -139,7 +139,12 @@ class _NativeRun:
     @property
     def _longest(self) -> int:
         """Control periods that there is room for at once."""
-        return min(LONGEST, max(CHUNK, self.steps // 100), self.steps)
+        return min(self._stretch, self.steps)
+
+    @property
+    def _stretch(self) -> int:
+        """Control periods of one native call, at most."""
+        return min(LONGEST, max(CHUNK, self.steps // 100))
 
     @property
     def _first(self) -> int:
@@ -227,7 +232,7 @@ class _NativeRun:
     def _times(self) -> Array:
         """The times of the next stretch and its end: as long as nothing changes, in one call's length."""
         first = self.count
-        longest = min(LONGEST, max(CHUNK, self.steps // 100), self.steps - first)
+        longest = min(self._stretch, self.steps - first)
         times = self.period * np.arange(first, first + longest + 1)
         same = int(np.searchsorted(times, self.episode.plant.until(times[0])))
         return np.asarray(times[: max(1, min(same, longest)) + 1])
