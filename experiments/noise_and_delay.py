@@ -31,6 +31,7 @@ LAWS = (
     "bounded-gain-forgetting",
     "cushioned-floor",
     "composite-learning",
+    "concurrent-learning",
     "natural",
     "consistent-lift",
     "gradient",
