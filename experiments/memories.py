@@ -21,9 +21,9 @@ def memory_findings(controller: Controller[Any], run: ControllerRun, mechanism: 
         yield smallest_eigenvalue(mechanism, run, run.rollout.estimate)
     elif isinstance(law, ConsistentLift):
         yield smallest_eigenvalue(mechanism, run, told)
-    elif hasattr(law, "threshold") and told.size:
+    elif told.size and (threshold := getattr(law, "threshold", None)) is not None:
         share = float(np.mean(told > 0.0))
-        meaning = f"{run.label}: share of periods whose excitation passed its threshold of {law.threshold:g} 1/s"
+        meaning = f"{run.label}: share of periods whose excitation passed its threshold of {threshold:g} 1/s"
         yield Finding(f"remembered.{run.name}", share, "1", meaning if share else f"{meaning}: nothing was remembered")
 
 
