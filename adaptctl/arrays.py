@@ -17,11 +17,11 @@ Given = ParamSpec("Given")
 
 
 class HasName(Protocol):
-    """What has a name, to say whose numbers are wrong."""
+    """An object with a `name`, by which errors call the owner of wrong numbers."""
 
     @property
     def name(self) -> str:
-        """The name."""
+        """The object's name."""
 
 
 Named = TypeVar("Named", bound=HasName)

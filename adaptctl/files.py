@@ -241,7 +241,8 @@ def _unrepeated(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _remedy(kind: Any, message: str) -> str:
-    """What would be right at the element that the message names: msgspec says only what was wrong."""
+    """The choices allowed at the element that msgspec's message names, which the message does not list; else
+    nothing."""
     if "unknown field" not in message and "enum value" not in message:
         return ""
     place = re.search(r" - at `\$(.*)`$", message)
@@ -272,7 +273,7 @@ def _plain(value: Any) -> Any:
 
 
 def flush(path: Path) -> None:
-    """See a file or a folder to the disk. Raises OSError."""
+    """Write a file or a folder through to the disk. Raises OSError. Raises OSError."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -281,6 +282,6 @@ def flush(path: Path) -> None:
 
 
 def reason(error: Exception) -> str:
-    """What an error says, to stand within a sentence."""
+    """The text of an error, its first letter small, to stand within a sentence."""
     text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     return text[:1].lower() + text[1:]

@@ -46,7 +46,7 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
         self._base = np.zeros(limits.shape)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """Begin an episode; the controller knows nothing of the last one."""
+        """Begin an episode, the controller with an empty memory."""
         observation, info = self.env.reset(seed=seed, options=options)
         p, v, _ = self._read(observation)
         self._memory = self.controller.init(p, v)

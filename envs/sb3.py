@@ -47,7 +47,7 @@ class TrackingVecEnv(VecEnv):  # type: ignore[misc]  # stable-baselines3 need no
         return self.view.step(self.actions)
 
     def close(self) -> None:
-        """Let go of what was opened."""
+        """Close the environment of the arms."""
         self.view.env.close()
 
     def get_images(self) -> Sequence[NDArray[np.uint8]]:

@@ -199,7 +199,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         initial_error: ArrayLike = 0.0,
         render_mode: str | None = None,
     ) -> None:
-        """What is to be done with a plant."""
+        """Set the plant, the reference and the rules of an episode."""
         self.plant, self.mechanism, self.control_period = plant, plant.mechanism, plant.control_period
         self.steps = _steps(duration, self.control_period)
         self.look_ahead = _times_ahead(look_ahead)

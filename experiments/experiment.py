@@ -19,8 +19,8 @@ FAR = 100.0
 
 def setting(default: Any, meaning: str, *, symbol: str = "", low: float = -math.inf, high: float = math.inf) -> Any:
     """Field of an experiment: its default, what it means, and the inclusive bounds of every number in it."""
-    told = f"{symbol}: {meaning}" if symbol else meaning
-    metadata = {"meaning": meaning, "low": low, "high": high, "help": told}
+    text = f"{symbol}: {meaning}" if symbol else meaning
+    metadata = {"meaning": meaning, "low": low, "high": high, "help": text}
     return field(default=default, metadata=metadata)
 
 

@@ -77,7 +77,7 @@ class TwoPlants(AdaptiveTracking):
         return done
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """How far the plants are apart, at MuJoCo's steps and at shorter ones."""
+        """Largest difference between the plants' positions, at MuJoCo's steps and at shorter ones."""
         runs = {run.name: run for run in outcome.runs}
         for name, other, meaning in (
             ("plants_apart", ADAPTIVE, "at MuJoCo's own steps"),
@@ -88,7 +88,7 @@ class TwoPlants(AdaptiveTracking):
                 yield Finding(name, _apart(runs[other], runs[OURS]), "rad", text)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Whether integration explains the difference."""
+        """Sentence on whether integration explains the difference."""
         coarse, fine = found.of["plants_apart"], found.of["plants_apart_fine"]
         text = f"MuJoCo and adaptctl's plant are at most {1e3 * coarse:.2g} mrad (mm) apart"
         if coarse < FIRST_ORDER * fine:

@@ -2,8 +2,9 @@
 
     python tests/mutants.py [--count 400] [--seed 0] [--budget 20] [--only NUMBER ...] [--list]
 
-A mutant is one small change of the code: another operator, comparison, number or sign, or a check left out. It dies when
-a test fails. A first run of the tests tells which functions each test enters and how long it takes; a mutant then meets
+A mutant is one small change of the code: another operator, comparison, number or sign, or a check left out. It dies
+when a test fails. A first run of the tests tells which functions each test enters and how long it takes; a mutant then
+meets
 only tests that enter its function, quickest first, until one fails or `budget` seconds of them have passed. A sample is
 drawn by seed among all mutants, and results are appended to `build/mutants/`, so that a run that was cut short goes on.
 
@@ -15,36 +16,42 @@ from __future__ import annotations
 
 import argparse
 import ast
-import contextlib
+import builtins
 import copy
 import hashlib
 import importlib.machinery
 import json
 import os
+import resource
 import signal
-import subprocess
-import sys
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from types import FrameType
+from types import CodeType
 
 import pytest
 from hypothesis import Phase, settings
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("identifiability", "dynamics", "control")
 BUILD = ROOT / "build" / "mutants"
-ELSEWHERE = (
-    *("benchmarks", "cli", "command", "compilation", "documented", "elementary", "env", "experiment", "export", "figures"),
-    *("files", "floats", "folders", "fuzz", "graph", "identification", "kernels", "layers", "learner", "light_core"),
-    *("live", "long_runs", "notebook", "object_cache", "own_", "packaging", "processor", "public", "real_plant"),
-    *("recording", "render", "report", "rollout", "scalars", "sending", "simulate", "sine", "start_up", "stepper"),
-    *("sweeps", "terminal", "tuning", "verdict", "visuals", "watch"),
+ELSEWHERE = ("adaptation_laws", "adaptation_theorems", "benchmarks", "clipped", "command", "documented", "experiment")
+ELSEWHERE += (
+    "export",
+    "long_runs",
+    "notebook",
+    "own_",
+    "packaging",
+    "recording",
+    "sending",
+    "simulate",
+    "sweeps",
+    "tuning",
 )
-"""Parts of names of test files that are about other folders, or start processes of their own."""
+"""Parts of names of test files that take long, or start processes of their own."""
+PYTEST = ("-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-W", "ignore::pytest.PytestAssertRewriteWarning")
 OPERATORS: dict[type[ast.AST], type[ast.AST]] = {
     ast.Add: ast.Sub,
     ast.Sub: ast.Add,
@@ -118,9 +125,9 @@ def visited(node: ast.AST, function: str = "<module>") -> Iterator[tuple[ast.exp
         if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
             continue
         inner = function
-        if isinstance(node, ast.FunctionDef) and name == "body":
-            inner = node.name if function == "<module>" else f"{function}.{node.name}"
-        elif isinstance(node, ast.ClassDef) and name == "body":
+        if (isinstance(node, ast.FunctionDef) and name == "body") or (
+            isinstance(node, ast.ClassDef) and name == "body"
+        ):
             inner = node.name if function == "<module>" else f"{function}.{node.name}"
         for child in value if isinstance(value, list) else [value]:
             if isinstance(child, ast.AST):
@@ -169,9 +176,13 @@ def mutated(mutant: Mutant) -> ast.Module:
 
 
 def test_files() -> list[str]:
-    """The test files that are about the mutated folders, and no slow ones of others."""
-    names = sorted(path.name for path in (ROOT / "tests").glob("test_*.py"))
-    return [f"tests/{name}" for name in names if not any(part in name for part in ELSEWHERE)]
+    """The test files that import something of the mutated folders, but those that take long."""
+    found = []
+    for path in sorted((ROOT / "tests").glob("test_*.py")):
+        about = any(f"adaptctl.{package}" in path.read_text() for package in PACKAGES)
+        if about and not any(part in path.name for part in ELSEWHERE):
+            found.append(f"tests/{path.name}")
+    return found
 
 
 class Recorder:
@@ -179,43 +190,78 @@ class Recorder:
 
     def __init__(self, target: Path) -> None:
         self._target = target
-        self._entered: set[tuple[str, str]] = set()
-        self._within = str(ROOT / "adaptctl") + os.sep
+        self._entered: set[str] = set()
+        compile_by(self._reporting)
 
-    def _trace(self, frame: FrameType, event: str, argument: object) -> None:
-        code = frame.f_code
-        if code.co_filename.startswith(self._within):
-            self._entered.add((code.co_filename, code.co_qualname))
+    def _reporting(self, path: Path) -> ast.Module | None:
+        """A module of the mutated folders, each function of which first reports its name."""
+        name = str(path.relative_to(ROOT))
+        if not name.startswith(tuple(f"adaptctl/{package}/" for package in PACKAGES)):
+            return None
+        tree = ast.parse(path.read_text())
+        builtins.__dict__["entered_by_test"] = self._entered.add
+        for node, function in functions(tree):
+            report = ast.parse(f"entered_by_test({f'{name}::{function}'!r})").body
+            node.body[1 if ast.get_docstring(node) else 0 : 0] = report
+        return ast.fix_missing_locations(tree)
+
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        """Of each test with parameters, keep the first case and the last."""
+        cases: dict[str, list[pytest.Item]] = {}
+        for item in items:
+            cases.setdefault(item.nodeid.partition("[")[0], []).append(item)
+        items[:] = [item for case in cases.values() for item in (case[:1] + case[1:][-1:])]
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
         """Follow one test."""
-        self._entered = set()
+        self._entered.clear()
         begun = time.process_time()
-        sys.settrace(self._trace)
         try:
             return (yield)
         finally:
-            sys.settrace(None)
-            entered = sorted(
-                {f"{Path(path).relative_to(ROOT)}::{name.replace('.<locals>', '')}" for path, name in self._entered}
-            )
-            row = {"test": item.nodeid, "seconds": time.process_time() - begun, "entered": entered}
+            seconds = time.process_time() - begun
+            row = {"test": item.nodeid, "seconds": seconds, "entered": sorted(self._entered)}
             with self._target.open("a") as file:
                 file.write(json.dumps(row) + "\n")
 
 
+def functions(node: ast.AST, within: str = "") -> Iterator[tuple[ast.FunctionDef, str]]:
+    """Every function below a node, and its qualified name."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.FunctionDef | ast.ClassDef):
+            name = f"{within}.{child.name}".lstrip(".")
+            if isinstance(child, ast.FunctionDef):
+                yield child, name
+            yield from functions(child, name)
+        else:
+            yield from functions(child, within)
+
+
+def compile_by(changed: Callable[[Path], ast.Module | None]) -> None:
+    """Let modules that are imported from now on be compiled from the tree that `changed` returns, if it returns one."""
+    original = importlib.machinery.SourceFileLoader.get_code
+
+    def get_code(self: importlib.machinery.SourceFileLoader, name: str) -> CodeType | None:
+        path = Path(os.path.realpath(self.path))
+        tree = changed(path) if path.is_relative_to(ROOT) else None
+        return original(self, name) if tree is None else compile(tree, self.path, "exec")
+
+    importlib.machinery.SourceFileLoader.get_code = get_code  # type: ignore[method-assign,assignment]
+
+
 class Hurried:
-    """A plugin that lets Hypothesis stop at the first failure, without looking for a smaller one."""
+    """A plugin that lets Hypothesis draw few examples, and stop at a failure without looking for a smaller one."""
 
     def pytest_sessionstart(self) -> None:
         """Before tests are collected, and after `conftest.py`."""
-        settings.register_profile("mutants", deadline=None, database=None, phases=[Phase.explicit, Phase.generate])
+        phases = [Phase.explicit, Phase.generate]
+        settings.register_profile("mutants", deadline=None, database=None, phases=phases, max_examples=10)
         settings.load_profile("mutants")
 
 
-def record(name: str, limit: float) -> None:
-    """Run one test file and record what its tests enter; what has not begun after `limit` s is left out."""
+def record(name: str, limit: int) -> None:
+    """Run a test file and record what its tests enter; tests not over after `limit` s of the processor are left out."""
     target = BUILD / "entered" / f"{Path(name).stem}.jsonl"
     digest = hashlib.sha256((ROOT / name).read_bytes()).hexdigest()
     done = target.with_suffix(".sha256")
@@ -223,8 +269,7 @@ def record(name: str, limit: float) -> None:
         return
     target.unlink(missing_ok=True)
     print(f"recording {name}", flush=True)
-    with contextlib.suppress(subprocess.TimeoutExpired):
-        subprocess.run([sys.executable, __file__, "--record", name, str(target)], cwd=ROOT, timeout=limit, check=False)
+    forked(lambda: pytest.main([*PYTEST[1:], name], plugins=[Recorder(target), Hurried()]), limit, 20 * limit)
     done.write_text(digest)
 
 
@@ -260,43 +305,46 @@ def chosen(mutant: Mutant, tests: dict[str, list[tuple[float, str]]], budget: fl
     return found
 
 
-def verdict(mutant: Mutant, tests: list[str], limit: float) -> str:
+def verdict(mutant: Mutant, tests: list[str], limit: int) -> str:
     """`killed`, `survived`, `too slow` (counted as killed) or `no test`."""
     if not tests:
         return "no test"
+    outcome = forked(lambda: meet(mutant, tests), limit, 20 * limit)
+    return {0: "survived", None: "too slow"}.get(outcome, "killed")
+
+
+def forked(run: Callable[[], int], limit: int, longest: int) -> int | None:
+    """What a function returns that runs silently in a process of its own; None where it takes longer than `limit` s of
+    the processor or `longest` s."""
     process = os.fork()
     if process == 0:
         os.setpgid(0, 0)
-        meet(mutant, tests)
-    end = time.monotonic() + limit
+        resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
+        silent = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(silent, 1)
+        os.dup2(silent, 2)
+        code = 1
+        try:
+            code = int(run())
+        finally:
+            os._exit(code)
+    end = time.monotonic() + longest
     while time.monotonic() < end:
         done, status = os.waitpid(process, os.WNOHANG)
         if done:
-            return "survived" if os.waitstatus_to_exitcode(status) == 0 else "killed"
+            slow = os.WIFSIGNALED(status) and os.WTERMSIG(status) in (signal.SIGXCPU, signal.SIGKILL)
+            return None if slow else os.waitstatus_to_exitcode(status)
         time.sleep(0.02)
     os.killpg(process, signal.SIGKILL)
     os.waitpid(process, 0)
-    return "too slow"
+    return None
 
 
-def meet(mutant: Mutant, tests: list[str]) -> None:
-    """Run tests on a mutant in this process, and leave it with their outcome."""
-    silent = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(silent, 1)
-    os.dup2(silent, 2)
-    code = 1
-    try:
-        tree, target = mutated(mutant), str(ROOT / mutant.path)
-        original = importlib.machinery.SourceFileLoader.get_code
-
-        def get_code(self: importlib.machinery.SourceFileLoader, name: str) -> object:
-            same = os.path.realpath(self.path) == os.path.realpath(target)
-            return compile(tree, self.path, "exec") if same else original(self, name)
-
-        importlib.machinery.SourceFileLoader.get_code = get_code  # type: ignore[method-assign,assignment]
-        code = int(pytest.main(["-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", *tests], plugins=[Hurried()]))
-    finally:
-        os._exit(code)
+def meet(mutant: Mutant, tests: list[str]) -> int:
+    """Exit code of pytest on a mutant, in this process."""
+    tree, target = mutated(mutant), (ROOT / mutant.path).resolve()
+    compile_by(lambda path: tree if path == target else None)
+    return int(pytest.main([*PYTEST, *tests], plugins=[Hurried()]))
 
 
 def warm() -> None:
@@ -313,11 +361,10 @@ def main() -> None:
     parser.add_argument("--budget", type=float, default=20.0, help="seconds of tests that a mutant meets at most")
     parser.add_argument("--list", action="store_true", help="list the sample, and run nothing")
     parser.add_argument("--only", type=int, nargs="*", help="numbers of the sample to run, anew")
-    parser.add_argument("--record", nargs=2, metavar=("FILE", "TARGET"), help=argparse.SUPPRESS)
+    parser.add_argument("--recorded", type=int, default=12, help="seconds of a test file that are recorded at most")
+    parser.add_argument("--tests", nargs="*", help="test files to choose from; all about the folders unless given")
     asked = parser.parse_args()
     os.chdir(ROOT)
-    if asked.record:
-        sys.exit(pytest.main(["-q", "-p", "no:xdist", asked.record[0]], plugins=[Recorder(Path(asked.record[1])), Hurried()]))
     paths = sorted(
         str(path.relative_to(ROOT)) for package in PACKAGES for path in (ROOT / "adaptctl" / package).rglob("*.py")
     )
@@ -329,17 +376,17 @@ def main() -> None:
         return
     (BUILD / "entered").mkdir(parents=True, exist_ok=True)
     os.environ["ADAPTCTL_CACHE"] = str(BUILD / "cache")
-    for name in test_files():
-        record(name, 120)
+    warm()
+    for name in asked.tests or test_files():
+        record(name, asked.recorded)
     results = BUILD / f"seed{asked.seed}.json"
     known: dict[str, str] = json.loads(results.read_text()) if results.exists() else {}
     tests = tests_by_function()
-    warm()
     for number, mutant in enumerate(sample):
-        if asked.only is not None and number not in asked.only or asked.only is None and mutant.key in known:
+        if (asked.only is not None and number not in asked.only) or (asked.only is None and mutant.key in known):
             continue
         met = chosen(mutant, tests, asked.budget)
-        known[mutant.key] = verdict(mutant, met, 3 * asked.budget)
+        known[mutant.key] = verdict(mutant, met, int(3 * asked.budget))
         print(f"{number} {known[mutant.key]} ({len(met)} tests) line {mutant.line} {mutant.key}", flush=True)
         results.write_text(json.dumps(known, indent=1))
     counts = Counter(known[mutant.key] for mutant in sample if mutant.key in known)

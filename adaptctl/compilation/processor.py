@@ -49,12 +49,12 @@ class Processor:
 
     @property
     def lanes(self) -> int:
-        """How many doubles one instruction works on: 8, 4 or 2, and 1 where nothing is known."""
+        """Number of doubles in one instruction: 8, 4 or 2, and 1 where the processor is not known."""
         has = self.features.split(",")
         return next((lanes for feature, lanes in _WIDEST.items() if f"+{feature}" in has), 1)
 
     def machine(self) -> llvm.TargetMachine:
-        """What makes code for it, to be run in this process."""
+        """LLVM's target machine, which makes code for this processor, to be run in this process."""
         target = llvm.Target.from_default_triple()
         return target.create_target_machine(cpu=self.name, features=self.features, opt=2, jit=True)
 

@@ -138,7 +138,7 @@ class Ensemble:
         return self._recorded
 
     def _run(self, threads: int, *work: Any) -> None:
-        """All blocks, the first share of them in this thread."""
+        """Run all blocks, the first share of them in this thread."""
         blocks, count = len(self.state.blocks), max(1, threads)
         shares = [(blocks * k // count, blocks * (k + 1) // count, *work) for k in range(count)]
         others = [Thread(target=self._take, args=share) for share in shares[1:]]
@@ -177,7 +177,7 @@ class Ensemble:
 
 
 def _wait_for(threads: Sequence[Thread]) -> None:
-    """Let threads end before Ctrl-C is heard: what they write to is looked at afterwards."""
+    """Wait for threads to end before an interruption is raised: what they write to is read afterwards."""
     interrupt: KeyboardInterrupt | None = None
     for thread in threads:
         while thread.is_alive():

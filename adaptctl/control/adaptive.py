@@ -137,5 +137,5 @@ class AdaptiveController(Controller[AdaptiveState]):
         return Column(kept), Column((length,))
 
     def _parameters(self, estimate: Column) -> Column:
-        """All P parameters of an estimate."""
+        """The P parameters of the mechanism that an estimate stands for."""
         return spread(estimate, self.model.columns, self.model.mechanism.equations.parameters)

@@ -81,7 +81,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @abstractmethod
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: Memory) -> tuple[Column, Memory]:
-        """One tick: the torque, in N m, and the memory after it."""
+        """The torque (r,) N m of one tick, and the memory after it."""
 
     def init(self, p: ArrayLike, v: ArrayLike, gains: Mapping[str, Array] | None = None) -> Memory:
         """The state before the first tick, from measured positions and velocities (..., r).
@@ -131,7 +131,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @cached_property
     def _step_one(self) -> Callable[..., tuple[Array, Memory]]:
-        """A tick: native code, which calls `_step_any` with what is not usual."""
+        """One tick of one arm in native code, which calls `_step_any` with unusual arguments."""
         return self._native(self._step_any) if self._has_native else self._step_any
 
     def _step_any(self, state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint) -> tuple[Array, Memory]:
@@ -178,7 +178,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
         return memory
 
     def _array_of(self, memory: tuple[Any, ...], arms: tuple[int, ...]) -> Array:
-        """The columns of a memory in one array (..., n), for so many arms (...)."""
+        """Columns of a memory as one array (..., n), for arms (...)."""
         if type(memory) is self._kind:
             return _row_each(memory._array, arms, "state")
         if arms:
@@ -276,7 +276,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @property
     def _form(self) -> Form:
-        """How a tick of one arm is called: state, p, v, reference; it is bound to the gains."""
+        """Calling convention of one arm's tick: state, p, v, reference; the gains are bound to it."""
         reference = (Place(3, 0), Place(3, 1), Place(3, 2))
         gains = (Place(None),) * len(self.gain_sizes)
         return Form((Place(1), Place(2), *reference, Place(0, 0), *gains), {0: 1, 3: 3}, {1: 0})
@@ -308,7 +308,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
 
 def _ticked(law: Any, *given: Any) -> Any:
-    """What a law returns, an error of NumPy's told as one of the law."""
+    """The result of a law; NumPy's error about columns is raised as a `TraceError` that names the law."""
     try:
         return law.law(*given)
     except TypeError as error:
@@ -321,7 +321,8 @@ def _ticked(law: Any, *given: Any) -> Any:
 
 
 def require_tick(law: Any, returned: Any) -> tuple[Column, Any]:
-    """What a law returned, refused (`InputError`) where it is not a torque of r scalars and the memory after it."""
+    """The torque and the memory that a law returned. Raises `InputError` unless they are a `Column` of r scalars and a
+    memory of the sizes that `start` gives."""
     what = f"{type(law).__name__}.law: expected it to return the torque, a Column of {law.dof}, and the memory after it"
     if not isinstance(returned, tuple) or len(returned) != 2:
         raise InputError(f"{what}, got {type(returned).__name__}")

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import control
 
 SIGNALS = ("p", "v", "reference_p", "reference_v", "reference_a")
-"""What a controller is told, r numbers each."""
+"""Signals that a controller receives, r numbers each."""
 ERRORS = {"error": ("reference_p", "p"), "error_rate": ("reference_v", "v")}
 """Signals made of two, the second subtracted from the first."""
 _LABEL = re.compile(r"(\w+)\[(\d+)\]")
@@ -102,7 +102,7 @@ class LinearController(Controller[LinearState]):
         return LinearState(np.zeros(len(self.A)))
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: LinearState) -> tuple[Column, LinearState]:
-        """One tick."""
+        """The torque (r,) N m of one tick, and the system's state after it."""
         z = Column([*p, *v, *reference.p, *reference.v, *reference.a])
         torque = _sum(self.C, memory.x, self.D, z)
         mechanism = self.feedforward
@@ -118,7 +118,8 @@ def _sum(first: Array, x: Column, second: Array, z: Column) -> Column:
 
 
 def _choice(labels: list[str], r: int) -> Array:
-    """The matrix (m, 5 r) that makes a system's inputs of what a controller is told."""
+    """The matrix (m, 5 r) from a controller's signals to a system's inputs, by their labels. Raises `InputError` for an
+    unknown label."""
     choice = np.zeros((len(labels), 5 * r))
     for row, label in zip(choice, labels, strict=True):
         found = _LABEL.fullmatch(label)

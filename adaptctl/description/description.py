@@ -1,4 +1,4 @@
-"""What moves, as data: a tree of links, each behind one joint."""
+"""A mechanism as data: a tree of links, each behind one joint."""
 
 from __future__ import annotations
 

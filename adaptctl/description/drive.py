@@ -1,4 +1,4 @@
-"""What sits in a joint besides its links: a geared rotor, and friction."""
+"""Drives: the geared rotor and the friction of a joint."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ MAY_BE_NEGATIVE = frozenset({DriveParameter.SQUARE_ROOT, DriveParameter.STRIBECK
 
 @dataclass(frozen=True)
 class Drive:
-    """What a joint's drive adds at its shaft's speed s, rad/s or, for a prismatic joint, m/s.
+    """Rotor inertia and friction of a joint at its shaft's speed s, rad/s or, for a prismatic joint, m/s.
 
     `rotor_inertia` (kg m^2, or kg) counts through the gears. The friction torque (N m, or N) is
 
@@ -69,7 +69,7 @@ class Drive:
                 raise InputError(f"turns_with: {name}: expected a finite ratio other than 0, got {ratio}")
 
     def with_terms(self, terms: Mapping[DriveParameter, float | None]) -> Drive:
-        """With some of the terms changed."""
+        """A copy of this drive with some of its terms changed; None removes a term."""
         values: dict[str, Any] = {kind.value: value for kind, value in terms.items()}
         return replace(self, **values)
 

@@ -64,7 +64,7 @@ def chain_reach(links: Sequence[Link], index: int) -> float:
 
 
 def reach_behind(links: Sequence[Link]) -> Array:
-    """From every link's joint to the farthest end behind it, joint by joint (N,), m."""
+    """Distance from every link's joint to the farthest end behind it, summed joint by joint (N,), m."""
     longest = np.array([_length(link) for link in links])
     for i in reversed(range(len(links))):
         if (parent := links[i].parent) != GROUND:
@@ -77,5 +77,5 @@ def _length(link: Link) -> float:
 
 
 def _step(links: Sequence[Link], index: int) -> float:
-    """From the parent's joint to a link's own."""
+    """Distance from the parent's joint to a link's own, m."""
     return float(np.linalg.norm(links[index].near.translation - joint_line(links[links[index].parent])[0]))

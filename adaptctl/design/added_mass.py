@@ -1,4 +1,4 @@
-"""What a body fixed to a link changes: its projection on the essential space, and what that costs."""
+"""Costs of a body fixed to a link: its projection on the essential space, and the cost of the motion with it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from adaptctl.errors import InputError
 from adaptctl.simulation.effects import Payload
 
 PERCENT = 1.0
-"""Energy error (%) at which components are counted, unless told otherwise."""
+"""Energy error (%) at which components are counted, unless given."""
 
 
 @dataclass(frozen=True, eq=False)

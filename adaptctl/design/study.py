@@ -31,7 +31,7 @@ SHOWN = 6
 
 @dataclass(frozen=True, eq=False)
 class DesignStudy:
-    """What a mechanism's design can gain over a task."""
+    """Results of a design study: added masses, counterweights and removable parameters of a mechanism over a task."""
 
     task: DesignTask
     body: Payload
@@ -43,7 +43,7 @@ class DesignStudy:
 
     @cached_property
     def map(self) -> CostMap:
-        """What a point of the body's mass costs."""
+        """Map of the costs of a point of the body's mass at every place of the arm."""
         return cost_map(self.task, self.body.mass)
 
     @cached_property
@@ -116,7 +116,7 @@ def _heaviest(mechanism: Mechanism, every: tuple[PlaceBounds, ...]) -> tuple[str
 
 
 def _lifts_nothing(link: Link, gravity: Array) -> bool:
-    """Whether a link turns on the ground about an axis along gravity."""
+    """True if a link turns on the ground about an axis along gravity, so that it lifts no mass."""
     axis = link.near.rotation @ link.joint.axis
     upright = float(np.linalg.norm(np.cross(axis, gravity))) <= UPRIGHT * float(np.linalg.norm(gravity))
     return link.parent == GROUND and link.joint.kind.turns and upright

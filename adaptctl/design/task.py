@@ -119,7 +119,7 @@ class DesignTask:
         return finite_torque_limits(self.mechanism)
 
     def require_energy(self) -> None:
-        """Raise `InputError` where the energy is the same in all states, so that no share of it can be told."""
+        """Raise `InputError` where the energy is the same in all states, so that no share of it can be computed."""
         whole = float(np.linalg.norm(self.mechanism.energy(self.p, self.v))) / np.sqrt(len(self.p))
         if self.cost("energy") <= NO_ENERGY * whole:
             raise InputError(

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Parametrisation:
-    """All P parameters from the Z free ones, which are some of them: D = known + matrix z."""
+    """Affine map from the Z free parameters, which are some of the P, to all P: D = known + matrix z."""
 
     left: tuple[int, ...]
     """which of D the free parameters z are, rising"""
@@ -61,7 +61,7 @@ class ConstrainedMechanism(Mechanism):
 
     @property
     def is_plain_tree(self) -> bool:
-        """False: the parameters are fewer than ten a link."""
+        """False, since the parameters are fewer than ten a link."""
         return False
 
     @property

@@ -103,7 +103,7 @@ class TreeEquations(Equations):
         return self.layout.size
 
     def closed(self, p: Column, guess: Column) -> Column:
-        """p itself."""
+        """The configuration q (n,) of primary positions: p itself."""
         return p
 
     def projected(self, q: Column) -> Column:
@@ -111,7 +111,7 @@ class TreeEquations(Equations):
         return q
 
     def rates(self, q: Column, v: Column) -> Column:
-        """v itself."""
+        """The rates of q at velocities v: v itself."""
         return v
 
     def energy_regressor(self, p: Column, v: Column) -> Column:

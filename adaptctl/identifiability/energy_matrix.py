@@ -72,7 +72,7 @@ class EnergyFactor:
         return cls(triangle(np.diff(energies, axis=0)), np.square(energies).sum(axis=0), energies[-1:])
 
     def followed_by(self, energies: Array) -> EnergyFactor:
-        """This factor with the energies (samples, P) of the states that follow."""
+        """This factor with the energies (samples, P) of more states appended."""
         rows = np.diff(energies, axis=0, prepend=self.last)
         squares = self.square_sums + np.square(energies).sum(axis=0)
         return EnergyFactor(triangle(np.vstack([self.triangle, rows])), squares, energies[-1:])

@@ -112,7 +112,7 @@ class EssentialSpace:
         return frozen_array(V1, (len(self.parameter_names), self.rank), "basis")
 
     def _repr_html_(self) -> str:
-        """How a notebook shows the space: its rank, and how sure that is."""
+        """Notebook's view of the space: its rank, and its certificate."""
         rows = [(name.replace("_", " "), f"{getattr(self.certificate, name):.4g}") for name in CERTIFIED]
         text = f"rank {self.rank} of {len(self.parameter_names)} parameters of {self.mechanism_name}"
         return titled("EssentialSpace", text) + table(("certificate", ""), rows)

@@ -86,7 +86,7 @@ class FundamentalBasis:
         return regrouping_equations(self.regrouping, self.columns, self.parameter_names)
 
     def _repr_html_(self) -> str:
-        """How a notebook shows the basis: the parameters that are kept, and what is regrouped into them."""
+        """Notebook's view of the basis: the kept parameters, and those regrouped into them."""
         text = f"{len(self.names)} parameters are kept; a star marks one into which others are regrouped"
         rows = [equation.partition(" = ")[::2] for equation in map(str, self.equations())]
         return titled("FundamentalBasis", text) + table(("kept", "is"), rows)

@@ -26,7 +26,7 @@ ROTOR, LOAD = 0.1, 0.1
 
 @dataclass(frozen=True)
 class FitSettings:
-    """What a fit has to choose: friction, the prior's weight, and the rows' cut-off (Hz)."""
+    """Settings of a fit: friction, the prior's weight, and the rows' cut-off (Hz)."""
 
     friction: FrictionModel
     weight: float
@@ -48,7 +48,7 @@ class Fit:
 
 @dataclass(frozen=True, eq=False)
 class LogEvidence:
-    """Everything that fits are made from: rows at each cut-off, summed by blocks of time."""
+    """Evidence that fits are made from: rows at each cut-off, summed by blocks of time."""
 
     mechanism: Mechanism
     """with all kinds of friction"""
@@ -62,14 +62,14 @@ class LogEvidence:
     """which of the motions' rows these are, where not all"""
 
     def part(self, blocks: Sequence[int]) -> LogEvidence:
-        """Of some of the blocks alone."""
+        """The evidence of some of the blocks alone."""
         kept = {cutoff: np.isin(block, blocks) for cutoff, block in self._block.items()}
         rows = {cutoff: rows.chosen(kept[cutoff]) for cutoff, rows in self.rows.items()}
         return replace(self, rows=rows, edges=[self.edges[b] for b in blocks], kept=kept)
 
     @cached_property
     def _plain(self) -> dict[float, NormalEquations]:
-        """At each cut-off, without load-dependent friction."""
+        """Normal equations by cut-off (Hz), without load-dependent friction."""
         return {cutoff: NormalEquations.of(rows, self._block[cutoff]) for cutoff, rows in self.rows.items()}
 
     @cached_property
@@ -78,7 +78,7 @@ class LogEvidence:
 
     @property
     def blocks(self) -> int:
-        """Their number B."""
+        """Number of blocks, B."""
         return len(self.edges)
 
     def load(self, cutoff: float, x: Array) -> Array:
@@ -87,7 +87,8 @@ class LogEvidence:
         return columns if self.kept is None else columns[self.kept[cutoff]]
 
     def equations(self, cutoff: float, blocks: Sequence[int], load: Array | None = None) -> NormalEquations:
-        """Of some blocks, summed, on P + r columns; those of load-dependent friction are zero unless given."""
+        """Normal equations of some blocks, summed, on P + r columns; those of load-dependent friction are zero unless
+        given."""
         plain = self._plain[cutoff].over(blocks)
         if load is None:
             return plain.with_blank_columns(self.mechanism.dof)
@@ -95,7 +96,7 @@ class LogEvidence:
         return plain.with_columns(self.rows[cutoff].chosen(here), load[here])
 
     def mask(self, friction: FrictionModel) -> Array:
-        """Which of the P + r columns a friction model has, as 0 and 1."""
+        """Mask (P + r,) of 0 and 1: the columns that a friction model has."""
         return np.concatenate([friction.columns(self.mechanism), np.full(self.mechanism.dof, float(friction.load))])
 
     def independent(self, friction: FrictionModel) -> NDArray[np.int64]:
@@ -153,7 +154,8 @@ class LogEvidence:
         return Fit(x, deviations, A, settings)
 
     def prior_of(self, friction: FrictionModel) -> EntropicPrior:
-        """With the shares of load-dependent friction among what must be positive, where it is modelled."""
+        """The prior for a friction model: the shares of load-dependent friction are positive too, where it is
+        modelled."""
         r, P = self.mechanism.dof, len(self.mechanism.parameter_names)
         kept = self.mask(friction)[self.prior.positive] > 0.0
         loads = np.arange(P, P + r) if friction.load else np.arange(0)
@@ -167,7 +169,7 @@ class LogEvidence:
 
 
 def _begun(start: Array, prior: EntropicPrior, mask: Array) -> Array:
-    """Where a search can begin: what is new among the positive at its scale."""
+    """Start of a search: parameters that must be positive and are not begin at their scale."""
     x = start * mask
     x[prior.positive] = np.where(x[prior.positive] > 0.0, x[prior.positive], prior.scales)
     return x

@@ -113,7 +113,7 @@ def _prepared(piece: JointLog, moving: NDArray[np.bool_]) -> PreparedLog:
 
 
 def _pieces(log: JointLog) -> Iterator[JointLog]:
-    """Between holes; pieces too short to be filtered are left out."""
+    """Pieces of a log between holes; those too short to be filtered are left out."""
     steps = np.diff(log.time)
     holes = np.flatnonzero(steps > GAP * np.median(steps)) + 1
     ends = [0, *holes.tolist(), len(log)]
@@ -220,7 +220,8 @@ def _within_limits(source: str, logs: list[JointLog], speeds: list[Array], mecha
 
 
 def _moving(logs: list[JointLog], speeds: list[Array]) -> list[NDArray[np.bool_]]:
-    """Where any joint is faster than a share of its greatest speed, rests shorter than AT_REST counted as motion."""
+    """Masks of motion, one a log: any joint is faster than a share of its greatest speed; rests shorter than AT_REST
+    count as motion."""
     fastest = np.max([np.abs(v).max(axis=0) for v in speeds], axis=0)
     slow = np.maximum(REST * fastest, SLOW)
     return [_bridged((np.abs(v) > slow).any(axis=1), log.time) for log, v in zip(logs, speeds, strict=True)]

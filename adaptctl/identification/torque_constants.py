@@ -112,7 +112,7 @@ def _direction(Y: Array, W: Array, names: str) -> Array:
 
 
 def _scale(evidence: LogEvidence, rows: Rows, torque: Array) -> float:
-    """By which torques become those of the prior's links, friction and rotors free."""
+    """Factor that turns the torques into those of the prior's links; friction and rotors are fitted along."""
     tens = evidence.prior.tens.ravel()
     drives = evidence.mask(FrictionModel())[: rows.regressor.shape[-1]].copy()
     drives[: tens.size] = 0.0

@@ -27,7 +27,7 @@ class Units:
 
     @classmethod
     def checked(cls, time: str, position: str, torque: str, velocity: str | None = None) -> Units:
-        """By their symbols. Raises `InputError`, which lists those that are known."""
+        """Units by their symbols. Raises `InputError`, which lists those that are known."""
         return cls(
             _factor("time", time, TIME),
             _factor("position", position, POSITION),

@@ -36,12 +36,12 @@ class Validation:
 
     @property
     def joint_rms_errors(self) -> Array:
-        """(r,) N m."""
+        """RMS torque error of each joint (r,), N m."""
         return np.sqrt(np.mean(np.square(self.error), axis=0))
 
     @property
     def joint_relative_errors(self) -> Array:
-        """(r,)"""
+        """RMS torque error of each joint (r,) over its RMS torque."""
         return np.linalg.norm(self.error, axis=0) / np.linalg.norm(self.measured, axis=0)
 
     @cached_property

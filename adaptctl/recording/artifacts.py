@@ -7,7 +7,7 @@ from pathlib import Path
 from adaptctl.recording.comparison import Comparison
 from adaptctl.recording.judgement import judged
 from adaptctl.recording.result import Progress, Result, silent
-from adaptctl.recording.wording import facts, headline, told
+from adaptctl.recording.wording import facts, headline, outcome_words
 
 RECORDING, SUMMARY, TRACE, REPORT, FIGURES = (
     "recording.rrd",
@@ -22,7 +22,7 @@ def shown(comparison: Comparison) -> Result:
     """A comparison as an experiment's result."""
     return Result(
         complete=comparison.complete,
-        headline=headline(told(comparison), comparison.complete),
+        headline=headline(outcome_words(comparison), comparison.complete),
         facts=tuple(facts(comparison)),
         verdict=judged(comparison),
         write=lambda folder, progress: write_artifacts(folder, comparison, progress),

@@ -90,7 +90,7 @@ class ControllerRun:
         return self.rms_error(start=self.duration - SETTLED, joints=joints) if self._lasts(SETTLED) else None
 
     def _lasts(self, length: float) -> bool:
-        """Whether the run has that many seconds, to half a sample."""
+        """True if the run lasts that many seconds, to half a sample."""
         return self.duration > length - 0.5 * self.rollout.spacing
 
     def moving_rms_error(self, window: float) -> Array:
@@ -185,7 +185,7 @@ class Comparison:
             raise InputError(f"{self.experiment}: nothing was run, so there is nothing to show")
 
     def _repr_html_(self) -> str:
-        """How a notebook shows the comparison: a row a run."""
+        """Notebook's view of the comparison: a table with a row a run."""
         heads = ("controller", "knows", f"first second [{self.error_unit}]", f"last 2 s [{self.error_unit}]", "seconds")
         rows = [
             (run.label, run.knows, _thousandths(run.first_rms_error), _thousandths(run.final_rms_error), run.duration)

@@ -21,7 +21,7 @@ class Column:
 
     @classmethod
     def zeros(cls, n: int) -> Column:
-        """n zeros."""
+        """Column of n zeros."""
         return cls((0.0,) * n)
 
     def __add__(self, other: Column) -> Column:

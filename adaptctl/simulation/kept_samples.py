@@ -1,4 +1,4 @@
-"""Which control periods of a long run are kept as samples: some of them, or the last."""
+"""Selection of the control periods of a long run that are kept as samples: some of them, or the last."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class KeptSamples:
         return None if rest else sample if self.most is None else sample % self.most
 
     def among(self, first: int, count: int) -> slice:
-        """Which of `count` control periods from the `first` on are samples."""
+        """Slice of the samples among `count` control periods from the `first` on."""
         return slice(-first % self.every, count, self.every)
 
     def rows(self, first: int, count: int) -> NDArray[np.int64]:

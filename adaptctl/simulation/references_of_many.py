@@ -112,7 +112,7 @@ class ReferencesOfMany:
         return (len(self.references),) if each else ()
 
     def of_arms(self, arms: slice) -> ReferencesOfMany:
-        """Those of some of the arms, in the same form."""
+        """The references of some of the arms, in the same form."""
         return replace(self, references=self.references[arms]) if self.arms else self
 
     @property
@@ -143,7 +143,7 @@ class ReferencesOfMany:
 
     @cached_property
     def _numbers(self) -> SinusoidNumbers | None:
-        """What sinusoids are made of (M, n), where they are followed by formula."""
+        """Numbers (M, n) of the sinusoids, where all are sinusoids of one form; else None."""
         if not isinstance(self.form, SinusoidForm):
             return None
         return self.form.numbers(self.references)

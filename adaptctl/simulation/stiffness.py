@@ -54,7 +54,7 @@ def friction_rate(mechanism: Mechanism, effects: Sequence[JointEffect] = ()) -> 
 
 
 class Integration(NamedTuple):
-    """How a control period is integrated."""
+    """Integrator of a control period, and its number of steps."""
 
     substeps: int
     integrator: Integrator

@@ -110,7 +110,7 @@ class VectorStep:
         return lost
 
     def _surely_works(self, q: Column, p: Column) -> Scalar:
-        """Whether loops are away from singularities and within their conditions."""
+        """1 where loops are surely away from singularities and within their conditions, else 0."""
         mechanism = self.plant.mechanism
         if mechanism.continuation is None:
             return 1.0

@@ -126,12 +126,12 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
 
 
 def _lifted(model: ReducedModel, slope: Column) -> Column:
-    """K' slope (P,)."""
+    """Slope (P,) on the lift of a slope (k,): K' slope."""
     return _product(model.regrouping.T, slope)
 
 
 def _lowered(model: ReducedModel, lift: Column) -> Column:
-    """K lift (k,)."""
+    """Fundamental parameters (k,) of a lift: K lift."""
     return _product(model.regrouping, lift)
 
 

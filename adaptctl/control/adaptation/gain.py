@@ -32,7 +32,7 @@ class Descent(AdaptationLaw[Memory]):
 
     @property
     def by_parameter(self) -> bool:
-        """Whether Gamma is diagonal."""
+        """True if Gamma is diagonal."""
         return self.gain.ndim == 1
 
     def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array:
@@ -74,6 +74,7 @@ def require_size(values: Array, model: ReducedModel, what: str) -> None:
 
 
 def _is_positive_definite(matrix: Array) -> bool:
-    """Whether it is, to round-off of its largest entry; its parameters' units are scaled out first."""
+    """True if a matrix is symmetric and positive definite, to round-off of its largest entry; its parameters' units are
+    scaled out first."""
     symmetric = np.allclose(matrix, matrix.T, rtol=0.0, atol=1e-12 * np.abs(matrix).max(initial=0.0))
     return bool(symmetric and np.all(np.diagonal(matrix) > 0.0) and scaled_eigenvalues(matrix)[0] > 0.0)

@@ -76,7 +76,7 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
 
     @property
     def by_parameter(self) -> bool:
-        """Whether the law measures each parameter's error by itself, so that a bound on one moves no other."""
+        """True if the law measures each parameter's error by itself, so that a bound on one moves no other."""
         return False
 
     def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array | None:

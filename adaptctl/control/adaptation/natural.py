@@ -126,13 +126,14 @@ def each_rate(rate: Any, model: ReducedModel) -> Column:
 
 
 def _bodies_and_rates(model: ReducedModel) -> tuple[int, int]:
-    """How many links have a body, and how many rates there are: theirs, and those of drives' parameters."""
+    """Number of links that have a body, and of rates: those of bodies, and those of drives' parameters."""
     bodies = len(model.mechanism.description.bodies)
     return bodies, len(model.mechanism.parameter_names) - 9 * bodies
 
 
 def moved_bodies(parameters: Column, slope: Column, bodies: int) -> Column:
-    """All parameters (P,) after one step, each link's ten along its geodesic, a drive's along that of a number."""
+    """Parameters (P,) after one step: each link's ten along its geodesic, each drive's along that of a positive
+    number."""
     links = 10 * bodies
     entries: list[Any] = []
     for i in range(0, links, 10):

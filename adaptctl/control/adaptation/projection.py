@@ -65,7 +65,7 @@ class Projection(AdaptationLaw[Memory]):
 
     @property
     def by_parameter(self) -> bool:
-        """True: each parameter is clipped by itself."""
+        """True, since each parameter is clipped by itself."""
         return True
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Memory:

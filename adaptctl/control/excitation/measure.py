@@ -39,7 +39,7 @@ class Excitation:
     largest: Array
     """(w,)"""
     weakest: Array
-    """(k,) what is told least of over the whole run, as a direction of scaled parameters"""
+    """(k,) the least excited direction of scaled parameters over the whole run"""
     window: float
     """s"""
 

@@ -1,4 +1,4 @@
-"""What an estimate adds to the hold number: M^ Lambda is a velocity feedback that adaptation moves."""
+"""The share of an estimate in the hold number: M^ Lambda is a velocity feedback that adaptation moves."""
 
 from __future__ import annotations
 

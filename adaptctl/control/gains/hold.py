@@ -218,7 +218,7 @@ def _weightless(mechanism: Mechanism, p: Array) -> int:
 
 
 def _lightness(mechanism: Mechanism, p: Array) -> str:
-    """What a joint moves where the mass matrix is not positive definite, and what would do."""
+    """A phrase for what a joint moves where the mass matrix is not positive definite, and for the remedy."""
     links, inertia = mechanism.description.inconsistent_links, np.diagonal(mechanism.mass_matrix(p))
     if links and np.abs(inertia).min() > DEFINITE * np.abs(inertia).max():
         return f"what no rigid body is: give {', '.join(links)} physically consistent parameters"

@@ -1,4 +1,4 @@
-"""What our TOML files say of a link, a joint and a frame, whatever way they describe the tree."""
+"""Entries of links, joints and frames in TOML files, common to all ways of describing the tree."""
 
 from __future__ import annotations
 

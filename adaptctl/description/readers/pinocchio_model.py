@@ -1,4 +1,4 @@
-"""To Pinocchio's models and back."""
+"""Conversion to and from Pinocchio's models."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ def warn_of_weightless(path: Any, links: Sequence[Link], loops: Loops | None, st
 
 
 def unknown_body(name: str, known: Sequence[str]) -> str:
-    """What to say where a scene has no body of that name."""
+    """Message for a body that a scene does not have: the closest name, and the first of those it has."""
     close = get_close_matches(name, known, n=1)
     guess = f" (did you mean {close[0]!r}?)" if close else ""
     listed = ", ".join(repr(other) for other in known[:MOST_NAMED] if other)

@@ -62,7 +62,7 @@ def with_inertials(data: bytes, inertias: Mapping[str, Array | None]) -> bytes:
 
 @dataclass
 class _Span:
-    """Where in the file a link's content starts, and its <inertial> lies."""
+    """Byte offsets in the file of a link's content and of its <inertial>."""
 
     start: int
     inertial: tuple[int, int] | None = None
@@ -70,7 +70,7 @@ class _Span:
 
 @dataclass
 class _Finder:
-    """Where the links of a file are, found as its parser passes them."""
+    """Parser target that finds the spans of a file's links by name."""
 
     data: bytes
     spans: dict[str, _Span] = field(default_factory=dict)

@@ -154,8 +154,8 @@ class Follower:
 
 @dataclass(frozen=True)
 class Closing:
-    """All closures and couplings of a tree, which of their rows are independent, which joints are primary, and
-    which depend on them."""
+    """Closures and couplings of a tree: which of their rows are independent, which joints are primary, and which depend
+    on them."""
 
     loops: tuple[Loop, ...]
     followers: tuple[Follower, ...]

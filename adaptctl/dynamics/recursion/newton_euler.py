@@ -57,7 +57,7 @@ def joint_twists(place: Placement, i: int, done: Sequence[dict[int, Twist]]) -> 
 
 
 def kept_by_link(columns: Sequence[int], links: int) -> list[list[int]]:
-    """For each link, which of its ten are among the asked columns."""
+    """For each link, the indices among its ten parameters of the asked columns."""
     kept: list[list[int]] = [[] for _ in range(links)]
     for column in columns:
         kept[column // 10].append(column % 10)

@@ -23,7 +23,7 @@ SAMPLES = 3000
 
 @dataclass(frozen=True)
 class Titled:
-    """What names the recording."""
+    """Title, experiment and seed of the recording."""
 
     title: str
     experiment: str = "identify"

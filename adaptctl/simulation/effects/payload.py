@@ -19,7 +19,7 @@ from adaptctl.errors import InputError, NotFoundError
 @dataclass(frozen=True, eq=False)
 class Payload:
     """A body held by the last link: `mass` in kg, `center` (3,) in m in that link's frame, and `inertia` (3, 3)
-    in kg m^2 about that centre. A point in the frame's origin unless told otherwise."""
+    in kg m^2 about that centre. A point in the frame's origin unless given."""
 
     mass: float
     center: Array = field(default_factory=lambda: np.zeros(3))

@@ -1,4 +1,4 @@
-"""Where MJCF puts things: positions, and attitudes in MuJoCo's five ways of writing them."""
+"""Poses in MJCF: positions, and attitudes in MuJoCo's five ways of writing them."""
 
 from __future__ import annotations
 

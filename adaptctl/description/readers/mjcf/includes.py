@@ -40,7 +40,8 @@ def included(root: Element, path: str | Path) -> Element:
 
 
 def _content(element: Element, folder: Path, seen: set[Path]) -> list[Element]:
-    """What stands in the file that an <include> names."""
+    """The elements of the file that an <include> names. Raises `InputError` for a file outside the folder, one included
+    twice, or one that cannot be read."""
     name = attribute(element, "file", "<include>")
     file = (folder / name).resolve()
     if not file.is_relative_to(folder.resolve()):
