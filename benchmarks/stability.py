@@ -89,7 +89,7 @@ class UnderTest(Controller[Tested]):
         return Tested(self.of.start(p, v), own, Ringing.silent(self.dof), np.zeros(self.dof))
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: Tested) -> tuple[Column, Tested]:
-        """One tick of the law that has these settings."""
+        """The torque (r,) N m of one tick of the law that has these settings, and its memory."""
         law, gradient = copy(self.of), copy(self._gradient)
         object.__setattr__(gradient, "gain", LaneNumbers(memory.settings.gain))
         for name in ("bandwidth", "damping"):

@@ -222,7 +222,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return self._running("reference").preview.reference
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """Begin an episode. Raises `NotFoundError` on an option that does not exist, `InputError` on a bad one."""
+        """The first observation (n,) and info of an episode, which begins. Raises `NotFoundError` on an option that
+        does not exist, `InputError` on a bad one."""
         super().reset(seed=seed)
         given = options if options is not None else {}
         if not isinstance(given, Mapping):

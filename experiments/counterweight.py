@@ -68,7 +68,7 @@ class CounterweightedTracking(ClosedLoopExperiment):
     energy_error: float = setting(1.0, "at which components are counted, %", low=0.0, high=100.0)
 
     def run(self, progress: Progress) -> Result:
-        """Result of the comparison."""
+        """Result of the comparison. Raises `InputError` for an arm with friction."""
         progress(DESIGN, 0.0)
         mechanism = load(self.robot)
         if len(mechanism.parameter_names) != mechanism.energetic:

@@ -81,7 +81,7 @@ class IdentifyThenAdapt(OnRealPlant):
         return ()
 
     def adaptation(self, model: ReducedModel) -> Array:
-        """Gamma from a share of the true links' and drives' sizes, the same for all."""
+        """Diagonal (k,) of Gamma: a share of the true links' and drives' sizes, the same for all."""
         true = model.mechanism.inertial_parameters
         return np.asarray(self.rate * deviations(model, true, self.parameter_error) ** 2)
 

@@ -101,6 +101,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
         """The state of many arms with some of them, a mask (...), before their first tick again.
 
         These are arms whose episode has begun anew, at p and v (..., r): nothing of the last one is to be remembered.
+        Raises `InputError` for another mask.
         """
         chosen, p, v = np.asarray(arms), np.asarray(p), np.asarray(v)
         if chosen.dtype != np.bool_ or not chosen.shape == p.shape[:-1] == v.shape[:-1]:
@@ -321,8 +322,8 @@ def _ticked(law: Any, *given: Any) -> Any:
 
 
 def require_tick(law: Any, returned: Any) -> tuple[Column, Any]:
-    """The torque and the memory that a law returned. Raises `InputError` unless they are a `Column` of r scalars and a
-    memory of the sizes that `start` gives."""
+    """The torque (r,) and the memory that a law returned. Raises `InputError` unless they are a `Column` of r scalars
+    and a memory of the sizes that `start` gives."""
     what = f"{type(law).__name__}.law: expected it to return the torque, a Column of {law.dof}, and the memory after it"
     if not isinstance(returned, tuple) or len(returned) != 2:
         raise InputError(f"{what}, got {type(returned).__name__}")

@@ -60,7 +60,9 @@ class LinearController(Controller[LinearState]):
 
     @classmethod
     def state_feedback(cls, gain: ArrayLike, feedforward: Mechanism | None = None) -> LinearController:
-        """torque = -K (p - p_d, v - v_d), with K (r, 2 r) as `control.lqr` and `control.dlqr` return it."""
+        """The state feedback torque = -K (p - p_d, v - v_d), with K (r, 2 r) in N m/rad and N m s/rad, as `control.lqr`
+        and `control.dlqr` return it. `feedforward` adds a mechanism's torque on the reference. Raises `InputError` for
+        another shape."""
         K = np.atleast_2d(np.asarray(gain, dtype=np.float64))
         r = len(K)
         if K.shape != (r, 2 * r):

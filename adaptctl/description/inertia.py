@@ -58,7 +58,7 @@ def from_pseudo_inertia(matrix: ArrayLike) -> Array:
 
 
 def transformed(ten: ArrayLike, pose: Pose) -> Array:
-    """The ten in a parent frame of a body whose ten are given in the frame that stands there at `pose`."""
+    """The ten (10,) in a parent frame of a body whose ten are given in the frame that stands there at `pose`."""
     homogeneous = np.eye(4)
     homogeneous[:3, :3], homogeneous[:3, 3] = pose.rotation, pose.translation
     return from_pseudo_inertia(homogeneous @ pseudo_inertia(ten) @ homogeneous.T)

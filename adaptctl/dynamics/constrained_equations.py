@@ -24,7 +24,7 @@ class ConstrainedMotion(Motion):
         return self.whole.torque(self.equations.expanded(parameters))
 
     def regressor(self, columns: Sequence[int]) -> list[Column]:
-        """Rows of Y N, the asked columns only."""
+        """Rows (r,) of Y N, each with the asked columns only."""
         needed = self.equations.needed(columns)
         rows = self.whole.regressor(needed)
         return [self.equations.combined(dict(zip(needed, row, strict=True)), columns) for row in rows]
@@ -36,7 +36,7 @@ class ConstrainedMotion(Motion):
 
     @property
     def numbers(self) -> Column:
-        """The whole motion's numbers."""
+        """Numbers (n,) of the motion without constraints."""
         return self.whole.numbers
 
 
@@ -79,7 +79,7 @@ class ConstrainedEquations(Equations):
         return self.whole.closed(p, guess)
 
     def projected(self, q: Column) -> Column:
-        """One Newton step of the dependent joints."""
+        """The configuration (n,) after one Newton step of the dependent joints."""
         return self.whole.projected(q)
 
     def rates(self, q: Column, v: Column) -> Column:
@@ -87,11 +87,11 @@ class ConstrainedEquations(Equations):
         return self.whole.rates(q, v)
 
     def energy_regressor(self, q: Column, v: Column) -> Column:
-        """N' E: the energy of the free parameters, per unit of each."""
+        """Energy regressor N' E (Z,) of the free parameters: J per unit of each."""
         return self._gathered(self.whole.energy_regressor(q, v).of)
 
     def potential_regressor(self, q: Column) -> Column:
-        """The potential part of N' E."""
+        """Potential part (Z,) of N' E."""
         return self._gathered(self.whole.potential_regressor(q).of)
 
     def motion(self, q: Column, v: Column, v_r: Column, a_r: Column) -> ConstrainedMotion:

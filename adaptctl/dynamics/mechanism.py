@@ -135,7 +135,7 @@ class Mechanism:
 
     @cached_property
     def inertial_parameters(self) -> Array:
-        """The P inertial parameters D, read-only."""
+        """The inertial parameters D (P,) in SI units, read-only."""
         return self.description.inertial_parameters
 
     @property

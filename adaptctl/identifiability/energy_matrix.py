@@ -59,7 +59,8 @@ class EnergyFactor:
 
     @classmethod
     def of(cls, blocks: Iterable[Array], before: EnergyFactor | None = None) -> EnergyFactor:
-        """The factor of energies (samples, P) of successive states in blocks, after those that `before` holds."""
+        """The factor of energies (samples, P) of successive states in blocks, after those that `before` holds. Raises
+        ValueError without a state."""
         factor = before
         for block in blocks:
             factor = cls._begun(block) if factor is None else factor.followed_by(block)

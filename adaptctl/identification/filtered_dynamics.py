@@ -100,7 +100,8 @@ class SmoothMotion:
         return filtered(self.velocity, derivative(np.ones(1), self.rate))
 
     def rows(self, mechanism: Mechanism, cutoffs: Sequence[float]) -> list[Rows]:
-        """The filtered equations at each cut-off (Hz) where the arm moves, on all P columns."""
+        """The filtered equations at each cut-off (Hz) where the arm moves, on all P columns. Raises `InputError` where
+        too few samples are left to filter."""
         filters = [RowFilter.of(self, cutoff) for cutoff in cutoffs]
         found: list[list[Array]] = [[] for _ in filters]
         widest = max(f.taps for f in filters)
@@ -165,7 +166,7 @@ class RowFilter:
         return Rows(self.cutoff, log.time[at], regressor, torque, velocity, number).chosen(self.moving(motion))
 
     def moving(self, motion: SmoothMotion) -> NDArray[np.bool_]:
-        """Mask of the rows that the filter makes of motion alone, not of rest before or after it."""
+        """Mask (n,) of the rows that the filter makes of motion alone, not of rest before or after it."""
         at = self._centers(motion, len(range(0, len(motion.position) - self.taps + 1, self.every)))
         around, moving = motion.every * (self.taps // 2), motion.log.moving
         return np.asarray(moving[at - around] & moving[at] & moving[at + around])

@@ -100,7 +100,7 @@ class LogEvidence:
         return np.concatenate([friction.columns(self.mechanism), np.full(self.mechanism.dof, float(friction.load))])
 
     def independent(self, friction: FrictionModel) -> NDArray[np.int64]:
-        """The columns that least squares is made on: the fundamental ones, and friction's."""
+        """Indices (c,) of the columns that least squares is made on: the fundamental ones, and friction's."""
         energetic = self.mechanism.energetic
         others = [c for c in np.flatnonzero(self.mask(friction)).tolist() if c >= energetic]
         return np.array([*self.basis.columns, *others])
@@ -117,8 +117,8 @@ class LogEvidence:
         return {}
 
     def load_from(self, settings: FitSettings, blocks: Sequence[int], cutoff: float | None = None) -> Array | None:
-        """Load-dependent friction's columns at a cut-off, the settings' own by default, as far as some blocks tell:
-        at the rigid torques of a fit to them without it. None where it is not modelled."""
+        """Columns (n, r, r) of load-dependent friction at a cut-off, the settings' own by default, from some blocks: at
+        the rigid torques of a fit to them without it. None where it is not modelled."""
         if not settings.friction.load:
             return None
         at = settings.cutoff if cutoff is None else cutoff
@@ -176,7 +176,7 @@ def _begun(start: Array, prior: EntropicPrior, mask: Array) -> Array:
 
 
 def positive_columns(mechanism: Mechanism, tens: Array) -> tuple[NDArray[np.int64], Array]:
-    """The columns of drives that must be positive, and their rough sizes."""
+    """Indices (c,) of the drives' columns that must be positive, and their rough sizes (c,)."""
     first = 10 * len(mechanism.description.bodies)
     drives = mechanism.description.drive_parameters
     own = [first + k for k, (_, kind) in enumerate(drives) if kind not in MAY_BE_NEGATIVE]

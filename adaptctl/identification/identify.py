@@ -228,7 +228,8 @@ def gathered(
 
 
 def freed_of_noise(evidence: LogEvidence) -> LogEvidence:
-    """The evidence with regressors by instrumental variables: even samples' on odd samples'."""
+    """The evidence with regressors by instrumental variables: even samples' on odd samples'. Raises `InputError` where
+    the log is too slow to be split."""
     pairs = [halves(motion.log) for motion in evidence.motions]
     cutoffs = [cutoff for cutoff in evidence.rows if cutoff <= 0.1 * min(log.rate for log, _ in pairs)]
     if not cutoffs:

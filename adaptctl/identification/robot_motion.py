@@ -85,7 +85,7 @@ class RobotMotion:
         return pose + p, v, a, jerk
 
     def sampled(self, rate: float = RATE) -> tuple[Array, Array, Array, Array, Array]:
-        """Times and what `at` tells, evenly to the end."""
+        """Times (n,) in s, evenly to the end, and the motion there as `at` has it, (n, r) each."""
         time = np.linspace(0.0, self.duration, max(2, round(self.duration * rate)) + 1)
         return time, *self.at(time)
 

@@ -26,7 +26,7 @@ class Uncertainty:
         return np.sqrt(np.maximum(np.einsum("ki,ij,kj->k", combinations, self.covariance, combinations), 0.0))
 
     def nominal_of(self, combinations: Array) -> Array:
-        """The same of white residuals."""
+        """Standard deviations (k,) of combinations (k, P + r) as if residuals were white."""
         return np.sqrt(np.maximum(np.einsum("ki,ij,kj->k", combinations, self.nominal, combinations), 0.0))
 
 

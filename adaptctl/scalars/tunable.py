@@ -59,7 +59,7 @@ class Tunable:
 
     @cached_property
     def numbers(self) -> dict[str, Array]:
-        """The numbers that may change by name, a part's after its own, as in ``adaptation.gain``."""
+        """Arrays (...) that may change, by name, a part's after its own, as in ``adaptation.gain``."""
         given = {name: getattr(self, name) for name in self.tunable}
         own = {name: np.asarray(value, dtype=np.float64) for name, value in given.items() if value is not None}
         parts = self.tunable_parts.items()

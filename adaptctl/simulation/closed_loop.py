@@ -85,8 +85,8 @@ class ClosedLoop:
         return {"noise": self.plant.noise_size}
 
     def equation(self, **columns: Column) -> tuple[list[Column], Sample]:
-        """The columns passed on, and the record, of one control period from the columns of `state`, `held`, `reference`
-        and `noise`."""
+        """Columns (n,) passed on, and the record, of one control period from the columns of `state`, `held`,
+        `reference` and `noise`."""
         q, v = columns["q"], columns["v"]
         measured = columns["measured_p"], columns["measured_v"]
         reference = ReferencePoint(*(columns[name] for name in REFERENCE))

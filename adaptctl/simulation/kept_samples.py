@@ -46,12 +46,12 @@ class KeptSamples:
         return slice(-first % self.every, count, self.every)
 
     def rows(self, first: int, count: int) -> NDArray[np.int64]:
-        """The rows of these samples; more than `most` at once overwrite each other in order."""
+        """Row numbers (count,) of these samples; more than `most` at once overwrite each other in order."""
         samples = np.arange(-(-first // self.every), -(-(first + count) // self.every))
         return samples if self.most is None else samples % self.most
 
     def order(self, count: int) -> slice | NDArray[np.int64]:
-        """The rows kept of a run of `count` control periods, in order of time."""
+        """Row numbers (n,) of a run of `count` control periods, in order of time."""
         samples = -(-count // self.every)
         if self.most is None or samples <= self.most:
             return slice(0, samples)

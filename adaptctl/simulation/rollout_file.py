@@ -99,7 +99,7 @@ def rollout_table(
 
 
 def read_rollout(path: str | Path) -> tuple[dict[str, Any], Mapping[str, Array], dict[str, Any]]:
-    """A run's arrays, its marks, and what its file says of the whole. Raises `FileError`."""
+    """The arrays of a run, (T, ...) each, its marks, and its file's entries on the whole. Raises `FileError`."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 

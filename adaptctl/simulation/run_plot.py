@@ -53,7 +53,8 @@ class DrawnRun(LearningRun, SampledRun, Protocol):
 
 
 def run_figure(run: DrawnRun, joints: Sequence[str] | None = None) -> Figure:
-    """The figure of a run of joints with these names, joint1, joint2, ... by default."""
+    """The figure of a run of joints with these names, joint1, joint2, ... by default. Raises `InputError` for another
+    number of names."""
     from matplotlib.figure import Figure
 
     count = run.p.shape[1]

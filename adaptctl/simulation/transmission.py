@@ -118,7 +118,8 @@ class Transmission:
         return motors.theta - Column(q[i] for i in self.primary)
 
     def rates(self, mechanism: Mechanism, p: Array) -> tuple[float, float]:
-        """The fastest oscillation and the fastest decay of springs and dampers (1/s) at positions (samples, r)."""
+        """The fastest oscillation and the fastest decay of springs and dampers (1/s) at positions (samples, r). Raises
+        `InputError` where the mass matrix without rotors is singular."""
         own = column(mechanism.inertial_parameters)
         links = mechanism.with_parameters(np.array(self.links(own).of, dtype=np.float64))
         mass = links.mass_matrix(p)

@@ -138,7 +138,8 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Begin an episode of every arm, or of those in the option `reset_mask`.
+        """Observations (N, n) and infos of all arms, after an episode of every arm has begun, or of those in the option
+        `reset_mask`.
 
         Raises as `TrackingEnv.reset` does, naming the arm.
         """

@@ -96,7 +96,8 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: LearningMemory
     ) -> tuple[Column, LearningMemory]:
-        """The memory after forgetting and learning, joint by joint; then the estimate after a descent by its gain."""
+        """The estimate (k,) after a descent by the gain of the memory, and the memory after forgetting and learning,
+        joint by joint."""
         rows, torque, filtered = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory.filtered)
         missed, weights = residual(rows, estimate, torque), each(self.weight, model.mechanism.dof)
         kept, scale = self._kept(missed @ (weights * missed), period), self._scale

@@ -90,7 +90,8 @@ class ConcurrentLearning(Descent[Stack]):
         return Stack(np.zeros(self.samples * entries), np.zeros(self.samples * r), np.zeros(1), filtered)
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Stack) -> tuple[Column, Stack]:
-        """The estimate after a trapezium step for the tracking error, then each equation of the stack in turn."""
+        """The estimate (k,) after a trapezium step for the tracking error, then each equation of the stack in turn; and
+        the stack."""
         estimate = estimate - self.applied(period.gradient(period.integral))
         rows, torque, filtered = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory.filtered)
         sample = Column(row[j] for row, places in zip(rows, momentum_columns(model), strict=True) for j in places)

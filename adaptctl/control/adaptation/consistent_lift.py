@@ -95,7 +95,8 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: LiftMemory
     ) -> tuple[Column, LiftMemory]:
-        """K D after a step for the tracking error, then one for the prediction error, along geodesics."""
+        """The estimate (k,), K D of a lift D after a step for the tracking error, then one for the prediction error,
+        along geodesics; and the memory."""
         rates, bodies = each_rate(self.rate, model), len(model.mechanism.description.bodies)
 
         def stepped(lift: Column, slope: Column) -> Column:

@@ -36,7 +36,7 @@ class Descent(AdaptationLaw[Memory]):
         return self.gain.ndim == 1
 
     def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array:
-        """error' Gamma^-1 error / 2."""
+        """The distance (...) between estimates and true parameters (..., k): error' Gamma^-1 error / 2, in J."""
         error = estimate - true
         if self.gain.ndim == 1:
             return 0.5 * np.asarray(error**2 / self.gain).sum(axis=-1)

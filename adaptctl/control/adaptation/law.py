@@ -45,12 +45,12 @@ class Period(NamedTuple):
 
     @property
     def mean(self) -> Column:
-        """The mean of s at the start and at the end: the trapezium's."""
+        """The mean of s (r,) at the start and at the end of the period."""
         return 0.5 * (self.before + self.after)
 
     @property
     def integral(self) -> Column:
-        """s integrated over the period by the trapezium; 0 where nothing is to be learned."""
+        """The integral (r,) of s over the period by the trapezium rule; 0 where nothing is to be learned."""
         return (0.5 * self.elapsed) * (self.before + self.after)
 
 

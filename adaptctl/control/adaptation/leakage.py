@@ -63,7 +63,7 @@ class SigmaModification(_Leaking):
     tunable = ("gain", "rate", "prior")
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate leaking at sigma."""
+        """The estimate (k,) after a step that leaks at sigma (1/s), and no memory."""
         return self.leaked(estimate, period, self.rate), memory
 
 
@@ -81,6 +81,6 @@ class EModification(_Leaking):
     tunable = ("gain", "rate", "prior")
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate leaking at nu |s|, s the mean over the period."""
+        """The estimate (k,) after a step that leaks at nu |s|, s the mean over the period; and no memory."""
         s = period.mean
         return self.leaked(estimate, period, self.rate * sqrt(s @ s)), memory

@@ -68,7 +68,7 @@ class Natural(AdaptationLaw[NoMemory]):
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate a step along the geodesic of every link's pseudo-inertia."""
+        """The estimate (k,) a step along the geodesic of every link's pseudo-inertia, and no memory."""
         slope = each_rate(self.rate, model) * period.gradient(period.integral)
         return moved_bodies(estimate, slope, len(model.mechanism.description.bodies)), memory
 

@@ -133,7 +133,8 @@ class FourierSearch:
         return float(np.log(condition) + PENALTY * max(0.0, share - 1.0) ** 2)
 
     def within(self, x: Array) -> tuple[Sinusoids, float, float]:
-        """The reference, with smaller swings where torques would pass their limits; its condition and its torque."""
+        """The reference, with smaller swings where torques would pass their limits; its condition and its torque.
+        Raises `InputError` where torques pass their limits even at rest."""
         factor = 1.0
         if self.torque_share(x, 1.0) > 1.0:
             if self.torque_share(x, 0.0) > 1.0:

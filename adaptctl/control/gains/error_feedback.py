@@ -45,7 +45,8 @@ class ErrorFeedback:
 
     @classmethod
     def from_bandwidth(cls, bandwidth: float, damping_ratio: float, period: float) -> ErrorFeedback:
-        """Error feedback with both poles at a bandwidth (1/s) and a damping ratio: s^2 + 2 zeta omega s + omega^2."""
+        """Error feedback with both poles at a bandwidth (1/s) and a damping ratio: s^2 + 2 zeta omega s + omega^2.
+        `period` in s. Raises `InputError` unless bandwidth and damping ratio are positive."""
         if not (0.0 < bandwidth < math.inf and 0.0 < damping_ratio < math.inf):
             raise InputError(f"expected a positive bandwidth and damping ratio, got {bandwidth} and {damping_ratio}")
         root = cmath.sqrt(damping_ratio**2 - 1.0)
@@ -53,7 +54,8 @@ class ErrorFeedback:
 
     @classmethod
     def from_poles(cls, poles: Sequence[complex], period: float) -> ErrorFeedback:
-        """Error feedback with two poles (1/s), real or a conjugate pair, where a continuous design would have them."""
+        """Error feedback with two poles (1/s), real or a conjugate pair, where a continuous design would have them.
+        `period` in s. Raises `InputError` for other poles."""
         given = np.asarray(poles, dtype=np.complex128)
         conjugate = (
             given.shape == (2,) and abs(given.sum().imag) + abs(given.prod().imag) < 1e-9 * abs(given).max() ** 2
@@ -71,7 +73,8 @@ class ErrorFeedback:
     def from_lqr(cls, position: float, velocity: float, effort: float, period: float) -> ErrorFeedback:
         """The least sum of position e^2 + velocity e'^2 + effort e''^2 over the sampled error.
 
-        Bryson's rule takes each weight as one over the square of the largest value that is acceptable.
+        Bryson's rule takes each weight as one over the square of the largest value that is acceptable. Raises
+        `InputError` for weights that are not positive (of velocity: negative), or too far apart for the period (s).
         """
         if not (position > 0.0 and velocity >= 0.0 and effort > 0.0 and math.isfinite(position + velocity + effort)):
             raise InputError(

@@ -49,7 +49,7 @@ def hold_number(
     and where K + M^ Lambda drives instead of damps.
 
     Viscous friction B decays within the period: M is then M (X/2) coth(X/2), X = T_c M^-1 B, for which the limit of 2
-    is exact.
+    is exact. Raises `InputError` unless the damping is positive and the bandwidth at least 0.
     """
     require_period(period)
     K, L = per_joint(damping, mechanism.dof, "damping"), per_joint(bandwidth, mechanism.dof, "bandwidth")

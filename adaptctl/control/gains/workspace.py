@@ -83,6 +83,7 @@ class Workspace:
         """The positions (S, r) of a reference, and `margin` rad (m) to each side.
 
         Gains that a gimbal lock or a folded arm would not bear are accepted where the reference keeps clear of it.
+        Raises `InputError` for a negative margin, and where the mechanism reaches none of the positions.
         """
         if not (np.isfinite(margin) and margin >= 0.0):
             raise InputError(f"workspace: margin: expected at least 0 rad, got {margin}")

@@ -138,7 +138,7 @@ class MujocoArm:
 
 
 def body_ten(model: mujoco.MjModel, i: int) -> Array:
-    """The ten of a body alone, in its frame."""
+    """The ten (10,) of a body alone, in its frame."""
     at = pose(model.body_ipos[i], model.body_iquat[i])
     return transformed(from_center_of_mass(float(model.body_mass[i]), np.zeros(3), np.diag(model.body_inertia[i])), at)
 

@@ -33,7 +33,7 @@ def require_at_most(count: int, most: int, what: str) -> None:
 
 
 def require_mass_of_inertia(link: Link) -> Link:
-    """The link, refused where it has inertia, but not the mass that has it."""
+    """The link itself. Raises `InputError` where it has inertia, but no mass."""
     if link.inertia[0] == 0.0 and np.any(link.inertia):
         raise InputError(f"link {link.name!r}: inertia without mass: give the mass that has it, or leave both out")
     return link

@@ -31,7 +31,7 @@ class Following:
         return Column(torque[i] + slope @ follow for i, slope in pairs)
 
     def joined(self, first: Column, follow: Column) -> Column:
-        """A tree column from its primary and dependent entries."""
+        """A tree column (n,) from its primary entries (r,) and dependent ones."""
         entries = dict(zip(self.closing.primary, first, strict=True))
         entries |= dict(zip(self.closing.dependent, follow, strict=True))
         return Column(entries[i] for i in range(len(entries)))

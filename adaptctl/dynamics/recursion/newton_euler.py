@@ -11,7 +11,7 @@ from adaptctl.scalars import Column, Scalar, cross, dot
 
 
 def joint_torques(places: Sequence[Placement], moving: Sequence[LinkMotion], parameters: Column) -> Column:
-    """The backward recursion: what every joint must exert for its links to move so."""
+    """Torques (n,) that the joints must exert for their links to move so: the backward recursion."""
     loads = [wrench(motion, parameters.of[10 * i : 10 * i + 10]) for i, motion in enumerate(moving)]
     torques: list[Scalar] = [0.0] * len(places)
     for i in reversed(range(len(places))):

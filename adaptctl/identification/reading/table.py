@@ -28,7 +28,7 @@ class LogTable:
         return len(next(iter(self.columns.values()), ()))
 
     def column(self, name: str, what: str) -> Array:
-        """A column, finite in every row. Raises `FileError` naming the column and the first bad row."""
+        """A column (n,), finite in every row. Raises `FileError` naming the column and the first bad row."""
         if name not in self.columns:
             raise FileError(f"{self.source}: there is no column {name!r} for {what}; {self._known(name)}")
         values = self.columns[name]

@@ -34,7 +34,7 @@ class ActuatorLag(ActuatorEffect):
         return torque
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """The mean torque over the period, and the torque at its end."""
+        """The mean torque (r,) N m over the period, and the torque at its end."""
         ratio = control_period / self.time_constant
         mean = -math.expm1(-ratio) / ratio
         behind = memory - torque

@@ -46,7 +46,7 @@ class ControlDelay(ActuatorEffect):
         return np.tile(torque, self.ticks)
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """The oldest torque on its way, and the memory with the newest at its end."""
+        """The oldest torque (r,) N m on its way, and the memory with the newest at its end."""
         if self.ticks == 0:
             return torque, memory
         dof = len(torque)

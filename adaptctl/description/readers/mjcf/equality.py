@@ -74,7 +74,8 @@ def equalities(
     root: Element, settings: Settings, places: Places, links: Sequence[str], driven: Sequence[str], part: bool = False
 ) -> Loops | None:
     """The loops that active equalities close; None where there are none. `links` are the links' names, `driven` the
-    joints that actuators drive. Where the mechanism is a `part` of a scene, equalities of the rest are left out."""
+    joints that actuators drive. Where the mechanism is a `part` of a scene, equalities of the rest are left out. Raises
+    `InputError` for an equality that is not read."""
     closures: list[Closure] = []
     couplings: list[Coupling] = []
     for number, element in enumerate(_active(root, settings)):
