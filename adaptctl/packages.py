@@ -18,7 +18,7 @@ DISTRIBUTIONS = {
     "rosbags": "'adaptctl[logs]'",
     "stable_baselines3": "'adaptctl[rl]'",
 }
-"""What pip calls the packages whose name for it is not that of their import."""
+"""Names for pip of the packages that are imported by another name."""
 
 
 @contextmanager

@@ -17,7 +17,7 @@ SUBJECTS = ("regressor", "tick", "closed_loop", "many_arms", "offline", "first_t
 """The modules that measure, in the table's order."""
 
 PEERS = ("pinocchio", "mujoco")
-"""What is compared with, which may not be installed."""
+"""Packages that are compared with, which may not be installed."""
 
 QUICK = Effort(rounds=3, seconds=0.002)
 

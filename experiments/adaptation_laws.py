@@ -164,7 +164,7 @@ class AdaptationLaws(RoughStart, Learning):
         "gain, and each other control law with gradient adaptation where it adapts. The parameter error is weighed by "
         "the torque that each parameter makes along a motion that excites, in shares of the torque of all."
     )
-    """How laws are compared, and in what."""
+    """Sentences on how laws are compared, and by which measure."""
 
     def compare(self, progress: Progress) -> Comparison:
         """Runs of all contenders, their answer with what was not remembered."""

@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 
 FINE, OURS = "mujoco-fine", "adaptctl"
 SHORTER = 4
-"""How many times shorter MuJoCo's steps are in the run that tells the integrator's error."""
+"""Factor by which MuJoCo's steps are shorter in the run that shows the integrator's error."""
 FIRST_ORDER = 0.5 * SHORTER
-"""How many times smaller a difference becomes at shorter steps, at least, where it is the integrator's."""
+"""Least factor by which a difference shrinks at shorter steps, where it is the integrator's."""
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from adaptctl.compilation.native import NativeCode, define
 from adaptctl.compilation.routine import Routine
 
 Finite: TypeAlias = bool | Literal["results"]
-"""Whether NaN and infinity are refused: nowhere, everywhere, or in what is computed."""
+"""Check for NaN and infinity: nowhere, everywhere, or in what is computed."""
 
 _ENTRY = "call"
 _FASTCALL = 0x80  # METH_FASTCALL: an array of arguments and their number

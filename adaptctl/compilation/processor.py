@@ -11,7 +11,7 @@ import llvmlite.binding as llvm
 from adaptctl.errors import InputError
 
 _WIDEST = {"avx512f": 8, "avx": 4, "sse2": 2, "neon": 2}
-"""How many doubles a register holds, by the instructions that use it; the first that the processor has counts."""
+"""Number of doubles in a register, by the instructions that use it; the first that the processor has counts."""
 
 _AVX2 = ("sse2", "avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")
 _AVX512 = (*_AVX2, "avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl")

@@ -57,7 +57,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
     """
 
     finite: ClassVar[Finite] = "results"
-    """Whether a tick looks only at what it computes for NaN and infinity, or also (True) at all that it is given."""
+    """True if a tick checks its arguments for NaN and infinity, not only its results."""
 
     @property
     @abstractmethod

@@ -31,7 +31,7 @@ class DriveParameter(Enum):
 
 
 MAY_BE_NEGATIVE = frozenset({DriveParameter.SQUARE_ROOT, DriveParameter.STRIBECK, DriveParameter.OFFSET})
-"""What only bends a friction curve, or has no direction of its own."""
+"""Terms that only bend a friction curve, or have no direction of their own."""
 
 
 @dataclass(frozen=True)

@@ -105,7 +105,7 @@ def added_mass(
 
 
 def change_of(task: DesignTask, link: str, body: Payload) -> Array:
-    """The change of inertial parameters (P,) that a body makes on a link. Raises `InputError` where a number overflows."""
+    """The change (P,) of inertial parameters by a body on a link. Raises `InputError` where a number overflows."""
     change, place = np.zeros(len(task.parameters)), 10 * task.link(link)
     change[place : place + 10] = from_center_of_mass(body.mass, body.center, body.inertia)
     if not np.isfinite(change).all():

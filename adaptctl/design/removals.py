@@ -25,7 +25,7 @@ MIRRORED = {
     "y": ("mc_y", "I_xy", "I_yz"),
     "z": ("mc_z", "I_xz", "I_yz"),
 }
-"""What vanishes where a link is its own mirror image along an axis of its frame."""
+"""Parameters that vanish where a link is its own mirror image along an axis of its frame."""
 ROUND_OFF = 1e-11
 """Size of coefficients that are zero."""
 EACH = 13

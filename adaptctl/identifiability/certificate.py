@@ -147,7 +147,7 @@ class CertifiedNullSpace(NamedTuple):
     energies: Callable[[], Array]
     """The triangle R of energy differences at random states."""
     states: str
-    """Where these states come from, in words."""
+    """Source of these states, in words."""
 
 
 def certified_by_decomposition(

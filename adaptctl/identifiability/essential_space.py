@@ -35,7 +35,7 @@ LONG = 100
 
 
 CERTIFIED = ("rank_energy", "rank_doubled", "gap", "relative_smallest", "samples", "null_residual")
-"""What a notebook shows of a certificate."""
+"""Entries of a certificate in a notebook's view."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ class EssentialSpace:
     null_space: NullSpace
     certificate: Certificate
     states: str
-    """Where the states behind `singular_values` and `basis` come from, in words."""
+    """Source of the states behind `singular_values` and `basis`, in words."""
     energies: Callable[[], Array]
     """The triangle R of these states' energy differences H = Q R."""
     proof: ExactEnergies | None = None

@@ -19,7 +19,7 @@ from adaptctl.identification.joint_log import JointLog
 JITTER, GAP = 0.01, 8.0
 """Of a sampling period: what stamps may be off and still count as even, and what counts as a hole in the log."""
 AGREEMENT = 0.1
-"""How far logged velocities may differ from differentiated positions, as a share."""
+"""Largest relative difference of logged velocities from differentiated positions."""
 REST, SLOW, AT_REST = 0.01, 1e-3, 0.1
 """A joint slower than this share of its greatest speed, or so many rad/s (m/s), rests; when all do for so many s, the
 arm is at rest."""
@@ -28,7 +28,7 @@ TOO_FAST, TOO_FAR = 3.0, 0.25
 SLOWEST, FASTEST = 20.0, 1e5
 """Hz, between which logs of arms are sampled."""
 STEPS = ("resample", "unwrap", "velocities", "limits", "standstill")
-"""What can be skipped, by name."""
+"""Names of the steps that can be skipped."""
 
 
 class PreparationStep(NamedTuple):

@@ -23,7 +23,7 @@ RATE = 250.0
 SLOWEST = 100.0
 HALVINGS = 12
 Allowed = Callable[[Array], bool]
-"""Whether all of the positions (n, r) are allowed."""
+"""A test that is true if all positions (n, r) are allowed."""
 
 
 @dataclass(frozen=True, eq=False)

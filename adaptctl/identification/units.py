@@ -12,7 +12,7 @@ POSITION = {"rad": 1.0, "deg": math.pi / 180.0, "rev": 2.0 * math.pi, "m": 1.0, 
 VELOCITY = {"rad/s": 1.0, "deg/s": math.pi / 180.0, "rpm": math.pi / 30.0, "m/s": 1.0, "mm/s": 1e-3}
 TORQUE = {"N m": 1.0, "mN m": 1e-3, "N": 1.0}
 OTHER_TORQUE = ("A", "mA", "%", "1")
-"""What is only proportional to a torque."""
+"""Units of quantities that are only proportional to a torque."""
 
 
 @dataclass(frozen=True)

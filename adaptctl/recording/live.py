@@ -26,7 +26,7 @@ PATIENCE = 10.0
 """s to wait for a viewer that was started"""
 
 CURRENT: ContextVar[str | None] = ContextVar("live", default=None)
-"""Where experiments stream to while they run: an address, or nowhere."""
+"""Address that experiments stream to while they run, or None."""
 
 
 class Live:

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
 SCHEMA = "adaptctl/rollout/1"
 WHOLE = ("control_period", "wall_time", "complete", "terminated")
-"""What the file of every run says."""
+"""Entries on the whole run that every run has."""
 KEPT = (*WHOLE, "every")
-"""What a run's file says of the whole run."""
+"""Entries on the whole run in a run's file."""
 OF_JOINTS = {
     "p": "rad",
     "v": "rad/s",

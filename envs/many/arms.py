@@ -23,7 +23,7 @@ from adaptctl.simulation.plant import require_ten_a_link
 from adaptctl.simulation.references_of_many import SinusoidForm
 
 Numbers = NDArray[np.int64]
-"""Which arms (k,), of N."""
+"""Indices (k,) of some of N arms."""
 Flags = NDArray[np.bool_]
 
 

@@ -12,7 +12,7 @@ from adaptctl.errors import InputError
 from adaptctl.simulation.effects.effect import Effect, at_least_zero
 
 LINK, MOTOR = "link", "motor"
-"""Where encoders may sit."""
+"""Places of encoders: before the spring or behind it."""
 
 
 @dataclass(frozen=True, eq=False)
