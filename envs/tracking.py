@@ -134,7 +134,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     | `reward_weights` | `RewardWeights()`    |                                                                |
     | `initial_error`  | 0.0                  | rad (m), one number or one a joint                             |
     | `torque_limits`  | `None`               | other limits than the mechanism's, one number or one a joint   |
-    | `effects`        | ()                   | of `adaptctl.simulation.effects`, in any order: `ControlDelay`, `TorqueLimit`, `TorqueRateLimit`, `ActuatorLag`, `Friction`, `ElasticJoints`, `PayloadHeld`, `Encoder`, `FilteredDifferences` |
+    | `effects`        | ()                   | of `adaptctl.simulation.effects`, in any order                 |
     | `render_mode`    | `None`               | or `"rgb_array"`                                               |
 
     A random reference is one sinusoid a joint of 0.1 to 0.25 Hz and up to 0.5 rad (m), faded in over 2 s, within

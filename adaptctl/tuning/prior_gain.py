@@ -20,8 +20,8 @@ LEAST_SHARE = 1e-3
 """of the largest share of a link's parameter in the torques, in proportion to the ranges: less is learned no faster"""
 
 Shares: TypeAlias = Literal["ranges", "links", "parameters"]
-"""Parts with an equal share in the adaptation number: each link, each parameter, or none (`ranges`: in proportion to the
-prior ranges)."""
+"""Parts with an equal share in the adaptation number: each link, each parameter, or none (in proportion to the prior
+ranges)."""
 
 
 def prior_ranges(mechanism: Mechanism, heaviest: float = HEAVIEST) -> Array:
