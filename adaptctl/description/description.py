@@ -87,7 +87,7 @@ class Link:
 
     `near` is the joint's frame in the parent link's frame at zero, `far` the link's frame in the joint's
     moved frame: the identity for URDF, a Denavit-Hartenberg step for frames at the far end.
-    `inertia` holds the ten of `mechanism.inertia.PARAMETERS` in the link's frame. A `massless` link only joins two
+    `inertia` holds the ten of `description.inertia.PARAMETERS` in the link's frame. A `massless` link only joins two
     joints, like the first five of a floating base: its ten are zero for good and no parameters of the mechanism.
     """
 
