@@ -277,7 +277,7 @@ def _plain(value: Any) -> Any:
 
 
 def flush(path: Path) -> None:
-    """Write a file or a folder through to the disk. Raises OSError."""
+    """Write a file or a folder through to the disk. Raises OSError where the disk fails."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)

@@ -25,8 +25,8 @@ DISTRIBUTIONS = {
 def needed(what: str) -> Iterator[None]:
     """Context, or decorator, in which a package that is not installed is named with the command that installs it.
 
-    `what` is what needs it. Raises `MissingExtraError`. The core (load, basis, tick, `simulate_many`) runs with NumPy,
-    llvmlite, msgspec and threadpoolctl alone.
+    `what` is what needs it. Raises `MissingExtraError` where it is missing. The core (load, basis, tick,
+    `simulate_many`) runs with NumPy, llvmlite, msgspec and threadpoolctl alone.
     """
     try:
         yield

@@ -65,7 +65,7 @@ class ClosedLoopExperiment(Experiment):
 
 
 def require_count(experiment: Experiment, names: Iterable[str], count: int, meaning: str) -> None:
-    """Check that settings have `count` numbers each, such as "one a joint". Raises InputError."""
+    """Check that settings have `count` numbers each, such as "one a joint". Raises InputError otherwise."""
     for name in names:
         if (given := len(getattr(experiment, name))) != count:
             raise InputError(f"{name}: expected {count} numbers, {meaning}, got {given}")

@@ -86,7 +86,7 @@ def design_study(
     """The study of a body, by itself, by name or as a point's mass in kg, and of counterweights on some links.
 
     Where no links are named, the heaviest six carry some, but for those that turn about the vertical on the ground.
-    Raises `InputError`.
+    Raises `InputError` as `named_body` and `PlaceBounds` do.
     """
     carried = named_body(body)
     every = bounds(task.mechanism, task.mechanism.description.body_names, share, beyond)
@@ -96,7 +96,8 @@ def design_study(
 
 
 def named_body(body: Payload | str | float) -> Payload:
-    """A body by name, or a point by its mass in kg, above zero. Raises `InputError`."""
+    """A body by name, or a point by its mass in kg, above zero. Raises `InputError` for a mass that is not positive,
+    `NotFoundError` for an unknown name."""
     if isinstance(body, str):
         if body not in CATALOGUE:
             raise NotFoundError(f"there is no body {body!r}; bodies: {', '.join(CATALOGUE)}, or a mass in kg")

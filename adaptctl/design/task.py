@@ -75,7 +75,7 @@ class DesignTask:
 
         Accelerations are normal about the square of that. At a `speed` of 1 kinetic and potential energy weigh alike;
         an arm at work moves at about a quarter of it. With loops, positions are on the reference's branch. Raises
-        `InputError`.
+        `InputError` for another number of samples or a negative speed.
         """
         if not 2 <= samples <= MOST or not 0.0 <= speed < np.inf:
             raise InputError(f"task: expected 2 to {MOST} samples and a speed of at least 0, got {samples} and {speed}")

@@ -118,7 +118,8 @@ class EssentialSpace:
         return titled("EssentialSpace", text) + table(("certificate", ""), rows)
 
     def project(self, parameters: ArrayLike) -> Array:
-        """Essential parameters D_E = V1 V1' D (..., P) of inertial parameters D (..., P). Raises `InputError`."""
+        """Essential parameters D_E = V1 V1' D (..., P) of inertial parameters D (..., P). Raises `InputError` on a
+        wrong shape."""
         return (checked(parameters, len(self.parameter_names), "parameters") @ self.basis) @ self.basis.T
 
     @cached_property

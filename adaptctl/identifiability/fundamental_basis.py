@@ -78,7 +78,8 @@ class FundamentalBasis:
         return tuple(self.parameter_names[j] for j in self.columns)
 
     def fundamental_parameters(self, parameters: ArrayLike) -> Array:
-        """Fundamental parameters beta = K D (..., k) of inertial parameters D (..., P). Raises `InputError`."""
+        """Fundamental parameters beta = K D (..., k) of inertial parameters D (..., P). Raises `InputError` on a wrong
+        shape."""
         return checked(parameters, len(self.parameter_names), "parameters") @ self.regrouping.T
 
     def equations(self) -> tuple[str, ...]:
@@ -92,7 +93,7 @@ class FundamentalBasis:
         return titled("FundamentalBasis", text) + table(("kept", "is"), rows)
 
     def save(self, path: str | Path) -> None:
-        """Write the basis as JSON, whole or not at all. Raises `FileError`."""
+        """Write the basis as JSON, whole or not at all. Raises `FileError` where it cannot be written."""
         BasisFile(
             schema="adaptctl/fundamental-basis/1",
             robot=Robot(self.mechanism_name, self.geometry_sha256),

@@ -32,8 +32,8 @@ def shown(comparison: Comparison) -> Result:
 def write_artifacts(folder: str | Path, comparison: Comparison, progress: Progress = silent) -> Path:
     """Write recording, summary, trace, figures and report into a folder, made where it is missing; returns it.
 
-    Every file is written whole or not at all. `progress` is called with what is being written, and the share
-    of this that is done. Raises FileError.
+    Every file is written whole or not at all. `progress` is called with what is being written, and the share of this
+    that is done. Raises FileError where it cannot be written.
     """
     from adaptctl.recording.figures import write_figures
     from adaptctl.recording.report import write_report

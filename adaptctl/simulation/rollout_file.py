@@ -99,7 +99,8 @@ def rollout_table(
 
 
 def read_rollout(path: str | Path) -> tuple[dict[str, Any], Mapping[str, Array], dict[str, Any]]:
-    """The arrays of a run, (T, ...) each, its marks, and its file's entries on the whole. Raises `FileError`."""
+    """The arrays of a run, (T, ...) each, its marks, and its file's entries on the whole. Raises `FileError` for
+    another file, and one that is not whole."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 

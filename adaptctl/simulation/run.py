@@ -173,7 +173,7 @@ class Rollout:
     @classmethod
     @needed("Rollout.load")
     def load(cls, path: str | Path) -> Rollout:
-        """The run that `save` wrote. Raises `FileError`."""
+        """The run that `save` wrote. Raises `FileError` for another file, and one that is not whole."""
         columns, marks, about = read_rollout(path)
         try:
             return cls(**columns, marks=marks, **{name: about[name] for name in KEPT if name in about or name in WHOLE})

@@ -106,7 +106,7 @@ class Folder:
         return bool(about.get(b"runs") == str(len(shard.runs)).encode())
 
     def keep(self, shard: Shard, rows: Sequence[Mapping[str, Any]]) -> None:
-        """Write a shard, whole or not at all. Raises FileError."""
+        """Write a shard, whole or not at all. Raises FileError where it cannot be written."""
         (self.path / "shards").mkdir(exist_ok=True)
         _write(self.place(shard), table(self.study, rows, len(shard.runs)))
 

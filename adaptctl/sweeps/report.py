@@ -143,7 +143,7 @@ def _error(row: dict[str, Any]) -> float | None:
 
 
 def write_report(path: Path) -> Path:
-    """Write a folder's report as a page; returns its place. Raises `FileError`."""
+    """Write a folder's report as a page; returns its place. Raises `FileError` where it cannot be written."""
     report, place = SweepReport.of(path), path / "report.html"
     figures = {name: [map_figure(name, shown) for shown in report.maps(name)] for name in report.controllers}
     content = {"report": report, "figures": figures, "facts": report.facts()}

@@ -24,7 +24,8 @@ def shown(result: SideBySide) -> Result:
 
 
 def write_artifacts(folder: Path, result: SideBySide, progress: Progress) -> None:
-    """Write recording, summary, traces, figures and report, every file whole or not at all. Raises FileError."""
+    """Write recording, summary, traces, figures and report, every file whole or not at all. Raises FileError where it
+    cannot be written."""
     from adaptctl.experiments.serial_versus_graph.figures import drawings
     from adaptctl.experiments.serial_versus_graph.recording import write_recording
     from adaptctl.experiments.serial_versus_graph.report import trace_name, write_report

@@ -14,7 +14,7 @@ from adaptctl.recording.wording import INCOMPLETE
 
 
 def write_report(path: str | Path, result: SideBySide, figures: Mapping[str, Path]) -> None:
-    """Write the page with the figures, given as files by name, inside. Raises FileError."""
+    """Write the page with the figures, given as files by name, inside. Raises FileError where it cannot be written."""
     write_text(path, report(result, figures))
 
 

@@ -24,7 +24,8 @@ def write_urdf(path: str | Path, original: str | Path, before: Description, afte
     """Write a URDF file's robot with the links' inertias of `after`; `before` is what the file itself says.
 
     A moving link's inertia holds that of the links fixed to it. These keep theirs, and it gets the rest, as long as a
-    body can have the rest; where none can, it gets all, and they lose theirs. Raises `FileError`.
+    body can have the rest; where none can, it gets all, and they lose theirs. Raises `FileError` where it cannot be
+    written.
     """
     data = read_bytes(original)
     try:

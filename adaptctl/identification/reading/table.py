@@ -48,7 +48,7 @@ class LogTable:
 
 
 def table(source: str, columns: Iterable[tuple[str, Array]], units: Mapping[str, str] | None = None) -> LogTable:
-    """A table of checked size and names. Raises `FileError`."""
+    """A table of checked size and names. Raises `FileError` without a row, and for two columns of one name."""
     found: dict[str, Array] = {}
     for name, values in columns:
         if name in found:

@@ -63,7 +63,8 @@ def write_study(
     named: Named | None = None,
     progress: Callable[[str, float], object] = silent,
 ) -> None:
-    """Write a study into a folder that is ready, every file whole or not at all. Raises FileError."""
+    """Write a study into a folder that is ready, every file whole or not at all. Raises FileError where it cannot be
+    written."""
     called = named or Named("design", f"{study.task.mechanism.name}: where a mass may be added", "design.json")
     write_json(folder / called.content, content)
     progress("figures", 0.1)

@@ -40,7 +40,8 @@ class Payload:
 
     @classmethod
     def of(cls, given: float | Mapping[str, Any] | Payload) -> Payload:
-        """A payload from a mass in kg, or from a mapping with `mass`, `center` and `inertia`. Raises `InputError`."""
+        """A payload from a mass in kg, or from a mapping with `mass`, `center` and `inertia`. Raises `InputError` for
+        what is none, `NotFoundError` for an unknown entry."""
         if isinstance(given, Payload):
             return given
         if not isinstance(given, Mapping):
