@@ -242,7 +242,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return self._observation(self._episode), self._info(self._episode, np.zeros(r))
 
     def step(self, action: ArrayLike) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """One control period under a torque (r,), held."""
+        """Observation (n,), reward, end, time-out and info after one control period under a torque (r,) N m, held."""
         episode = self._running("step")
         if episode.over:
             raise ResetNeeded("the episode is over: call env.reset() before the next env.step(action)")

@@ -66,7 +66,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @property
     def home(self) -> Array:
-        """Positions (r,) where the law can start and is compiled: zero, unless loops do not close there."""
+        """Positions (r,), rad or m, where the law can start and is compiled: zero, unless loops do not close there."""
         return np.zeros(self.dof)
 
     @property
@@ -116,12 +116,12 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @replaced_by("_step_one")
     def step(self, state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint) -> tuple[Array, Memory]:
-        """One tick on arrays: the torque (..., r) and the next state.
+        """The torque (..., r) N m of one tick on arrays, and the next state.
 
         Leading axes of p are arms, which are worked on in SIMD lanes; v and the reference may be the same for all.
-        Raises `InputError` on a wrong shape and `NonFiniteError` when a measurement, a reference or the
-        outcome is not finite, of any arm: nothing non-finite leaves a controller. The state given is as it was, so
-        the arm that is named can be dealt with, or all arms wrapped in `Guarded`, which brakes that one alone.
+        Raises `InputError` on a wrong shape and `NonFiniteError` when a measurement, a reference or the outcome is not
+        finite, of any arm: nothing non-finite leaves a controller. The state given is as it was, so the arm that is
+        named can be dealt with, or all arms wrapped in `Guarded`, which brakes that one alone.
         """
         return self._step_one(state, p, v, reference)
 

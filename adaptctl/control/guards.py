@@ -122,7 +122,7 @@ class Guarded(Controller[GuardedState]):
 
     @property
     def home(self) -> Array:
-        """Positions (r,) where the law can start."""
+        """Positions (r,), rad or m, where the law can start."""
         return self.of.home
 
     @property

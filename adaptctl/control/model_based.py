@@ -40,7 +40,7 @@ class ModelBased(Controller[BranchState]):
 
     @property
     def home(self) -> Array:
-        """Positions (r,) where loops, if any, are known to close."""
+        """Positions (r,), rad or m, where loops, if any, are known to close."""
         return self.mechanism.home
 
     def start(self, p: Array, v: Array) -> BranchState:

@@ -74,6 +74,6 @@ class Drive:
         return replace(self, **values)
 
     def value(self, kind: DriveParameter) -> float | None:
-        """The value of one parameter."""
+        """The value of one parameter in SI units; None where it is not modelled."""
         value: float | None = getattr(self, kind.value)
         return value

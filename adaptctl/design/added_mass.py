@@ -30,12 +30,12 @@ class AddedMass:
 
     @cached_property
     def change(self) -> Array:
-        """The change of the inertial parameters (P,)."""
+        """The change of the inertial parameters (P,), SI units."""
         return change_of(self.task, self.link, self.body)
 
     @cached_property
     def parameters(self) -> Array:
-        """The inertial parameters (P,) with the body."""
+        """The inertial parameters (P,) with the body, SI units."""
         return self.task.parameters + self.change
 
     @cached_property

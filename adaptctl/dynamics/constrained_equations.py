@@ -75,7 +75,7 @@ class ConstrainedEquations(Equations):
         return any(self.known)
 
     def closed(self, p: Column, guess: Column) -> Column:
-        """q = U(p), from a nearby configuration."""
+        """The configuration q = U(p) (n,) for positions p (r,), from a nearby configuration."""
         return self.whole.closed(p, guess)
 
     def projected(self, q: Column) -> Column:
@@ -116,11 +116,11 @@ class ConstrainedEquations(Equations):
         return replace(self, whole=self.whole.weightless())
 
     def mass_matrix(self, q: Column, parameters: Column) -> list[list[Scalar]]:
-        """Rows of M(p)."""
+        """Rows (r,) of the mass matrix M(p), kg m^2."""
         return self.whole.mass_matrix(q, self.expanded(parameters))
 
     def damping(self, q: Column, v: Column, parameters: Column) -> list[list[Scalar]]:
-        """Rows of B."""
+        """Rows (r,) of the damping B, N m s/rad: derivatives of friction by velocities."""
         return self.whole.damping(q, v, self.expanded(parameters))
 
     def expanded(self, parameters: Column) -> Column:

@@ -32,7 +32,7 @@ class Parametrisation:
     """D0 (P,)"""
 
     def expanded(self, z: ArrayLike) -> Array:
-        """D (P,) of z (Z,)."""
+        """All parameters D (P,) of the free ones z (Z,)."""
         return self.known + self.matrix @ frozen_array(z, (len(self.left),), "parameters")
 
 
@@ -113,6 +113,6 @@ class ConstrainedMechanism(Mechanism):
         return Mechanism(self.description).energy(p, v)
 
     def known_torque(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
-        """The torque (..., r) of the known values, which regressors times free parameters leave out."""
+        """The torque (..., r) N m of the known values, which regressors times free parameters leave out."""
         known = self.whole.with_parameters(self.parametrisation.known)
         return known.inverse_dynamics(p, v, a)

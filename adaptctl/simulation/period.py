@@ -78,5 +78,5 @@ class ControlPeriod:
         return Column(x.of[:n]), Column(u.of[:r]), joined(Column(x.of[n:]), Column(u.of[r:]))
 
     def limited(self, torque: Column) -> Column:
-        """The torque (r,) clipped to the limits."""
+        """The torque (r,) N m clipped to the limits."""
         return Column(clip(x, -bound, bound) for x, bound in zip(torque, self.limits, strict=True))

@@ -117,11 +117,11 @@ class ReferencesOfMany:
 
     @property
     def held(self) -> Mapping[str, Array]:
-        """Columns (M, n) that each arm keeps."""
+        """Columns (M, n) that each arm keeps, by name: its sinusoids' numbers, or nothing."""
         return {} if self._numbers is None else self._numbers._asdict()
 
     def start(self) -> tuple[Array, Array]:
-        """Positions and velocities (M, n) at time zero, (n,) where one is for all."""
+        """Positions (rad or m) and velocities, (M, n) each, at time zero; (n,) where one is for all."""
         if self._numbers is not None:
             point = sinusoids_at(0.0, SinusoidNumbers(*map(column, self._numbers)))
             return stacked(point.p.of, self.arms), stacked(point.v.of, self.arms)

@@ -93,12 +93,12 @@ class Rollout:
 
     @property
     def error(self) -> Array:
-        """Tracking errors p - p_d (T, r)."""
+        """Tracking errors p - p_d (T, r), rad or m."""
         return self.p - self.reference_p
 
     @property
     def velocity_error(self) -> Array:
-        """v - v_d (T, r)."""
+        """Velocity errors v - v_d (T, r), rad/s or m/s."""
         return self.v - self.reference_v
 
     @needed("Rollout.save")

@@ -86,7 +86,7 @@ class Rollouts:
 
     @property
     def error(self) -> Array:
-        """Tracking errors (T, M, r)."""
+        """Tracking errors (T, M, r), rad or m."""
         return self.p - self.reference_p
 
     @property

@@ -50,7 +50,7 @@ class Springs(NamedTuple):
         return self.held + self._share * driven
 
     def spin(self, after: Column) -> Column:
-        """The motors' mean acceleration (r,), the links' velocity being `after` at the end."""
+        """The motors' mean acceleration (r,), rad/s^2, the links' velocity being `after` at the end."""
         return self._yielding * (self.given - self.held - self.slope * (self.motors.w - after))
 
     @property

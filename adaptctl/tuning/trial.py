@@ -56,7 +56,7 @@ class Trial(Controller[TrialMemory]):
 
     @property
     def home(self) -> Array:
-        """Positions (r,) where loops, if any, are known to close."""
+        """Positions (r,), rad or m, where loops, if any, are known to close."""
         return self.mechanism.home
 
     def start(self, p: Array, v: Array) -> TrialMemory:

@@ -44,7 +44,7 @@ class Descent(AdaptationLaw[Memory]):
         return 0.5 * np.asarray(error * weighed).sum(axis=-1)
 
     def applied(self, gradient: Column) -> Column:
-        """Gamma times a gradient (k,)."""
+        """The product (k,) of Gamma and a gradient (k,)."""
         rows: Any = self.gain
         if getattr(rows, "ndim", 1 + isinstance(rows, tuple)) == 2:  # an array, or a tuple of columns
             return Column(column(row) @ gradient for row in rows)

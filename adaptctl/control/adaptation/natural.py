@@ -119,7 +119,7 @@ def require_consistent(model: ReducedModel, parameters: Array, law: str, what: s
 
 
 def each_rate(rate: Any, model: ReducedModel) -> Column:
-    """The rate of each parameter (P,)."""
+    """The rate (P,) of each parameter, from one rate for each link and each drive's parameter."""
     bodies, count = _bodies_and_rates(model)
     rates = each(rate, count).of
     return Column((*(rate for rate in rates[:bodies] for _ in range(10)), *rates[bodies:]))
@@ -226,7 +226,7 @@ def pseudos(tens: Array) -> Array:
 
 
 def divergence(true: Array, estimate: Array) -> Array:
-    """D(true, estimate) (...) of pseudo-inertias (4, 4) and (..., 4, 4)."""
+    """The log-det divergence D(true, estimate) (...) of pseudo-inertias (4, 4) and (..., 4, 4), without a unit."""
     if np.linalg.eigvalsh(true)[0] <= 0.0:
         return np.full(estimate.shape[:-2], np.inf)
     ratio = np.linalg.solve(estimate, np.broadcast_to(true, estimate.shape))

@@ -44,7 +44,7 @@ class PriorRanges:
                 raise InputError(f"prior range of {kind}: expected a positive number, got {getattr(self, kind)}")
 
     def of(self, names: tuple[str, ...]) -> Array:
-        """The range of every named parameter (k,)."""
+        """The range (k,) of every named parameter, in SI units."""
         return np.array([self._range(name.rsplit(".", 1)[-1]) for name in names])
 
     def _range(self, kind: str) -> float:

@@ -124,7 +124,7 @@ class FourierSearch:
         return float(np.sqrt(eigenvalues[-1] / smallest)), self._share(Y)
 
     def torque_share(self, x: Array, factor: float) -> float:
-        """The largest torque over its limit, with the swings of what a vector stands for times a factor."""
+        """The largest torque over its limit, with the swings of a vector x (size,) times a factor."""
         return self._share(self._along(x, factor))
 
     def cost(self, x: Array) -> float:

@@ -45,7 +45,7 @@ class Excitation:
 
     @property
     def level(self) -> float:
-        """The least smallest eigenvalue of all windows."""
+        """The least smallest eigenvalue of all windows: 0 where a direction is not excited in one of them."""
         return float(self.smallest.min())
 
     @property

@@ -108,7 +108,7 @@ class GainDesign:
 
     @property
     def damping_ratio(self) -> Array:
-        """Damping ratios (r,) of the joints' loops."""
+        """Damping ratios (r,) of the joints' loops, without a unit."""
         return np.array([feedback.damping_ratio for feedback in self.feedback])
 
     @property

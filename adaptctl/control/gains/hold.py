@@ -92,7 +92,8 @@ def hold_numbers(
     *,
     estimate: ArrayLike | None = None,
 ) -> Array:
-    """Hold numbers (...) at given positions (..., r), and with estimates (P,) or (..., P): see `hold_number`."""
+    """Hold numbers (...), without a unit, at given positions (..., r), and with estimates (P,) or (..., P): see
+    `hold_number`."""
     K, L = per_joint(damping, mechanism.dof, "damping"), per_joint(bandwidth, mechanism.dof, "bandwidth")
     known = None if estimate is None else np.asarray(estimate, dtype=np.float64)
     return _hold_numbers(_feedback(mechanism, np.asarray(p, dtype=np.float64), K, L, period, known))
@@ -144,7 +145,8 @@ def _viscous(mechanism: Mechanism) -> tuple[list[int], Array]:
 
 
 def mass_matrix_of(mechanism: Mechanism, p: Array, parameters: Array) -> Array:
-    """M (..., r, r) with other parameters, (P,) or (..., P), whatever these are."""
+    """The mass matrix M (..., r, r), kg m^2, at positions p (..., r) with other parameters, (P,) or (..., P), also
+    impossible ones."""
     rows = mechanism.equations.mass_matrix(column(mechanism.configuration(p)), column(parameters))
     return stacked_rows(rows, p.shape[:-1])
 

@@ -33,7 +33,7 @@ class Tensor(msgspec.Struct, forbid_unknown_fields=True):
     zz: float = 0.0
 
     def matrix(self) -> Array:
-        """The tensor (3, 3)."""
+        """The inertia tensor (3, 3), kg m^2."""
         return np.array([[self.xx, self.xy, self.xz], [self.xy, self.yy, self.yz], [self.xz, self.yz, self.zz]])
 
 

@@ -144,7 +144,7 @@ def _carried(reached: Reach, u: Column, w: Column) -> Carried:
 
 @dataclass(frozen=True)
 class Follower:
-    """A joint that follows another: q_follower = ratio q_leader + offset."""
+    """A joint that follows another: q_follower = ratio q_leader + offset, in rad or m."""
 
     follower: int
     leader: int

@@ -37,7 +37,7 @@ def raised(place: Placement, link: Body) -> Body:
 
 
 def moved_origin(link: Body, offset: Vec) -> Body:
-    """The body about an origin `offset` behind its own."""
+    """The body about an origin `offset` (m) behind its own."""
     half = link.moment + (0.5 * link.mass) * offset
     twice = 2.0 * half
     spread = Vec(offset.x * twice.x, offset.y * twice.y, offset.z * twice.z)

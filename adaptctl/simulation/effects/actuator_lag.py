@@ -30,7 +30,7 @@ class ActuatorLag(ActuatorEffect):
         """Raise nothing: a lag fits any plant."""
 
     def start(self, torque: Array, control_period: float) -> Array:
-        """The memory (r,): the torque now."""
+        """The memory (r,): the torque now, N m."""
         return torque
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:

@@ -42,7 +42,7 @@ class ControlDelay(ActuatorEffect):
         """Raise nothing: a delay fits any plant."""
 
     def start(self, torque: Array, control_period: float) -> Array:
-        """The memory (ticks r,): the torques on their way, the oldest first."""
+        """The memory (ticks r,): the torques (N m) on their way, the oldest first."""
         return np.tile(torque, self.ticks)
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
