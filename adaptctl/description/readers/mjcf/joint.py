@@ -70,7 +70,7 @@ def unfolded(joint: Element, body: str) -> list[Element]:
 
 
 def offset_of(joint: Element, moving: Joint, settings: Settings) -> tuple[float, Pose]:
-    """The coordinate (rad or m) at which the joint stands as the file draws it, and the motion back from there to zero."""
+    """The coordinate (rad or m) of the joint as the file draws it, and the motion back from there to zero."""
     where = f"joint {moving.name!r}"
     ref = number(joint, "ref", where) if "ref" in joint.attrib else 0.0
     if moving.kind.turns:
