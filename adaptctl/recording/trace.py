@@ -38,7 +38,7 @@ class Quantity(NamedTuple):
 
 
 def write_trace(path: str | Path, comparison: Comparison) -> None:
-    """Write every sample of a comparison's subject, losslessly compressed. Raises FileError where it cannot be written."""
+    """Write every sample of a comparison's subject, lossless. Raises FileError where it cannot be written."""
     about = {
         "schema": SCHEMA,
         "experiment": comparison.experiment,
