@@ -122,6 +122,8 @@ def visited(node: ast.AST, function: str = "<module>") -> Iterator[tuple[ast.exp
             continue
         if isinstance(node, ast.Raise | ast.JoinedStr | ast.Import | ast.ImportFrom):
             continue
+        if isinstance(node, ast.keyword) and node.arg == "strict":  # a check of what the code itself has made
+            continue
         if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
             continue
         inner = function
