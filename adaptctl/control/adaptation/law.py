@@ -17,7 +17,7 @@ class NoMemory(NamedTuple):
 
 
 class Period(NamedTuple):
-    """The control period that has passed, as a control law tells it to an adaptation law."""
+    """The control period that has passed, as a control law hands it to an adaptation law."""
 
     gradient: Callable[[Column], Column]
     """Y' s (k,) for any sliding variable s (r,), linear in it; Y is the regressor at the start of the period"""
@@ -40,7 +40,7 @@ class Period(NamedTuple):
 
     @property
     def share(self) -> Any:
-        """1, or 0 where nothing is to be learned."""
+        """Share of the period to learn from: 1, or 0 where nothing is to be learned."""
         return self.elapsed * (1.0 / self.length)
 
     @property

@@ -78,7 +78,7 @@ class Projection(AdaptationLaw[Memory]):
         return Column(map(clip, moved, column(self.lower), column(self.upper))), after
 
     def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array | None:
-        """Distance (...) by the law that is projected."""
+        """Distance (...) in J by the law that is projected; None where that has none."""
         return self.of.distance(model, estimate, true)
 
 

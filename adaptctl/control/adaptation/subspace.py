@@ -52,7 +52,7 @@ class Subspace(AdaptationLaw[NoMemory]):
         require_size(self.directions, model, "subspace: directions")
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
-        """No memory."""
+        """The empty memory: this law remembers nothing."""
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
@@ -63,6 +63,6 @@ class Subspace(AdaptationLaw[NoMemory]):
         return estimate, memory
 
     def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array:
-        """Distance (...) of the numbers that are adapted: what is beyond the span does not count."""
+        """Distance (...) in J of the numbers that are adapted: what is beyond the span does not count."""
         along = (estimate - true) @ np.linalg.pinv(self.directions).T
         return 0.5 * np.asarray(along**2 / self.gain).sum(axis=-1)

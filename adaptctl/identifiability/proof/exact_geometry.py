@@ -80,7 +80,7 @@ class ExactGeometry:
 
     @classmethod
     def by_axes(cls, description: Description, frames: CanonicalFrames, reading: Reading) -> ExactGeometry:
-        """The geometry described from axis to axis: axes that are parallel, meet or are at right angles are so exactly."""
+        """The geometry as described from axis to axis: parallel, meeting and right-angled axes are so exactly."""
         on_joints = tuple(ExactFrame.of(joint.link, reading) for joint in frames.joints)
         links = tuple(
             _segment(
