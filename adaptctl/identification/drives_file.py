@@ -105,7 +105,7 @@ class Drives:
         return np.array([math.nan if k == "unknown" else 1.0 if k is None else float(k) for k in given])
 
     def of(self, mechanism: Mechanism) -> Drives:
-        """These drives in the mechanism's order of joints. Raises `InputError` where they are not its primary joints."""
+        """These drives in a mechanism's order of joints. Raises `InputError` unless they are its primary joints."""
         names = [joint.name for joint in mechanism.primary_joints]
         if sorted(names) != sorted(self.joints):
             raise InputError(
