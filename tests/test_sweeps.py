@@ -146,6 +146,8 @@ class TestRows:
                 assert expected.rms_error_last is None
                 for name in ("rms_error", "largest_error"):
                     assert row[name] == pytest.approx(getattr(expected, name), rel=1e-7)
+                if expected.lyapunov_rise is not None:
+                    assert row["lyapunov_rise"] == pytest.approx(expected.lyapunov_rise, abs=1e-9)
 
     @pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
     def test_a_run_that_leaves_its_bound_is_a_row_with_the_reason(self) -> None:
