@@ -76,7 +76,7 @@ def replaced_by(name: str) -> Callable[[Method], Method]:
 
 
 def without_caches(instance: object) -> tuple[dict[str, Any], tuple[str, ...]]:
-    """What an object is made of, its caches left out, and the names of arrays that are not to be written to."""
+    """The attributes of an object without its caches, by name, and the names of its read-only arrays."""
     kind = type(instance)
     caches = cached_property, _Replaced
     kept = {k: v for k, v in vars(instance).items() if not isinstance(inspect.getattr_static(kind, k, None), caches)}

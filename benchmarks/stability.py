@@ -44,14 +44,14 @@ RINGS = -0.9
 """of rho at the end: finite, but of no use"""
 
 
-class Told(Column):
+class LaneNumbers(Column):
     """Numbers of a lane where a law has its settings."""
 
     __slots__ = ()
     ndim = 1
 
     def tolist(self) -> list[Any]:
-        """The entries."""
+        """The entries as a list."""
         return list(self.of)
 
 
@@ -89,11 +89,11 @@ class UnderTest(Controller[Tested]):
         return Tested(self.of.start(p, v), own, Ringing.silent(self.dof), np.zeros(self.dof))
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: Tested) -> tuple[Column, Tested]:
-        """One tick of the law that has these settings."""
+        """The torque (r,) N m of one tick of the law that has these settings, and its memory."""
         law, gradient = copy(self.of), copy(self._gradient)
-        object.__setattr__(gradient, "gain", Told(memory.settings.gain))
+        object.__setattr__(gradient, "gain", LaneNumbers(memory.settings.gain))
         for name in ("bandwidth", "damping"):
-            object.__setattr__(law, name, Told(getattr(memory.settings, name)))
+            object.__setattr__(law, name, LaneNumbers(getattr(memory.settings, name)))
         object.__setattr__(law, "adaptation_law", gradient)
         torque, after = law.law(p, v, reference, memory.of)
         heard = memory.heard.heard(after.s)
@@ -170,7 +170,7 @@ def numbers(model: ReducedModel, gains: Gains, gain: Array, reference: adaptctl.
 
 
 def outcome(model: ReducedModel, draws: LoopDraws, law: Gradient, gain: Array, duration: float) -> tuple[Array, Array]:
-    """Which loops (n,) stay finite, and which ring in the end."""
+    """Masks (n,) of the loops that stay finite, and of those that ring in the end."""
     one = LoopSettings(*(part[0] for part in draws.settings))
     controller = UnderTest(SlotineLi(model, one.bandwidth, one.damping, law, period=PERIOD))
     plant = adaptctl.Plant(model.mechanism, PERIOD, integrator=SemiImplicitEuler())

@@ -51,28 +51,29 @@ def robots(names: list[str]) -> list[tuple[str, adaptctl.Mechanism]]:
 
 
 def row(name: str, mechanism: adaptctl.Mechanism, search: int, seed: int) -> dict[str, Any]:
-    """What the rule and the search found, in JSON's types; `cpu` is the rule's processor time, its code in memory."""
-    told: dict[str, Any] = {"name": name, "dof": mechanism.dof}
+    """Results of the rule and of the search, in JSON's types; `cpu` is the rule's processor time, its code in
+    memory."""
+    entry: dict[str, Any] = {"name": name, "dof": mechanism.dof}
     try:
         tune(mechanism, seed=seed)
         started = time.process_time()
-        told["rule"] = _told(tune(mechanism, seed=seed))
-        told["cpu"] = time.process_time() - started
+        entry["rule"] = _as_builtins(tune(mechanism, seed=seed))
+        entry["cpu"] = time.process_time() - started
         if search:
-            told["search"] = _told(tune(mechanism, search=search, seed=seed))
+            entry["search"] = _as_builtins(tune(mechanism, search=search, seed=seed))
     except AdaptctlError as error:
-        told["error"] = str(error)
-    return told
+        entry["error"] = str(error)
+    return entry
 
 
-def _told(tuning: Tuning) -> dict[str, Any]:
+def _as_builtins(tuning: Tuning) -> dict[str, Any]:
     notes = {"notes": list(tuning.notes), "implicit": tuning.integrator.implicit}
     return {run.name: _numbers(run) for run in tuning.verified} | notes
 
 
 def _numbers(run: Verification) -> dict[str, Any]:
-    told = {name: getattr(run, name) for name in FIELDS}
-    finite: dict[str, Any] = {name: x if np.isfinite(x) else None for name, x in told.items()}
+    values = {name: getattr(run, name) for name in FIELDS}
+    finite: dict[str, Any] = {name: x if np.isfinite(x) else None for name, x in values.items()}
     return finite | {"learns": run.learns}
 
 
@@ -87,10 +88,10 @@ def main() -> None:
     warnings.simplefilter("ignore")
     with given.out.open("a") as out:
         for name, mechanism in robots(given.names):
-            told = row(name, mechanism, given.search, given.seed)
-            out.write(json.dumps(told) + "\n")
+            entry = row(name, mechanism, given.search, given.seed)
+            out.write(json.dumps(entry) + "\n")
             out.flush()
-            print(json.dumps(told)[:300], flush=True)
+            print(json.dumps(entry)[:300], flush=True)
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from adaptctl.simulation import Rollout
 
 
 def memories(controller: Controller[Any], run: Rollout) -> Iterator[Any]:
-    """Memory of an adaptive controller's law after every tick, found by ticking again on what it was told.
+    """Memory of an adaptive controller's law after every tick, found by ticking again on the same measurements.
 
     It differs from that of the run by round-off; nothing is yielded for a controller whose law has no memory.
     """

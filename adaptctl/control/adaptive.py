@@ -91,7 +91,7 @@ class AdaptiveController(Controller[AdaptiveState]):
 
     @property
     def home(self) -> Array:
-        """Positions (r,) where loops, if any, are known to close."""
+        """Positions (r,), rad or m, where loops, if any, are known to close."""
         return self.model.mechanism.home
 
     def start(self, p: Array, v: Array) -> AdaptiveState:
@@ -137,5 +137,5 @@ class AdaptiveController(Controller[AdaptiveState]):
         return Column(kept), Column((length,))
 
     def _parameters(self, estimate: Column) -> Column:
-        """All P parameters of an estimate."""
+        """The P parameters of the mechanism that an estimate stands for."""
         return spread(estimate, self.model.columns, self.model.mechanism.equations.parameters)

@@ -135,9 +135,9 @@ class Plant(Tunable):
         drives = self._effects.drive_memory(held, self.control_period)
         theta = p if self._transmission is None else p + held / self._transmission.stiffness
         drives = np.concatenate((drives, theta, v), axis=-1) if self.is_elastic else drives
-        told = theta if self._effects.senses_motors else p
-        sensors = self._effects.sensor_memory(told, v, self.control_period)
-        measured = self._measured(told, v, self._silence if noise is None else noise, sensors)
+        sensed = theta if self._effects.senses_motors else p
+        sensors = self._effects.sensor_memory(sensed, v, self.control_period)
+        measured = self._measured(sensed, v, self._silence if noise is None else noise, sensors)
         marks = np.zeros((*arms, len(self.marks)))
         return PlantState(0.0, p, v, q, *measured[:2], held, False, marks, drives, measured[2])
 
@@ -169,7 +169,7 @@ class Plant(Tunable):
         return PlantState(time, p, v, q, measured_p, measured_v, applied, clipped > 0.0, marks, drives, sensors)
 
     def limited(self, torque: ArrayLike) -> Array:
-        """The torque (r,) clipped to the limits. Raises as `step` does."""
+        """The torque (r,) N m clipped to the limits. Raises as `step` does."""
         return np.minimum(np.maximum(self._finite(torque), -self._limits), self._limits)
 
     def energy(self, state: PlantState, parameters: ArrayLike | None = None) -> float:
@@ -188,8 +188,8 @@ class Plant(Tunable):
         return q if self._primary is None else q[..., self._primary]
 
     def may_work(self, q: Array) -> NDArray[np.bool_]:
-        """Whether loops are away from singularities and within their conditions, at configurations (..., n); always so
-        for a tree."""
+        """Mask of the configurations (..., n) at which loops are away from singularities and within their conditions;
+        all true for a tree."""
         if self.mechanism.continuation is None:
             return np.ones(q.shape[:-1], dtype=np.bool_)
         inside = self.mechanism.description.within_conditions(self.positions(q))
@@ -297,12 +297,12 @@ class Plant(Tunable):
 
     @cached_property
     def _chained(self) -> bool:
-        """Whether anything stands between controller and joints."""
+        """True if an actuator, sensor or spring stands between controller and joints."""
         return bool(self._effects.actuators or self._effects.sensors or self.is_elastic)
 
     @property
     def is_elastic(self) -> bool:
-        """Whether joints have springs between motor and link."""
+        """True if springs stand between the motors and the links."""
         return self._effects.elastic is not None
 
     @cached_property

@@ -48,12 +48,12 @@ def rollout(
     Raises `InputError` for an environment that cannot be driven; what controller and environment raise passes.
     """
     loop = _SteppedRun(env, controller, seed, options, every, last)
-    told = max(1, (loop.steps or 0) // 100)
+    interval = max(1, (loop.steps or 0) // 100)
     complete, started = False, perf_counter()
     try:
         while not (loop.terminated or loop.truncated):
             loop.tick()
-            if progress is not None and loop.steps is not None and loop.count % told == 0:
+            if progress is not None and loop.steps is not None and loop.count % interval == 0:
                 progress(min(1.0, loop.count / loop.steps))
         complete = True
     except KeyboardInterrupt:

@@ -35,13 +35,13 @@ MEMORY = 2**23
 HERD = 512
 """Arms that take a stretch of time together, one herd after the other: what they read and write fits the caches."""
 STRETCH = 2000
-"""Control periods in one native call, at most: in between progress is told, and Ctrl-C heard."""
+"""Control periods in one native call, at most: in between progress is reported, and Ctrl-C handled."""
 RECORDED = ("p", "v", "reference_p", "reference_v", "torque", "applied", "estimate")
 
 
 @dataclass(frozen=True, eq=False)
 class Rollouts:
-    """What happened in M closed-loop runs of r joints; every array is read-only.
+    """Samples and errors of M closed-loop runs of r joints; every array is read-only.
 
     Sample k has the states at `time[k]` and the torques commanded on them; T samples. The errors are of all control
     periods, whether or not they are sampled. Runs never see each other: where one is not finite, the others are.
@@ -90,12 +90,12 @@ class Rollouts:
 
     @property
     def error(self) -> Array:
-        """Tracking errors (T, M, r)."""
+        """Tracking errors (T, M, r), rad or m."""
         return self.p - self.reference_p
 
     @property
     def finite(self) -> Array:
-        """Which runs (M,) stayed finite."""
+        """Mask (M,) of the runs that stayed finite."""
         return np.asarray(np.isfinite(self.largest_error).all(axis=-1))
 
 
@@ -223,8 +223,8 @@ class _Runs:
             _require_count("members", members)
         remembered = [] if memory is None else self._remembered(memory)
         seeds = {} if seed is None or isinstance(seed, int | np.integer) else {"seed": np.asarray(seed).shape}
-        told = rows | {f"memory {k}": np.asarray(part) for k, part in enumerate(remembered)}
-        axes = {k: x.shape[:-1] for k, x in told.items()} | tuned.arms | seeds
+        named_rows = rows | {f"memory {k}": np.asarray(part) for k, part in enumerate(remembered)}
+        axes = {k: x.shape[:-1] for k, x in named_rows.items()} | tuned.arms | seeds
         count = _members(members, {"reference": self.references.arms} | axes)
         self.parameters, p, v = (np.broadcast_to(x, (count, x.shape[-1])) for x in rows.values())
         self.beyond = bounds["beyond"]
@@ -271,7 +271,7 @@ class _Runs:
         return np.asarray(ahead[: max(1, int(np.searchsorted(ahead, self.loop.plant.until(ahead[0]))))])
 
     def _sums(self) -> ErrorSums:
-        """Of all arms so far."""
+        """Sums of errors of all arms so far."""
         parts = [[herd.arms.state[name] for name in ErrorSums._fields] for herd in self.herds]
         return ErrorSums(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
@@ -281,7 +281,7 @@ class _Runs:
         return np.concatenate([part[:, 0] if part.shape[1] else np.full(len(part), np.nan) for part in parts])
 
     def _samples(self, count: int) -> int:
-        """How many of so many control periods are kept."""
+        """Number of samples kept of `count` control periods."""
         return 0 if self.every is None else -(-count // self.every)
 
     def result(self, wall_time: float, complete: bool) -> Rollouts:
@@ -374,9 +374,10 @@ def _require_count(name: str, number: Any) -> None:
 
 
 def _members(given: int | None, rows: Mapping[str, tuple[int, ...]]) -> int:
-    """How many arms there are: what is given, and what has a row each, must agree."""
-    told = {name: axes for name, axes in rows.items() if axes} | ({} if given is None else {"members": (given,)})
-    if any(len(axes) > 1 for axes in told.values()) or len(set(told.values())) > 1:
-        counts = ", ".join(f"{name} {'×'.join(map(str, axes))}" for name, axes in told.items())
+    """Number of arms: as given, or as the arguments that have a row each say. Raises `InputError` where they
+    disagree."""
+    named_rows = {name: axes for name, axes in rows.items() if axes} | ({} if given is None else {"members": (given,)})
+    if any(len(axes) > 1 for axes in named_rows.values()) or len(set(named_rows.values())) > 1:
+        counts = ", ".join(f"{name} {'×'.join(map(str, axes))}" for name, axes in named_rows.items())
         raise InputError(f"members: expected a row for each arm, as many everywhere, got {counts}")
-    return next((axes[0] for axes in told.values()), 1)
+    return next((axes[0] for axes in named_rows.values()), 1)

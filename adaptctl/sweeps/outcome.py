@@ -1,4 +1,4 @@
-"""What a run of a sweep came to."""
+"""Outcomes of a sweep's runs."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from adaptctl.simulation import Rollouts
 
 
 class RunOutcome(NamedTuple):
-    """What a run came to, in numbers; None for what is not known."""
+    """Outcome of a run, in numbers; None for what is not known."""
 
     status: str
     reason: str = ""
@@ -24,17 +24,17 @@ class RunOutcome(NamedTuple):
 
     @classmethod
     def failed(cls, reason: str) -> RunOutcome:
-        """That of a run that could not be."""
+        """Outcome of a run that could not be made."""
         return cls("failed", reason)
 
     @classmethod
     def of(cls, runs: Rollouts, m: int) -> RunOutcome:
-        """That of run m of many."""
+        """Outcome of run m of many."""
         lost = bool(runs.diverged_joint[m] >= 0)
-        told = f"joint {runs.diverged_joint[m] + 1} left its bound at {runs.diverged_at[m]:g} s"
+        message = f"joint {runs.diverged_joint[m] + 1} left its bound at {runs.diverged_at[m]:g} s"
         return cls(
             status="diverged" if lost else "done",
-            reason=told if lost else "",
+            reason=message if lost else "",
             rms_error=_mean(runs.rms_error[m]),
             rms_error_last=None if lost else _mean(runs.final_rms_error[m]),
             largest_error=float(runs.largest_error[m].max()),

@@ -70,7 +70,7 @@ class Proposals:
 
     @cached_property
     def ranges(self) -> Array:
-        """Prior ranges (P,) of the parameters."""
+        """Prior ranges (P,) of the parameters, SI units."""
         return prior_ranges(self.mechanism)
 
     def proposed(self, bandwidth: float, hold: float, adaptation: float, shares: Shares) -> Proposal:

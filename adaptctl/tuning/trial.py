@@ -56,7 +56,7 @@ class Trial(Controller[TrialMemory]):
 
     @property
     def home(self) -> Array:
-        """Positions (r,) where loops, if any, are known to close."""
+        """Positions (r,), rad or m, where loops, if any, are known to close."""
         return self.mechanism.home
 
     def start(self, p: Array, v: Array) -> TrialMemory:
@@ -67,7 +67,8 @@ class Trial(Controller[TrialMemory]):
         return TrialMemory(zero, q, motion, rest, rest, np.zeros(1), zero, one, one, np.zeros(1))
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: TrialMemory) -> tuple[Column, TrialMemory]:
-        """One tick: learn from the period that has passed, then act, now or a period later."""
+        """The torque (r,) N m of one tick, now or a period later, and the memory after learning from the period that
+        has passed."""
         equations, m = self.mechanism.equations, memory
         q, e, e_rate = equations.closed(p, m.q), p - reference.p, v - reference.v
         v_r, a_r = reference.v - m.bandwidth * e, reference.a - m.bandwidth * e_rate
@@ -109,7 +110,7 @@ class Trials:
 
     @property
     def possible(self) -> bool:
-        """Whether the mechanism is short enough to compile."""
+        """True if the mechanism has few enough links to compile."""
         return len(self.plant.mechanism.links) <= LARGEST_COMPILED
 
     def run(self, settings: list[TrialSetting], duration: float) -> Rollouts:

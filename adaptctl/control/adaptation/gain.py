@@ -33,18 +33,18 @@ class Descent(AdaptationLaw[Memory]):
 
     @property
     def by_parameter(self) -> bool:
-        """Whether Gamma is diagonal."""
+        """True if Gamma is diagonal."""
         return self.gain.ndim == 1
 
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar:
-        """error' Gamma^-1 error / 2, in J."""
+        """The distance error' Gamma^-1 error / 2 of estimates (k,) from true parameters (k,), in J."""
         error, gain = estimate - true, self._columns
         if isinstance(gain, list):
             return 0.5 * (error @ solve_symmetric([list(row) for row in gain], error))
         return 0.5 * (error @ Column(e / g for e, g in zip(error, gain, strict=True)))
 
     def applied(self, gradient: Column) -> Column:
-        """Gamma times a gradient (k,)."""
+        """The product (k,) of Gamma and a gradient (k,)."""
         gain = self._columns
         return Column(row @ gradient for row in gain) if isinstance(gain, list) else gain * gradient
 
@@ -80,6 +80,7 @@ def require_size(values: Array, model: ReducedModel, what: str) -> None:
 
 
 def _is_positive_definite(matrix: Array) -> bool:
-    """Whether it is, to round-off of its largest entry; its parameters' units are scaled out first."""
+    """True if a matrix is symmetric and positive definite, to round-off of its largest entry; its parameters' units are
+    scaled out first."""
     symmetric = np.allclose(matrix, matrix.T, rtol=0.0, atol=1e-12 * np.abs(matrix).max(initial=0.0))
     return bool(symmetric and np.all(np.diagonal(matrix) > 0.0) and scaled_eigenvalues(matrix)[0] > 0.0)

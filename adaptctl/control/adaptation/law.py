@@ -47,12 +47,12 @@ class Period(NamedTuple):
 
     @property
     def mean(self) -> Column:
-        """The mean of s at the start and at the end: the trapezium's."""
+        """The mean of s (r,) at the start and at the end of the period."""
         return 0.5 * (self.before + self.after)
 
     @property
     def integral(self) -> Column:
-        """s integrated over the period by the trapezium; 0 where nothing is to be learned."""
+        """The integral (r,) of s over the period by the trapezium rule; 0 where nothing is to be learned."""
         return (0.5 * self.elapsed) * (self.before + self.after)
 
 
@@ -78,7 +78,7 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
 
     @property
     def by_parameter(self) -> bool:
-        """Whether the law measures each parameter's error by itself, so that a bound on one moves no other."""
+        """True if the law measures each parameter's error by itself, so that a bound on one moves no other."""
         return False
 
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar | None:

@@ -68,7 +68,7 @@ class Natural(AdaptationLaw[NoMemory]):
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate a step along the geodesic of every link's pseudo-inertia."""
+        """The estimate (k,) a step along the geodesic of every link's pseudo-inertia, and no memory."""
         slope = each_rate(self.rate, model) * period.gradient(period.integral)
         return moved_bodies(estimate, slope, len(model.mechanism.description.bodies)), memory
 
@@ -126,20 +126,21 @@ def require_consistent(model: ReducedModel, parameters: Array, law: str, what: s
 
 
 def each_rate(rate: Any, model: ReducedModel) -> Column:
-    """The rate of each parameter (P,)."""
+    """The rate (P,) of each parameter, from one rate for each link and each drive's parameter."""
     bodies, count = _bodies_and_rates(model)
     rates = each(rate, count).of
     return Column((*(rate for rate in rates[:bodies] for _ in range(10)), *rates[bodies:]))
 
 
 def _bodies_and_rates(model: ReducedModel) -> tuple[int, int]:
-    """How many links have a body, and how many rates there are: theirs, and those of drives' parameters."""
+    """Number of links that have a body, and of rates: those of bodies, and those of drives' parameters."""
     bodies = len(model.mechanism.description.bodies)
     return bodies, len(model.mechanism.parameter_names) - 9 * bodies
 
 
 def moved_bodies(parameters: Column, slope: Column, bodies: int) -> Column:
-    """All parameters (P,) after one step, each link's ten along its geodesic, a drive's along that of a number."""
+    """Parameters (P,) after one step: each link's ten along its geodesic, each drive's along that of a positive
+    number."""
     links = 10 * bodies
     entries: list[Any] = []
     for i in range(0, links, 10):
@@ -232,7 +233,7 @@ def pseudos(tens: Array) -> Array:
 
 
 def divergence(true: Matrix, estimate: Matrix) -> Scalar:
-    """D(true, estimate) = log(det estimate / det true) + tr(estimate^-1 true) - 4 of pseudo-inertias; not a number
+    """The log-det divergence D(true, estimate) = log(det estimate / det true) + tr(estimate^-1 true) - 4 of pseudo-inertias; not a number
     unless both are positive definite."""
     shares = (solve_symmetric([list(row) for row in estimate], Column(column)) for column in transposed(true))
     trace: Scalar = sum((share[i] for i, share in enumerate(shares)), 0.0)

@@ -65,7 +65,7 @@ class Projection(AdaptationLaw[Memory]):
 
     @property
     def by_parameter(self) -> bool:
-        """True: each parameter is clipped by itself."""
+        """True, since each parameter is clipped by itself."""
         return True
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Memory:
@@ -73,7 +73,7 @@ class Projection(AdaptationLaw[Memory]):
         return self.of.start(model, initial, q, v, period)
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Memory) -> tuple[Column, Memory]:
-        """The estimate after a step of the law, clipped."""
+        """The estimate (k,) after a step of the wrapped law, clipped to the bounds; and that law's memory."""
         moved, after = self.of.law(model, estimate, period, memory)
         return Column(map(clip, moved, column(self.lower), column(self.upper))), after
 

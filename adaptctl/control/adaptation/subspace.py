@@ -56,7 +56,7 @@ class Subspace(AdaptationLaw[NoMemory]):
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate a step down the gradient along every direction, by the trapezium."""
+        """The estimate (k,) a step down the gradient along every direction, by the trapezium rule; and no memory."""
         gradient = period.gradient(period.integral)
         for step, direction in zip(column(self.gain), map(column, self.directions.T), strict=True):
             estimate = estimate - (step * (direction @ gradient)) * direction
