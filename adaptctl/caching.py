@@ -11,7 +11,18 @@ from typing import Any, Self, TypeVar, cast, overload
 
 import numpy as np
 
-Value = TypeVar("Value")
+Value, Owner = TypeVar("Value"), TypeVar("Owner")
+Content = TypeVar("Content", bound=Mapping[Any, Any])
+
+
+def sent_as_made(owner: type[Owner]) -> type[Owner]:
+    """The class, whose instances are copied and pickled without what they have cached, read-only arrays as such."""
+    if issubclass(owner, tuple):
+        setattr(owner, "__reduce__", _record)  # noqa: B010  # a class of any kind
+    elif "__getstate__" not in vars(owner):
+        for method, does in (("__getstate__", without_caches), ("__setstate__", restored)):
+            setattr(owner, method, does)
+    return owner
 
 
 class cached_property(functools.cached_property[Value]):  # noqa: N801  # stands for functools' own
@@ -24,9 +35,7 @@ class cached_property(functools.cached_property[Value]):  # noqa: N801  # stands
 
     def __set_name__(self, owner: type[Any], name: str) -> None:
         super().__set_name__(owner, name)
-        if "__getstate__" not in vars(owner):
-            for method, does in (("__getstate__", without_caches), ("__setstate__", restored)):
-                setattr(owner, method, does)
+        sent_as_made(owner)
 
     @overload
     def __get__(self, instance: None, owner: type[Any] | None = None) -> Self: ...
@@ -80,23 +89,43 @@ def without_caches(instance: object) -> tuple[dict[str, Any], tuple[str, ...]]:
     kind = type(instance)
     caches = cached_property, _Replaced
     kept = {k: v for k, v in vars(instance).items() if not isinstance(inspect.getattr_static(kind, k, None), caches)}
-    return kept, tuple(k for k, v in kept.items() if isinstance(v, np.ndarray) and not v.flags.writeable)
+    return kept, _read_only(kept)
 
 
 def restored(instance: object, state: tuple[dict[str, Any], tuple[str, ...]]) -> None:
     """Make an object of that again."""
-    kept, frozen = state
-    vars(instance).update(kept)
-    for name in frozen:
-        kept[name].flags.writeable = False
+    kept, names = state
+    vars(instance).update(_protected(kept, names))
 
 
-def _proxy(content: Mapping[Any, Any]) -> MappingProxyType[Any, Any]:
-    return MappingProxyType(dict(content))
+def _read_only(content: Mapping[Any, Any]) -> tuple[Any, ...]:
+    """The names of arrays that are not to be written to."""
+    return tuple(k for k, v in content.items() if isinstance(v, np.ndarray) and not v.flags.writeable)
+
+
+def _protected(content: Content, names: tuple[Any, ...]) -> Content:
+    for name in names:
+        content[name].flags.writeable = False
+    return content
+
+
+def _record(instance: Any) -> tuple[Callable[..., Any], tuple[Any, ...]]:
+    """How a named tuple is sent."""
+    content = instance._asdict()
+    return _recorded, (type(instance), content, _read_only(content))
+
+
+def _recorded(kind: Callable[..., Any], content: dict[str, Any], names: tuple[str, ...]) -> Any:
+    return kind(**_protected(content, names))
+
+
+def _proxy(content: dict[Any, Any], names: tuple[Any, ...]) -> MappingProxyType[Any, Any]:
+    return MappingProxyType(_protected(content, names))
 
 
 def _reduced(proxy: MappingProxyType[Any, Any]) -> tuple[Callable[..., Any], tuple[Any, ...]]:
-    return _proxy, (dict(proxy),)
+    content = dict(proxy)
+    return _proxy, (content, _read_only(content))
 
 
 copyreg.pickle(MappingProxyType, _reduced)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adaptctl.arrays import Array, frozen
-from adaptctl.caching import cached_property, without_caches
+from adaptctl.caching import cached_property, sent_as_made, without_caches
 from adaptctl.compilation import Ensemble, Kernel, compile_function
 from adaptctl.envs.many.arm_references import ArmReferences
 from adaptctl.envs.many.options import ArmOptions
@@ -56,6 +56,7 @@ class StepResult:
             getattr(self, field.name)[arms] = getattr(others, field.name)
 
 
+@sent_as_made
 class Arms:
     """N arms as in N environments like `single`: they take steps together, and begin an episode when told to."""
 
