@@ -5,6 +5,7 @@ from __future__ import annotations
 import copyreg
 import functools
 import inspect
+import operator
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, Self, TypeVar, cast, overload
@@ -13,6 +14,8 @@ import numpy as np
 
 Value, Owner = TypeVar("Value"), TypeVar("Owner")
 Content = TypeVar("Content", bound=Mapping[Any, Any])
+Path = tuple[Any, ...]
+State = tuple[dict[str, Any], tuple[Path, ...]]
 
 
 def sent_as_made(owner: type[Owner]) -> type[Owner]:
@@ -84,28 +87,30 @@ def replaced_by(name: str) -> Callable[[Method], Method]:
     return replaced
 
 
-def without_caches(instance: object) -> tuple[dict[str, Any], tuple[str, ...]]:
-    """What an object is made of, its caches left out, and the names of arrays that are not to be written to."""
+def without_caches(instance: object) -> State:
+    """What an object is made of, its caches left out, and where arrays stand that are not to be written to."""
     kind = type(instance)
     caches = cached_property, _Replaced
     kept = {k: v for k, v in vars(instance).items() if not isinstance(inspect.getattr_static(kind, k, None), caches)}
     return kept, _read_only(kept)
 
 
-def restored(instance: object, state: tuple[dict[str, Any], tuple[str, ...]]) -> None:
+def restored(instance: object, state: State) -> None:
     """Make an object of that again."""
-    kept, names = state
-    vars(instance).update(_protected(kept, names))
+    kept, paths = state
+    vars(instance).update(_protected(kept, paths))
 
 
-def _read_only(content: Mapping[Any, Any]) -> tuple[Any, ...]:
-    """The names of arrays that are not to be written to."""
-    return tuple(k for k, v in content.items() if isinstance(v, np.ndarray) and not v.flags.writeable)
+def _read_only(content: Mapping[Any, Any]) -> tuple[Path, ...]:
+    """Where arrays stand that are not to be written to: under a name, or in a tuple there."""
+    within = {(k, i): part for k, v in content.items() if type(v) is tuple for i, part in enumerate(v)}
+    stands: dict[Path, Any] = {(k,): v for k, v in content.items()} | within
+    return tuple(path for path, v in stands.items() if isinstance(v, np.ndarray) and not v.flags.writeable)
 
 
-def _protected(content: Content, names: tuple[Any, ...]) -> Content:
-    for name in names:
-        content[name].flags.writeable = False
+def _protected(content: Content, paths: tuple[Path, ...]) -> Content:
+    for path in paths:
+        functools.reduce(operator.getitem, path, content).flags.writeable = False
     return content
 
 
@@ -115,12 +120,12 @@ def _record(instance: Any) -> tuple[Callable[..., Any], tuple[Any, ...]]:
     return _recorded, (type(instance), content, _read_only(content))
 
 
-def _recorded(kind: Callable[..., Any], content: dict[str, Any], names: tuple[str, ...]) -> Any:
-    return kind(**_protected(content, names))
+def _recorded(kind: Callable[..., Any], content: dict[str, Any], paths: tuple[Path, ...]) -> Any:
+    return kind(**_protected(content, paths))
 
 
-def _proxy(content: dict[Any, Any], names: tuple[Any, ...]) -> MappingProxyType[Any, Any]:
-    return MappingProxyType(_protected(content, names))
+def _proxy(content: dict[Any, Any], paths: tuple[Path, ...]) -> MappingProxyType[Any, Any]:
+    return MappingProxyType(_protected(content, paths))
 
 
 def _reduced(proxy: MappingProxyType[Any, Any]) -> tuple[Callable[..., Any], tuple[Any, ...]]:

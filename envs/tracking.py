@@ -39,7 +39,8 @@ LARGEST_OBSERVATION = 1e6
 OPTIONS = ("payload", "trajectory", "initial_error", "parameters")
 
 
-@dataclass(slots=True)
+@sent_as_made
+@dataclass
 class _Episode:
     """The changing parts of a running episode."""
 
