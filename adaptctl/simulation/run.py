@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array
+from adaptctl.caching import sent_as_made
 from adaptctl.errors import FileError
 from adaptctl.packages import needed
 from adaptctl.simulation.rollout_file import (
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+@sent_as_made
 @dataclass(frozen=True, eq=False)
 class Rollout:
     """Samples of one closed-loop run of r joints; every array is read-only.

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.arrays import Array, checked, frozen, per_joint
+from adaptctl.caching import sent_as_made
 from adaptctl.compilation import Stepper, compile_step
 from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.compilation.loop import Source
@@ -39,6 +40,7 @@ STRETCH = 2000
 RECORDED = ("p", "v", "reference_p", "reference_v", "torque", "applied", "estimate")
 
 
+@sent_as_made
 @dataclass(frozen=True, eq=False)
 class Rollouts:
     """Samples and errors of M closed-loop runs of r joints; every array is read-only.

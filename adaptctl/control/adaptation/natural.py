@@ -233,8 +233,8 @@ def pseudos(tens: Array) -> Array:
 
 
 def divergence(true: Matrix, estimate: Matrix) -> Scalar:
-    """The log-det divergence D(true, estimate) = log(det estimate / det true) + tr(estimate^-1 true) - 4 of pseudo-inertias; not a number
-    unless both are positive definite."""
+    """The log-det divergence D(true, estimate) = log(det estimate / det true) + tr(estimate^-1 true) - 4 of
+    pseudo-inertias; not a number unless both are positive definite."""
     shares = (solve_symmetric([list(row) for row in estimate], Column(column)) for column in transposed(true))
     trace: Scalar = sum((share[i] for i, share in enumerate(shares)), 0.0)
     return trace - 4.0 + 2.0 * (_log_root(estimate) - _log_root(true))
