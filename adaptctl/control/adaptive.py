@@ -44,6 +44,11 @@ class AdaptiveState(NamedTuple):
     more: Any
     """the control law's own memory besides"""
 
+    @property
+    def told(self) -> Any:
+        """What the adaptation law tells of its memory, where it tells anything."""
+        return self.learning.told
+
 
 class AdaptiveController(Controller[AdaptiveState]):
     """A control law on a model's k parameters, and an adaptation law chosen apart from it.

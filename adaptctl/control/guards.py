@@ -58,6 +58,11 @@ class GuardedState(NamedTuple):
         """The law's estimate, where it has one."""
         return self.of.estimate
 
+    @property
+    def told(self) -> Any:
+        """What the adaptation law tells of its memory, where it tells anything."""
+        return self.of.told
+
 
 @dataclass(frozen=True, eq=False)
 class Guarded(Controller[GuardedState]):

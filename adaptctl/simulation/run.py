@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array
@@ -16,6 +18,7 @@ from adaptctl.packages import needed
 from adaptctl.simulation.rollout_file import (
     KEPT,
     OF_JOINTS,
+    OF_LAWS,
     OF_TIME,
     WHOLE,
     RolloutFile,
@@ -81,6 +84,8 @@ class Rollout:
     """(T,) each: what happened, by name, as the environment and the controller's guards tell"""
     every: int = 1
     """control periods from one sample to the next"""
+    learning: Array = field(default_factory=partial(np.empty, (0, 0)))
+    """(T, l) what the adaptation law tells of its memory, such as a lift; l = 0 where it tells nothing"""
 
     @property
     def spacing(self) -> float:
@@ -121,7 +126,7 @@ class Rollout:
 
     @property
     def _columns(self) -> dict[str, Array | None]:
-        return {name: getattr(self, name) for name in (*OF_TIME, *OF_JOINTS, "estimate")}
+        return {name: getattr(self, name) for name in (*OF_TIME, *OF_JOINTS, *OF_LAWS)}
 
     @property
     def _about(self) -> dict[str, object]:

@@ -37,6 +37,11 @@ class LearningMemory(NamedTuple):
     """(1,) how many joints' equations passed the threshold in the last period"""
     filtered: Filtered
 
+    @property
+    def told(self) -> Any:
+        """What a run keeps of it: whether something was learned (1,)."""
+        return self.learned
+
 
 @dataclass(frozen=True, eq=False)
 class CompositeLearning(ForgettingLeastSquares[LearningMemory]):

@@ -33,6 +33,11 @@ class Stack(NamedTuple):
     """(1,) 1 where the last period's sample was kept, else 0"""
     filtered: Filtered
 
+    @property
+    def told(self) -> Any:
+        """What a run keeps of it: whether something was learned (1,)."""
+        return self.learned
+
 
 @dataclass(frozen=True, eq=False)
 class ConcurrentLearning(Descent[Stack]):

@@ -61,7 +61,7 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
 
     A subclass is a frozen dataclass of configuration. `law` is an equation over scalars of any kind, traced
     into the control law's own native code, to which the numbers that the class names in `tunable` are arguments. What
-    changes over time, besides the estimate, is the memory.
+    changes over time, besides the estimate, is the memory, of which runs keep its property `told`, if it has one.
     """
 
     @abstractmethod
