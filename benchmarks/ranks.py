@@ -51,6 +51,7 @@ def judged(seed: int) -> Iterator[str]:
             space = essential_space(mechanism, method=method, prove=None if seed % 3 else True)  # type: ignore[arg-type]
         except RankError as error:
             yield f"{kind}{method} refused"
+            yield f"{kind}{method} refused, of which {reason(error, mechanism, method, rank)}"
             if not case.miss:
                 print(f"seed {seed}, {case.kind}, {method} refused: {str(error)[:300]}", flush=True)
             continue
@@ -58,6 +59,17 @@ def judged(seed: int) -> Iterator[str]:
         if space.rank != rank:
             print(f"seed {seed}, {case.kind}, {method}: {space.rank}, exactly {rank}, miss {case.miss:.1e}", flush=True)
         yield from kept(space, H, order, f"{kind}{method} basis", seed)
+
+
+def reason(error: RankError, mechanism: Mechanism, method: str, rank: int) -> str:
+    """Reason for which a mechanism was refused, and the outcome if its user says that it is meant as it stands."""
+    if "as the geometry stands" not in str(error):
+        return "uncertain"
+    try:
+        found = essential_space(mechanism, method=method, near="as_is").rank  # type: ignore[arg-type]
+    except RankError:
+        return "two ranks are possible; as it is: uncertain"
+    return f"two ranks are possible; as it is: {'right' if found == rank else 'WRONG'}"
 
 
 def kept(space: EssentialSpace, H: Array, order: list[int] | None, what: str, seed: int) -> Iterator[str]:

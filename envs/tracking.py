@@ -14,6 +14,7 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.arrays import Array, frozen_array, per_joint, positive_number
+from adaptctl.caching import sent_as_made
 from adaptctl.control.controller import Reference, ReferencePoint
 from adaptctl.control.gains.torque_limits import finite_torque_limits
 from adaptctl.control.reference_check import warn_of_derivatives
@@ -38,7 +39,8 @@ LARGEST_OBSERVATION = 1e6
 OPTIONS = ("payload", "trajectory", "initial_error", "parameters")
 
 
-@dataclass(slots=True)
+@sent_as_made
+@dataclass
 class _Episode:
     """The changing parts of a running episode."""
 
@@ -50,6 +52,7 @@ class _Episode:
     over: bool = False
 
 
+@sent_as_made
 class TrackingEnv(gymnasium.Env[Array, Array]):
     """
     ## Description

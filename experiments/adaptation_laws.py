@@ -43,7 +43,7 @@ from adaptctl.errors import InputError, NotFoundError
 from adaptctl.experiments.contest import Contender, Outcome
 from adaptctl.experiments.experiment import setting
 from adaptctl.experiments.learning import ADAPTATION_OFF, Found, Learning, numbers
-from adaptctl.experiments.memories import forgotten_notes, memory_findings, smallest_eigenvalue
+from adaptctl.experiments.memories import forgotten_notes, memory_findings
 from adaptctl.experiments.parameter_errors import SAMPLES, ParameterErrors, parameter_errors
 from adaptctl.experiments.rough_start import RoughStart
 from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
@@ -330,8 +330,6 @@ class AdaptationLaws(RoughStart, Learning):
             if (over_time := errors.of(run)) is not None:
                 meaning = f"{run.label}: parameter error at the end, of {over_time[0]:.3g} at the start"
                 yield Finding(f"parameter_error.{run.name}", float(over_time[-1]), "1", meaning)
-            if run.name == "natural":
-                yield smallest_eigenvalue(outcome.mechanism, run, run.rollout.estimate)
             yield from memory_findings(contenders[run.name].controller, run, outcome.mechanism)
         for run in outcome.runs:
             cost = float_tick(contenders[run.name].controller, run)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 TIMED_TICKS, REPETITIONS = 1000, 30
 """control ticks that are timed to find out how long one takes"""
-MANY, FEW = 600_000, 200_000
+MANY, FEW = 600_000, 120_000
 """samples of all runs: so many are kept as they are, and of more than these so few, which fit into 500 MB"""
 
 

@@ -39,7 +39,10 @@ class PayloadDrop(AdaptationLaws):
         0.03, "deviation of what is measured of velocities, rad/s: without it errors fall on and on", low=0.0, high=1.0
     )
     acceleration_gain: float = setting(
-        0.1, "adaptive computed torque, which learns from accelerations, has this share of the gain", low=1e-6, high=1.0
+        0.02,
+        "adaptive computed torque, which learns from accelerations, has this share of the gain",
+        low=1e-6,
+        high=1.0,
     )
     dead_zone: float = setting(0.08, "width of the dead zone of s, rad/s: wider than the noise", low=1e-6, high=10.0)
     payload: float = setting(2.0, "mass of the payload, kg", low=0.0, high=1e3)

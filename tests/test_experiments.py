@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import signal
+import time
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from comparisons import no_progress, shown
 from robot_files import urdf
 from signals import signalled
 
-from adaptctl.cli.interruption import interruptible
+from adaptctl.cli.interruption import IMPORTING, interruptible
 from adaptctl.cli.main import main
 from adaptctl.control import SlotineLi, sampled_gain
 from adaptctl.dynamics import load
@@ -177,6 +178,19 @@ def test_interruption_that_python_lost_is_found_again_in_the_midst_of_the_next_s
             told("two", 0.0)
     assert stages == [("one", 0.5), ("one", 1.0)]
     assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+
+
+def test_an_interruption_in_the_midst_of_pythons_imports_waits_until_they_let_go_of_their_lock() -> None:
+    inside = compile("signal.raise_signal(signal.SIGINT)\nsteps.append('released')", IMPORTING, "exec")
+    steps: list[str] = []
+
+    def imported() -> None:
+        exec(inside, {"signal": signal, "steps": steps})
+        time.sleep(60.0)
+
+    with interruptible(), pytest.raises(KeyboardInterrupt):
+        imported()
+    assert steps == ["released"]
 
 
 @pytest.mark.parametrize("robot", ["puma560_measured", "ur5_robot.urdf"])

@@ -44,6 +44,11 @@ class AdaptiveState(NamedTuple):
     more: Any
     """the control law's own memory besides"""
 
+    @property
+    def recorded(self) -> Any:
+        """The part of the adaptation law's memory that a run records, if it has one."""
+        return self.learning.recorded
+
 
 class AdaptiveController(Controller[AdaptiveState]):
     """A control law on a model's k parameters, and an adaptation law chosen apart from it.

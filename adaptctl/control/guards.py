@@ -58,6 +58,11 @@ class GuardedState(NamedTuple):
         """The law's estimate, where it has one."""
         return self.of.estimate
 
+    @property
+    def recorded(self) -> Any:
+        """The part of the adaptation law's memory that a run records, if it has one."""
+        return self.of.recorded
+
 
 @dataclass(frozen=True, eq=False)
 class Guarded(Controller[GuardedState]):

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.arrays import Array, frozen_array
-from adaptctl.caching import cached_property
+from adaptctl.caching import cached_property, sent_as_made
 from adaptctl.description.drive import Drive, DriveParameter
 from adaptctl.description.inertia import is_physically_consistent, parameter_names
 from adaptctl.description.loops import Loops
@@ -60,6 +60,7 @@ class Limits:
             raise InputError(f"limits: expected positive velocity and effort, got {self.velocity}, {self.effort}")
 
 
+@sent_as_made
 @dataclass(frozen=True, eq=False)
 class Joint:
     """A joint with one coordinate, about or along `axis` (3,), a unit vector in the joint's frame."""
@@ -81,6 +82,7 @@ class Joint:
         object.__setattr__(self, "axis", frozen_array(unit, (3,), "axis"))
 
 
+@sent_as_made
 @dataclass(frozen=True, eq=False)
 class Link:
     """A rigid body behind one joint.

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array
+from adaptctl.caching import sent_as_made
 from adaptctl.description.reach import attachments, joint_line
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
@@ -21,6 +22,7 @@ SLACK = 1e-9
 """m beyond a box within which a place is in it still"""
 
 
+@sent_as_made
 @dataclass(frozen=True, eq=False)
 class PlaceBounds:
     """The box of places (3,) from `lower` to `upper`, m in a link's frame, and the mass (kg) that fits there at most.

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array
-from adaptctl.caching import cached_property
+from adaptctl.caching import cached_property, sent_as_made
 from adaptctl.dynamics.constrained_equations import ConstrainedEquations
 from adaptctl.dynamics.mechanism import Mechanism
 from adaptctl.errors import InputError
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from adaptctl.dynamics.loops.continuation import Continuation
 
 
+@sent_as_made
 @dataclass(frozen=True, eq=False)
 class Parametrisation:
     """Affine map from the Z free parameters, which are some of the P, to all P: D = known + matrix z."""

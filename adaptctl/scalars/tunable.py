@@ -113,10 +113,6 @@ class Tunable:
         rest = tuple((name, _key(value)) for name, value in fixed if name not in self.tunable or value is None)
         return Structure(self, (type(self), shapes, rest, tuple((name, of.structure) for name, of in parts.items())))
 
-    def __getstate__(self) -> dict[str, Any]:
-        """The settings without what was made of them: native code stays in its process."""
-        return dict(self._settings())
-
     def _settings(self) -> Iterator[tuple[str, Any]]:
         """The attributes without those that are computed and kept."""
         kind = type(self)

@@ -43,6 +43,8 @@ class Sample(NamedTuple):
     """(k,) after the tick, k = 0 where there is none"""
     marks: Any
     """(m,) 1 or 0: the plant's, then those of the controller's guards"""
+    learning: Any
+    """(l,) what the adaptation law tells of its memory after the tick, l = 0 where it tells nothing"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +101,7 @@ class ClosedLoop:
         marks = Column((*outcome.marks, *(mark[0] for mark in guards(after))))
         estimate = Column(getattr(after, "estimate", ()))
         energy = Column((self.plant.energy_equation(q, v, columns["parameters"], columns["drives"]),))
-        done = torque, outcome.applied, outcome.clipped, estimate, marks
+        done = torque, outcome.applied, outcome.clipped, estimate, marks, Column(getattr(after, "recorded", ()))
         return [*outcome[:4], *next_measured, *leaves(after)], Sample(q, v, *measured, energy, *done)
 
     @cached_property

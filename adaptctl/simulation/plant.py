@@ -99,7 +99,7 @@ class Plant(Tunable):
         """Lengths of the columns that `equation` passes from one control period to the next."""
         still, period = np.zeros(self.dof), self.control_period
         memories = self._effects.drive_memory(still, period), self._effects.sensor_memory(still, still, period)
-        joints, motors = {"q": self.mechanism.equations.joints, "v": self.dof}, 2 * self.dof if self._elastic else 0
+        joints, motors = {"q": self.mechanism.equations.joints, "v": self.dof}, 2 * self.dof if self.is_elastic else 0
         return joints | {"drives": len(memories[0]) + motors, "sensors": len(memories[1])}
 
     def parameters(self, own: Array, time: float) -> Array:
@@ -130,11 +130,11 @@ class Plant(Tunable):
         p, v = p.copy(), v.copy()
         q, arms = self.mechanism.configuration(p), p.shape[:-1]
         held = np.zeros_like(p)
-        if self._effects.actuators or self._elastic:
+        if self._effects.actuators or self.is_elastic:
             held = self._holding(q, self._true(0.0) if parameters is None else parameters)
         drives = self._effects.drive_memory(held, self.control_period)
         theta = p if self._transmission is None else p + held / self._transmission.stiffness
-        drives = np.concatenate((drives, theta, v), axis=-1) if self._elastic else drives
+        drives = np.concatenate((drives, theta, v), axis=-1) if self.is_elastic else drives
         sensed = theta if self._effects.senses_motors else p
         sensors = self._effects.sensor_memory(sensed, v, self.control_period)
         measured = self._measured(sensed, v, self._silence if noise is None else noise, sensors)
@@ -175,7 +175,7 @@ class Plant(Tunable):
     def energy(self, state: PlantState, parameters: ArrayLike | None = None) -> float:
         """Kinetic plus potential energy, in J, with parameters (P,) as in `step`."""
         true = self._true(state.time) if parameters is None else parameters
-        motors = (state.drives,) if self._elastic else ()
+        motors = (state.drives,) if self.is_elastic else ()
         (energy,) = self._energy(state.q, state.v, true, *motors)
         return float(energy[0])
 
@@ -245,7 +245,7 @@ class Plant(Tunable):
         def energy(q: Column, v: Column, parameters: Column, drives: Column = Column(())) -> tuple[Column]:  # noqa: B008
             return (Column((self.energy_equation(q, v, parameters, drives),)),)
 
-        kept = {"drives": self.sizes["drives"]} if self._elastic else {}
+        kept = {"drives": self.sizes["drives"]} if self.is_elastic else {}
         return self._native(energy, "energy", {name: self.sizes[name] for name in ("q", "v")}, kept)
 
     @cached_property
@@ -298,10 +298,11 @@ class Plant(Tunable):
     @cached_property
     def _chained(self) -> bool:
         """True if an actuator, sensor or spring stands between controller and joints."""
-        return bool(self._effects.actuators or self._effects.sensors or self._elastic)
+        return bool(self._effects.actuators or self._effects.sensors or self.is_elastic)
 
     @property
-    def _elastic(self) -> bool:
+    def is_elastic(self) -> bool:
+        """True if springs stand between the motors and the links."""
         return self._effects.elastic is not None
 
     @cached_property

@@ -36,6 +36,8 @@ OF_JOINTS = {
 }
 """A run's arrays of a column a joint, in the units that they have where joints turn."""
 OF_TIME = {"time": "s", "clipped": "1", "energy": "J", "reward": "1"}
+OF_LAWS = ("estimate", "learning")
+"""A run's arrays of as many columns as the controller has."""
 
 
 class RolloutFile:
@@ -128,14 +130,15 @@ def _file_columns(
         values = columns[name]
         for joint, column in zip(joints, () if values is None else values.T, strict=False):
             yield f"{name}.{joint}", (unit, np.ascontiguousarray(column))
-    for i, column in enumerate(np.asarray(columns["estimate"]).T):
-        yield f"estimate.{i}", ("", np.ascontiguousarray(column))
+    for name in OF_LAWS:
+        for i, column in enumerate(np.asarray(columns[name]).T):
+            yield f"{name}.{i}", ("", np.ascontiguousarray(column))
     yield from ((f"mark.{name}", ("", values)) for name, values in marks.items())
 
 
 def _arrays(table: Any) -> tuple[dict[str, Array], Mapping[str, Array]]:
     """A run's arrays and its marks, of the columns of its file."""
-    parts: dict[str, list[Array]] = {name: [] for name in (*OF_JOINTS, "estimate")}
+    parts: dict[str, list[Array]] = {name: [] for name in (*OF_JOINTS, *OF_LAWS)}
     marks: dict[str, Array] = {}
     for name in table.column_names:
         kind, _, rest = name.partition(".")
@@ -146,5 +149,5 @@ def _arrays(table: Any) -> tuple[dict[str, Array], Mapping[str, Array]]:
             parts[kind].append(values)
     gathered = {name: frozen(np.stack(columns, axis=-1)) for name, columns in parts.items() if columns}
     single = {name: frozen(table[name].to_numpy().copy()) for name in OF_TIME}
-    blank = {"estimate": frozen(np.empty((table.num_rows, 0)))}
+    blank = {name: frozen(np.empty((table.num_rows, 0))) for name in OF_LAWS}
     return blank | single | gathered, MappingProxyType(marks)

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array
+from adaptctl.caching import sent_as_made
 from adaptctl.errors import FileError
 from adaptctl.packages import needed
 from adaptctl.simulation.rollout_file import (
     KEPT,
     OF_JOINTS,
+    OF_LAWS,
     OF_TIME,
     WHOLE,
     RolloutFile,
@@ -29,6 +33,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+@sent_as_made
 @dataclass(frozen=True, eq=False)
 class Rollout:
     """Samples of one closed-loop run of r joints; every array is read-only.
@@ -79,6 +84,8 @@ class Rollout:
     """(T,) each: what happened, by name, as the environment and the controller's guards tell"""
     every: int = 1
     """control periods from one sample to the next"""
+    learning: Array = field(default_factory=partial(np.empty, (0, 0)))
+    """(T, l) what the adaptation law tells of its memory, such as a lift; l = 0 where it tells nothing"""
 
     @property
     def spacing(self) -> float:
@@ -119,7 +126,7 @@ class Rollout:
 
     @property
     def _columns(self) -> dict[str, Array | None]:
-        return {name: getattr(self, name) for name in (*OF_TIME, *OF_JOINTS, "estimate")}
+        return {name: getattr(self, name) for name in (*OF_TIME, *OF_JOINTS, *OF_LAWS)}
 
     @property
     def _about(self) -> dict[str, object]:

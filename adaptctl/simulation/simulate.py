@@ -206,7 +206,7 @@ class _NativeRun:
             measured = (sample.measured_p, sample.measured_v) if plant.noise_size else (p, sample.v)
             yield from zip(("measured_p", "measured_v"), measured, strict=True)
         yield from zip(("reference_p", "reference_v", "reference_a"), reference, strict=True)
-        yield from ((name, getattr(sample, name)) for name in ("torque", "applied", "estimate", "marks"))
+        yield from ((name, getattr(sample, name)) for name in ("torque", "applied", "estimate", "marks", "learning"))
         yield from ((name, getattr(sample, name)[:, 0]) for name in ("clipped", "energy"))
 
     def _reached(self, time: float, sample: Sample) -> PlantState:

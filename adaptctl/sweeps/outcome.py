@@ -40,6 +40,7 @@ class RunOutcome(NamedTuple):
             largest_error=float(runs.largest_error[m].max()),
             diverged_at=float(runs.diverged_at[m]) if lost else None,
             diverged_joint=int(runs.diverged_joint[m]) + 1 if lost else None,
+            lyapunov_rise=_known(runs.lyapunov_rise[m]),
         )
 
 
@@ -58,5 +59,9 @@ OUTCOME = {
 
 def _mean(values: Array) -> float | None:
     """Root mean square over joints (r,); None where it is not known."""
-    value = float(np.sqrt(np.mean(values**2)))
-    return value if np.isfinite(value) else None
+    return _known(float(np.sqrt(np.mean(values**2))))
+
+
+def _known(value: float) -> float | None:
+    """The number, or None where there is none."""
+    return float(value) if np.isfinite(value) else None

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adaptctl.arrays import Array, frozen
-from adaptctl.caching import cached_property, without_caches
+from adaptctl.caching import State, cached_property, restored, without_caches
 from adaptctl.compilation import Ensemble, Kernel, compile_function
 from adaptctl.envs.many.arm_references import ArmReferences
 from adaptctl.envs.many.options import ArmOptions
@@ -166,25 +166,25 @@ class Arms:
     def _lanes(self) -> Ensemble:
         return self._ensembles[self._terms or 0]
 
-    def __getstate__(self) -> tuple[dict[str, Any], dict[int, list[dict[str, Array]]]]:
+    def __getstate__(self) -> tuple[State, dict[int, list[dict[str, Array]]]]:
         """State of the arms for copies in other processes, native code left out, and their columns."""
-        kept, _ = without_caches(self)
+        kept, read_only = without_caches(self)
         columns = {
             terms: [{name: part[name].copy() for name in part.columns} for part in (arms.state, arms.held)]
             for terms, arms in self._ensembles.items()
         }
-        return kept | {"_ensembles": {}, "_kernels": {}}, columns
+        return (kept | {"_ensembles": {}, "_kernels": {}}, read_only), columns
 
-    def __setstate__(self, given: tuple[dict[str, Any], dict[int, list[dict[str, Array]]]]) -> None:
-        kept, columns = given
-        vars(self).update(kept)
+    def __setstate__(self, given: tuple[State, dict[int, list[dict[str, Array]]]]) -> None:
+        state, columns = given
+        restored(self, state)
         for terms, parts in columns.items():
             self._terms = terms
             arms = self._ensembles[terms] = self._step.compile().ensemble(self.count)
             for part, values in zip((arms.state, arms.held), parts, strict=True):
                 for name, column in values.items():
                     part[name] = column
-        self._terms = kept["_terms"]
+        self._terms = state[0]["_terms"]
 
     @property
     def _step(self) -> VectorStep:

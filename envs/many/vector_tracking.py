@@ -13,6 +13,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.arrays import Array
+from adaptctl.caching import sent_as_made
 from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.envs.many.arms import Arms, Flags, StepResult
 from adaptctl.envs.puma560 import Puma560TrackingEnv
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from adaptctl.envs.rendering.render import Renderer
 
 
+@sent_as_made
 class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
     """
     ## Description

@@ -37,6 +37,11 @@ class LearningMemory(NamedTuple):
     """(1,) how many joints' equations passed the threshold in the last period"""
     filtered: Filtered
 
+    @property
+    def recorded(self) -> Any:
+        """The part that a run records (1,): 1 if something was learned."""
+        return self.learned
+
 
 @dataclass(frozen=True, eq=False)
 class CompositeLearning(ForgettingLeastSquares[LearningMemory]):

@@ -33,6 +33,11 @@ class Stack(NamedTuple):
     """(1,) 1 where the last period's sample was kept, else 0"""
     filtered: Filtered
 
+    @property
+    def recorded(self) -> Any:
+        """The part that a run records (1,): 1 if something was learned."""
+        return self.learned
+
 
 @dataclass(frozen=True, eq=False)
 class ConcurrentLearning(Descent[Stack]):

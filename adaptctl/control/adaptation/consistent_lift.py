@@ -39,6 +39,11 @@ class LiftMemory(NamedTuple):
     filtered: Any
     """the torque filters', where torques are predicted"""
 
+    @property
+    def recorded(self) -> Any:
+        """The part that a run records: the lift (P,)."""
+        return self.lift
+
 
 @dataclass(frozen=True, eq=False)
 class ConsistentLift(AdaptationLaw[LiftMemory]):

@@ -14,7 +14,7 @@ from adaptctl.control.adaptation.law import AdaptationLaw, Period
 from adaptctl.control.memory import Memory
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, clip, column
+from adaptctl.scalars import Column, Scalar, clip, column
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,9 +77,9 @@ class Projection(AdaptationLaw[Memory]):
         moved, after = self.of.law(model, estimate, period, memory)
         return Column(map(clip, moved, column(self.lower), column(self.upper))), after
 
-    def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array | None:
-        """Distance (...) in J by the law that is projected; None where that has none."""
-        return self.of.distance(model, estimate, true)
+    def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar | None:
+        """The term of the law that is projected."""
+        return self.of.lyapunov_term(model, estimate, true)
 
 
 def limits(model: ReducedModel, bounds: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:

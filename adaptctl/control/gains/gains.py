@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, per_joint
+from adaptctl.caching import sent_as_made
 from adaptctl.control.gains.hold import hold_number
 from adaptctl.control.gains.workspace import Workspace, everywhere
 from adaptctl.dynamics import Mechanism
@@ -30,6 +31,7 @@ def typical_inertia(mechanism: Mechanism) -> Array:
     return np.median(np.diagonal(everywhere(mechanism).mass_matrices, axis1=-2, axis2=-1), axis=0)
 
 
+@sent_as_made
 @dataclass(frozen=True, eq=False)
 class Gains:
     """Slotine and Li's gains: `bandwidth` is Lambda (r,) in 1/s, `damping` is K (r,) in N m s/rad."""

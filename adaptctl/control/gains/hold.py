@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, per_joint, stacked_rows
+from adaptctl.caching import sent_as_made
 from adaptctl.control.gains.workspace import Workspace, Worst, everywhere
 from adaptctl.description.drive import DriveParameter
 from adaptctl.dynamics import Mechanism
@@ -21,6 +22,7 @@ DEFINITE = 1e-12
 """Least eigenvalue of a mass matrix, its diagonal scaled to 1, that is positive beyond round-off."""
 
 
+@sent_as_made
 class HoldNumber(NamedTuple):
     """The hold number T_c max lambda(M^-1 (K + M^ Lambda)) and where it is found: a held torque is stable while it is
     below 2."""

@@ -7,12 +7,14 @@ from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import reduce
 from typing import Any
 
 from adaptctl.description import GROUND, Description, Link, Pose
 from adaptctl.dynamics.recursion.segment import Segment
-from adaptctl.identifiability.proof.joint_frames import CanonicalFrames, FloatFrame, FramePlacement, about_z
+from adaptctl.identifiability.proof.joint_frames import CanonicalFrames, FloatFrame, FramePlacement
 from adaptctl.identifiability.proof.simplest import AS_GIVEN, Precision, simplest_rational, turn
+from adaptctl.identifiability.proof.turns import Turns, turned, turns_of
 from adaptctl.scalars import Mat, Vec, product
 
 Number = Callable[[Fraction], Any]
@@ -29,7 +31,7 @@ class Reading:
     size: float
     """The mechanism's length, m."""
     unit: Fraction = Fraction(1)
-    """The unit in which lengths are told, m."""
+    """The unit of lengths, m."""
     precision: Precision = AS_GIVEN
     equal: tuple[float, ...] = ()
     """Lengths (m), rising, each of which stands for those that are longer by less than the precision."""
@@ -49,6 +51,11 @@ class Reading:
         c, s = found.cosine_and_sine
         return self.number(c), self.number(s)
 
+    def rotation(self, turns: Turns) -> Mat:
+        """The product of turns about coordinate axes."""
+        first, *rest = (turned(axis, *self.turned(angle)) for axis, angle in turns)
+        return reduce(product, rest, first)
+
 
 @dataclass(frozen=True)
 class ExactFrame:
@@ -60,10 +67,9 @@ class ExactFrame:
     @classmethod
     def of(cls, placement: FramePlacement, reading: Reading) -> ExactFrame:
         """The rational frame that a placement in floats stands for."""
-        yaw, tilt, spin, bearing = (reading.turned(x) for x in placement[:4])
-        radius, height = (reading.length(x) for x in placement[4:])
-        rotation = product(product(about_z(*yaw), _about_x(*tilt)), about_z(*spin))
-        return cls(rotation, Vec(radius * bearing[0], radius * bearing[1], height))
+        radius, height = reading.length(placement.radius), reading.length(placement.height)
+        c, s = reading.turned(placement.bearing)
+        return cls(reading.rotation(placement.turns), Vec(radius * c, radius * s, height))
 
 
 @dataclass(frozen=True)
@@ -80,7 +86,7 @@ class ExactGeometry:
 
     @classmethod
     def by_axes(cls, description: Description, frames: CanonicalFrames, reading: Reading) -> ExactGeometry:
-        """The geometry as described from axis to axis: parallel, meeting and right-angled axes are so exactly."""
+        """The geometry from axis to axis: axes that are parallel, meet or are at right angles are so exactly."""
         on_joints = tuple(ExactFrame.of(joint.link, reading) for joint in frames.joints)
         links = tuple(
             _segment(
@@ -116,9 +122,8 @@ class ExactGeometry:
 
 
 def _as_written(pose: Pose, reading: Reading) -> ExactFrame:
-    """A pose with the file's own lengths; its rotation by three angles."""
-    placement = FramePlacement.of(FloatFrame.of(pose), reading.size, reading.precision)
-    rotation = ExactFrame.of(placement, reading).rotation
+    """A pose with the file's own lengths; its rotation by turns."""
+    rotation = reading.rotation(turns_of(FloatFrame.of(pose).rotation, reading.precision))
     return ExactFrame(rotation, Vec(*(reading.length(x) for x in pose.translation.tolist())))
 
 
@@ -159,10 +164,6 @@ def _segment(parent: int, turns: bool, joint: ExactFrame, before: ExactFrame | N
         near=near,
         far=outward @ own.origin,
     )
-
-
-def _about_x(c: Any, s: Any) -> Mat:
-    return Mat(Vec(1.0, 0.0, 0.0), Vec(0.0, c, -s), Vec(0.0, s, c))
 
 
 def _unless_identity(rotation: Mat) -> Mat | None:

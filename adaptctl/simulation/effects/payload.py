@@ -11,11 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array
+from adaptctl.caching import sent_as_made
 from adaptctl.description.description import LARGEST_INERTIA
 from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.errors import InputError, NotFoundError
 
 
+@sent_as_made
 @dataclass(frozen=True, eq=False)
 class Payload:
     """A body held by the last link: `mass` in kg, `center` (3,) in m in that link's frame, and `inertia` (3, 3)
