@@ -102,7 +102,7 @@ def restored(instance: object, state: State) -> None:
 
 
 def _read_only(content: Mapping[Any, Any]) -> tuple[Path, ...]:
-    """Where arrays stand that are not to be written to: under a name, or in a tuple there."""
+    """Places of the arrays that are not to be written to: names, or names and places in a tuple."""
     within = {(k, i): part for k, v in content.items() if type(v) is tuple for i, part in enumerate(v)}
     stands: dict[Path, Any] = {(k,): v for k, v in content.items()} | within
     return tuple(path for path, v in stands.items() if isinstance(v, np.ndarray) and not v.flags.writeable)

@@ -1,4 +1,4 @@
-"""What sweeps of PUMA runs cost, beside the same runs one by one. Run: python -m benchmarks.sweeps [1000 10000 100000]
+"""Processor time of sweeps of PUMA runs, beside the same runs one by one. Run: python -m benchmarks.sweeps [1000 10000 100000]
 
 Runs of 10 s with learning, Runge-Kutta's method, and a bandwidth, a rate and a payload of their own, on two local
 workers. The peers are a loop through Gymnasium, and a loop of a few lines over the experiment on Dask; they do a few of

@@ -109,7 +109,7 @@ def _of_joints(seconds: list[tuple[float, int]], dof: int) -> list[tuple[float, 
 
 
 def _counts(who: str, found: list[dict[str, Any]], count: int) -> str:
-    """How many learn, and how well, of so many robots."""
+    """Counts of robots that learn, by how well they do."""
     runs = [one["as described"] for one in found]
     learning = {name: sum(one[name]["learns"] for one in found) for name in CASES}
     tenth = sum(run["learns"] and run["last"] <= 0.1 * run["first"] for run in runs)
@@ -158,7 +158,7 @@ def main() -> None:
             told = row(name, mechanism, given.search, given.seed)
             out.write(json.dumps(told) + "\n")
             out.flush()
-            print(json.dumps(entry)[:300], flush=True)
+            print(json.dumps(told)[:300], flush=True)
 
 
 if __name__ == "__main__":

@@ -60,7 +60,7 @@ class GuardedState(NamedTuple):
 
     @property
     def told(self) -> Any:
-        """What the adaptation law tells of its memory, where it tells anything."""
+        """Part of the adaptation law's memory that a run keeps, where it keeps any."""
         return self.of.told
 
 

@@ -39,7 +39,7 @@ class LearningMemory(NamedTuple):
 
     @property
     def told(self) -> Any:
-        """What a run keeps of it: whether something was learned (1,)."""
+        """Part of the memory that a run keeps: 1 where something was learned, else 0, (1,)."""
         return self.learned
 
 

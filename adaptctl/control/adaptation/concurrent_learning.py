@@ -35,7 +35,7 @@ class Stack(NamedTuple):
 
     @property
     def told(self) -> Any:
-        """What a run keeps of it: whether something was learned (1,)."""
+        """Part of the memory that a run keeps: 1 where something was learned, else 0, (1,)."""
         return self.learned
 
 

@@ -41,7 +41,7 @@ class LiftMemory(NamedTuple):
 
     @property
     def told(self) -> Any:
-        """What a run keeps of it: the lift (P,)."""
+        """Part of the memory that a run keeps: the lift (P,)."""
         return self.lift
 
 
