@@ -115,7 +115,7 @@ def _protected(content: Content, paths: tuple[Path, ...]) -> Content:
 
 
 def _record(instance: Any) -> tuple[Callable[..., Any], tuple[Any, ...]]:
-    """How a named tuple is sent."""
+    """Parts of a named tuple to send."""
     content = instance._asdict()
     return _recorded, (type(instance), content, _read_only(content))
 

@@ -190,7 +190,7 @@ def outcome(model: ReducedModel, draws: LoopDraws, law: Gradient, gain: Array, d
 
 
 class LoopCounts(NamedTuple):
-    """What was found of an arm's loops, or of all arms'."""
+    """Counts of an arm's loops, or of all arms', by what became of them."""
 
     arms: int = 0
     offered: int = 0
