@@ -102,7 +102,7 @@ def restored(instance: object, state: State) -> None:
 
 
 def _read_only(content: Mapping[Any, Any]) -> tuple[Path, ...]:
-    """Places of the arrays that are not to be written to: under a name, or in a tuple there."""
+    """Places of the arrays that are not to be written to: names, or names and places in a tuple."""
     within = {(k, i): part for k, v in content.items() if type(v) is tuple for i, part in enumerate(v)}
     stands: dict[Path, Any] = {(k,): v for k, v in content.items()} | within
     return tuple(path for path, v in stands.items() if isinstance(v, np.ndarray) and not v.flags.writeable)
@@ -115,7 +115,7 @@ def _protected(content: Content, paths: tuple[Path, ...]) -> Content:
 
 
 def _record(instance: Any) -> tuple[Callable[..., Any], tuple[Any, ...]]:
-    """Constructor and arguments by which a named tuple is sent."""
+    """Parts of a named tuple to send."""
     content = instance._asdict()
     return _recorded, (type(instance), content, _read_only(content))
 

@@ -62,7 +62,7 @@ def judged(seed: int) -> Iterator[str]:
 
 
 def reason(error: RankError, mechanism: Mechanism, method: str, rank: int) -> str:
-    """Reason for which a mechanism was refused, and the outcome if its user says that it is meant as it stands."""
+    """Reason why a mechanism was refused, and the outcome if its user says that it is meant as it stands."""
     if "as the geometry stands" not in str(error):
         return "uncertain"
     try:

@@ -176,7 +176,7 @@ def numbers(model: ReducedModel, gains: Gains, gain: Array, reference: adaptctl.
 
 
 def outcome(model: ReducedModel, draws: LoopDraws, law: Gradient, gain: Array, duration: float) -> tuple[Array, Array]:
-    """Masks (n,) of the loops that stay finite, and of those that ring in the end."""
+    """Loops (n,) that stay finite, and those that ring in the end."""
     few = np.full(model.mechanism.dof, 1e-6)
     bare = Listening(SlotineLi(model, few, few, law, period=PERIOD))
     rows = zip(draws.settings.bandwidth, draws.settings.damping, gain, strict=True)
@@ -189,8 +189,8 @@ def outcome(model: ReducedModel, draws: LoopDraws, law: Gradient, gain: Array, d
     return run.finite, run.finite & rings
 
 
-class Counts(NamedTuple):
-    """Counts of an arm's loops, or of all arms'."""
+class LoopCounts(NamedTuple):
+    """Counts of an arm's loops, or of all arms', by what became of them."""
 
     arms: int = 0
     offered: int = 0
@@ -205,8 +205,8 @@ class Counts(NamedTuple):
     """not finite with the law there was before"""
     rang_before: int = 0
 
-    def __add__(self, other: tuple[Any, ...]) -> Counts:
-        return Counts(*map(sum, zip(self, other, strict=True)))
+    def __add__(self, other: tuple[Any, ...]) -> LoopCounts:
+        return LoopCounts(*map(sum, zip(self, other, strict=True)))
 
     def __str__(self) -> str:
         return (
@@ -222,18 +222,18 @@ class Counts(NamedTuple):
         return kept and self.offered >= 0.95 * self.arms
 
 
-def counted(seed: int, count: int, duration: float) -> Counts:
-    """Counts of so many loops of the arm of a seed."""
+def counted(seed: int, count: int, duration: float) -> LoopCounts:
+    """So many loops of the arm of a seed."""
     rng = np.random.default_rng(seed)
     arm = random_arm(rng)
     model = ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm)))
     if (draws := drawn(model, rng, count)) is None:
-        return Counts(arms=1)
+        return LoopCounts(arms=1)
     gain, safe = draws.settings.gain, draws.certified
     finite, rings = outcome(model, draws, Gradient(gain[0]), gain, duration)
     old, old_rings = outcome(model, draws, Gradient(gain[0], 0.5, 0.0), draws.before, duration)
     ours = (~finite).sum(), (~finite & safe).sum(), rings.sum()
-    return Counts(*map(int, (1, 1, count, safe.sum(), *ours, (~old).sum(), old_rings.sum())))
+    return LoopCounts(*map(int, (1, 1, count, safe.sum(), *ours, (~old).sum(), old_rings.sum())))
 
 
 def main(arguments: list[str]) -> int:
@@ -245,7 +245,7 @@ def main(arguments: list[str]) -> int:
         parser.add_argument(f"--{name}", type=int, default=default, help=meaning)
     parser.add_argument("--duration", type=float, default=600.0, help="s of each loop")
     asked = parser.parse_args(arguments)
-    total = Counts()
+    total = LoopCounts()
     try:
         for seed in range(asked.first, asked.first + asked.arms):
             started = time.process_time()

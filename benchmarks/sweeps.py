@@ -1,4 +1,6 @@
-"""Costs of sweeps of PUMA runs, beside the same runs one by one. Run: python -m benchmarks.sweeps [1000 10000 100000]
+"""Processor time of sweeps of PUMA runs, beside the same runs one by one.
+
+    python -m benchmarks.sweeps [1000 10000 100000]
 
 Runs of 10 s with learning, Runge-Kutta's method, and a bandwidth, a rate and a payload of their own, on two local
 workers. The peers are a loop through Gymnasium, and a loop of a few lines over the experiment on Dask; they do a few of
@@ -32,7 +34,7 @@ WORKERS = 2
 
 
 def study(runs: int) -> SweepStudy:
-    """A study of so many runs, drawn evenly."""
+    """The study of so many runs, drawn evenly."""
     ranges = {"bandwidth": "4..10", "rate": "0.2..1.5", "payload": "0..3", "duration": "10"}
     options = {"controllers": (CONTROLLER,), "sampling": "latin-hypercube", "samples": runs}
     return SweepStudy.named("puma560-adaptive", ranges, **options)

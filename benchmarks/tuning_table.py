@@ -109,7 +109,7 @@ def _of_joints(seconds: list[tuple[float, int]], dof: int) -> list[tuple[float, 
 
 
 def _counts(who: str, found: list[dict[str, Any]], count: int) -> str:
-    """Sentence with the counts of robots that learn, and how well."""
+    """Counts of robots that learn, by how well they do."""
     runs = [one["as described"] for one in found]
     learning = {name: sum(one[name]["learns"] for one in found) for name in CASES}
     tenth = sum(run["learns"] and run["last"] <= 0.1 * run["first"] for run in runs)

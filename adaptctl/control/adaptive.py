@@ -46,7 +46,7 @@ class AdaptiveState(NamedTuple):
 
     @property
     def recorded(self) -> Any:
-        """The part of the adaptation law's memory that a run records, if it has one."""
+        """Part of the adaptation law's memory that a run keeps, where it keeps any."""
         return self.learning.recorded
 
 

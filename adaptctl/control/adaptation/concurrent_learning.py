@@ -35,7 +35,7 @@ class Stack(NamedTuple):
 
     @property
     def recorded(self) -> Any:
-        """The part that a run records (1,): 1 if something was learned."""
+        """Part of the memory that a run keeps: 1 where something was learned, else 0, (1,)."""
         return self.learned
 
 

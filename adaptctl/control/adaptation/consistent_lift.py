@@ -41,7 +41,7 @@ class LiftMemory(NamedTuple):
 
     @property
     def recorded(self) -> Any:
-        """The part that a run records: the lift (P,)."""
+        """Part of the memory that a run keeps: the lift (P,)."""
         return self.lift
 
 
