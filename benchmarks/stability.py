@@ -223,7 +223,7 @@ class LoopCounts(NamedTuple):
 
 
 def counted(seed: int, count: int, duration: float) -> LoopCounts:
-    """So many loops of the arm of a seed."""
+    """Counts of so many loops of the arm of a seed."""
     rng = np.random.default_rng(seed)
     arm = random_arm(rng)
     model = ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm)))
