@@ -176,7 +176,7 @@ def numbers(model: ReducedModel, gains: Gains, gain: Array, reference: adaptctl.
 
 
 def outcome(model: ReducedModel, draws: LoopDraws, law: Gradient, gain: Array, duration: float) -> tuple[Array, Array]:
-    """Which loops (n,) stay finite, and which ring in the end."""
+    """Loops (n,) that stay finite, and those that ring in the end."""
     few = np.full(model.mechanism.dof, 1e-6)
     bare = Listening(SlotineLi(model, few, few, law, period=PERIOD))
     rows = zip(draws.settings.bandwidth, draws.settings.damping, gain, strict=True)
@@ -190,7 +190,7 @@ def outcome(model: ReducedModel, draws: LoopDraws, law: Gradient, gain: Array, d
 
 
 class LoopCounts(NamedTuple):
-    """What was found of an arm's loops, or of all arms'."""
+    """Counts of an arm's loops, or of all arms', by what became of them."""
 
     arms: int = 0
     offered: int = 0
@@ -217,13 +217,13 @@ class LoopCounts(NamedTuple):
 
     @property
     def as_promised(self) -> bool:
-        """Whether all shares are within what is promised."""
+        """True if all shares are within what is promised."""
         kept = self.lost_certified == 0 and self.lost <= 1e-3 * self.loops and self.rings <= 1e-2 * self.loops
         return kept and self.offered >= 0.95 * self.arms
 
 
 def counted(seed: int, count: int, duration: float) -> LoopCounts:
-    """So many loops of the arm of a seed."""
+    """Counts of so many loops of the arm of a seed."""
     rng = np.random.default_rng(seed)
     arm = random_arm(rng)
     model = ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm)))

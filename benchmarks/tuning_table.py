@@ -57,48 +57,49 @@ def robots(names: list[str]) -> list[tuple[str, adaptctl.Mechanism]]:
 
 
 def row(name: str, mechanism: adaptctl.Mechanism, search: int, seed: int) -> dict[str, Any]:
-    """What the rule and the search found, in JSON's types; `cpu` is the rule's processor time, its code in memory."""
-    told: dict[str, Any] = {"name": name, "dof": mechanism.dof}
+    """Results of the rule and of the search, in JSON's types; `cpu` is the rule's processor time, its code in
+    memory."""
+    entry: dict[str, Any] = {"name": name, "dof": mechanism.dof}
     try:
         tune(mechanism, seed=seed)
         started = time.process_time()
-        told["rule"] = _told(tune(mechanism, seed=seed))
-        told["cpu"] = time.process_time() - started
+        entry["rule"] = _as_builtins(tune(mechanism, seed=seed))
+        entry["cpu"] = time.process_time() - started
         if search:
-            told["search"] = _told(tune(mechanism, search=search, seed=seed))
+            entry["search"] = _as_builtins(tune(mechanism, search=search, seed=seed))
     except AdaptctlError as error:
-        told["error"] = str(error)
-    return told
+        entry["error"] = str(error)
+    return entry
 
 
-def _told(tuning: Tuning) -> dict[str, Any]:
+def _as_builtins(tuning: Tuning) -> dict[str, Any]:
     notes = {"notes": list(tuning.notes), "implicit": tuning.integrator.implicit}
     return {run.name: _numbers(run) for run in tuning.verified} | notes
 
 
 def _numbers(run: Verification) -> dict[str, Any]:
-    told = {name: getattr(run, name) for name in FIELDS}
-    finite: dict[str, Any] = {name: x if np.isfinite(x) else None for name, x in told.items()}
+    values = {name: getattr(run, name) for name in FIELDS}
+    finite: dict[str, Any] = {name: x if np.isfinite(x) else None for name, x in values.items()}
     return finite | {"learns": run.learns}
 
 
 def rows(found: Path) -> list[dict[str, Any]]:
     """The rows of a file, the last one of each robot."""
     lines = found.read_text(encoding="utf-8").splitlines() if found.exists() else []
-    return list({told["name"]: told for told in map(json.loads, lines)}.values())
+    return list({entry["name"]: entry for entry in map(json.loads, lines)}.values())
 
 
 def published(done: list[dict[str, Any]]) -> str:
     """The table of all rows, and what it comes to."""
-    tuned, refused = ([told for told in done if ("error" in told) == wrong] for wrong in (False, True))
+    tuned, refused = ([entry for entry in done if ("error" in entry) == wrong] for wrong in (False, True))
     head = ("Robot", "joints", "first second", "last 2 s", "adaptation off", "torque late", "links 30 % off", "both")
-    parts = [_counts("The rule", [told["rule"] for told in tuned], len(done))]
-    if searched := [told["search"] for told in tuned if "search" in told]:
+    parts = [_counts("The rule", [entry["rule"] for entry in tuned], len(done))]
+    if searched := [entry["search"] for entry in tuned if "search" in entry]:
         parts.append(_counts("With `--search 20`", searched, len(searched)))
-    seconds = [(told["cpu"], told["dof"]) for told in tuned]
+    seconds = [(entry["cpu"], entry["dof"]) for entry in tuned]
     times = ", ".join(f"{cpu:.2g} s for {dof} joints" for cpu, dof in (max(seconds), *_of_joints(seconds, 7)))
     parts.append(f"Processor time, its code in memory, at most: {times}.")
-    parts += [f"`{told['name']}` is refused: {told['error']}" for told in refused]
+    parts += [f"`{entry['name']}` is refused: {entry['error']}" for entry in refused]
     return "\n\n".join((table(head, map(_line, tuned)), *parts)) + "\n"
 
 
@@ -108,7 +109,7 @@ def _of_joints(seconds: list[tuple[float, int]], dof: int) -> list[tuple[float, 
 
 
 def _counts(who: str, found: list[dict[str, Any]], count: int) -> str:
-    """How many learn, and how well, of so many robots."""
+    """Counts of robots that learn, by how well they do."""
     runs = [one["as described"] for one in found]
     learning = {name: sum(one[name]["learns"] for one in found) for name in CASES}
     tenth = sum(run["learns"] and run["last"] <= 0.1 * run["first"] for run in runs)
@@ -120,12 +121,12 @@ def _counts(who: str, found: list[dict[str, Any]], count: int) -> str:
     )
 
 
-def _line(told: dict[str, Any]) -> tuple[str, ...]:
+def _line(entry: dict[str, Any]) -> tuple[str, ...]:
     """Cells of a row; errors of runs that do not learn are in brackets."""
-    runs = [told["rule"][name] for name in CASES]
+    runs = [entry["rule"][name] for name in CASES]
     first, off = _mrad(runs[0]["first"]), _mrad(runs[0]["off"])
     last = [_mrad(run["last"]) if run["learns"] else f"({_mrad(run['last'])})" for run in runs]
-    return told["name"], str(told["dof"]), first, last[0], off, *last[1:]
+    return entry["name"], str(entry["dof"]), first, last[0], off, *last[1:]
 
 
 def _mrad(error: float | None) -> str:
@@ -154,10 +155,10 @@ def main() -> None:
         for name, mechanism in robots(given.names):
             if any(row["name"] == name and ("search" in row or not given.search) for row in done):
                 continue
-            told = row(name, mechanism, given.search, given.seed)
-            out.write(json.dumps(told) + "\n")
+            entry = row(name, mechanism, given.search, given.seed)
+            out.write(json.dumps(entry) + "\n")
             out.flush()
-            print(json.dumps(told)[:300], flush=True)
+            print(json.dumps(entry)[:300], flush=True)
 
 
 if __name__ == "__main__":

@@ -42,11 +42,12 @@ TELLING, TELLING_LOOPS = 0.25, 0.1
 
 @dataclass(frozen=True)
 class NoiseAndDelay(AdaptationLaws):
-    """All laws on a plant with everything that real ones have, holding still: nothing is to be learned, and noise is.
+    """Laws on a plant with encoders, delay, lag and a rate limit, holding still: nothing is to be learned, and noise
+    is.
 
-    Velocities come from filtered differences of encoder counts, torques are late, lag and are limited. Noise enters
-    the sliding variable and the regressor alike, so that their product has a mean, and an estimate that nothing
-    holds follows it (Ioannou and Kokotovic 1984).
+    Velocities come from filtered differences of encoder counts, torques are late, lag and are limited. Noise enters the
+    sliding variable and the regressor alike, so that their product has a mean, and an estimate that nothing holds
+    follows it (Ioannou and Kokotovic 1984).
     """
 
     name: ClassVar[str] = "noise-and-delay"

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
 SCHEMA = "adaptctl/rollout/1"
 WHOLE = ("control_period", "wall_time", "complete", "terminated")
-"""What the file of every run says."""
+"""Entries on the whole run that every run has."""
 KEPT = (*WHOLE, "every")
-"""What a run's file says of the whole run."""
+"""Entries on the whole run in a run's file."""
 OF_JOINTS = {
     "p": "rad",
     "v": "rad/s",
@@ -91,26 +91,27 @@ def rollout_table(
     joints: Sequence[str],
     about: Mapping[str, object] = MappingProxyType({}),
 ) -> pyarrow.Table:
-    """Samples as a table of Arrow, with units, and with what is said `about` the whole run."""
+    """Samples as a table of Arrow, with units, and with the entries of `about` as its metadata."""
     import pyarrow as pa
 
-    told = dict(_file_columns(columns, marks, joints))
-    fields = [pa.field(name, pa.float64(), metadata={"unit": unit}) for name, (unit, _) in told.items()]
-    said = {"schema": SCHEMA, **{name: json.dumps(value) for name, value in about.items()}}
-    return pa.Table.from_arrays([pa.array(x) for _, x in told.values()], schema=pa.schema(fields, metadata=said))
+    stored = dict(_file_columns(columns, marks, joints))
+    fields = [pa.field(name, pa.float64(), metadata={"unit": unit}) for name, (unit, _) in stored.items()]
+    header = {"schema": SCHEMA, **{name: json.dumps(value) for name, value in about.items()}}
+    return pa.Table.from_arrays([pa.array(x) for _, x in stored.values()], schema=pa.schema(fields, metadata=header))
 
 
 def read_rollout(path: str | Path) -> tuple[dict[str, Any], Mapping[str, Array], dict[str, Any]]:
-    """A run's arrays, its marks, and what its file says of the whole. Raises `FileError`."""
+    """The arrays of a run, (T, ...) each, its marks, and its file's entries on the whole. Raises `FileError` for
+    another file, and one that is not whole."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     try:
         with pq.ParquetFile(path) as file:
-            told, table = file.metadata.metadata or {}, file.read()
+            metadata, table = file.metadata.metadata or {}, file.read()
     except (OSError, pa.ArrowException) as error:
         raise FileError(f"{path}: cannot be read as Parquet ({str(error).splitlines()[0]})") from error
-    about = {key.decode(): value.decode() for key, value in told.items() if key != b"ARROW:schema"}
+    about = {key.decode(): value.decode() for key, value in metadata.items() if key != b"ARROW:schema"}
     if about.get("schema") != SCHEMA:
         raise FileError(f"{path}: not a run of ours: expected the schema {SCHEMA!r}, got {about.get('schema')!r}")
     try:

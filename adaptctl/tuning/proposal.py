@@ -71,7 +71,7 @@ class Proposals:
 
     @cached_property
     def ranges(self) -> Array:
-        """Prior ranges (P,) of the parameters."""
+        """Prior ranges (P,) of the parameters, SI units."""
         return prior_ranges(self.mechanism)
 
     @lru_cache(maxsize=8)  # noqa: B019  # a search asks for the same few again and again, and they take longest

@@ -80,7 +80,7 @@ class Trials:
 
     @property
     def possible(self) -> bool:
-        """Whether the mechanism is short enough to compile."""
+        """True if the mechanism has few enough links to compile."""
         return len(self.plant.mechanism.links) <= LARGEST_COMPILED
 
     def run(self, settings: list[TrialSetting], duration: float) -> Rollouts:
