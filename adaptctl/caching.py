@@ -89,7 +89,7 @@ def replaced_by(name: str) -> Callable[[Method], Method]:
 
 
 def without_caches(instance: object) -> State:
-    """What an object is made of, its caches left out, and where arrays stand that are not to be written to."""
+    """The attributes of an object without its caches, by name, and the places of its read-only arrays."""
     kind = type(instance)
     caches = cached_property, _Replaced
     kept = {k: v for k, v in vars(instance).items() if not isinstance(inspect.getattr_static(kind, k, None), caches)}
@@ -103,7 +103,7 @@ def restored(instance: object, state: State) -> None:
 
 
 def _read_only(content: Mapping[Any, Any]) -> tuple[Path, ...]:
-    """Where arrays stand that are not to be written to: under a name, or in a tuple there."""
+    """Places of the arrays that are not to be written to: names, or names and places in a tuple."""
     within = {(k, i): part for k, v in content.items() if type(v) is tuple for i, part in enumerate(v)}
     stands: dict[Path, Any] = {(k,): v for k, v in content.items()} | within
     return tuple(path for path, v in stands.items() if isinstance(v, np.ndarray) and not v.flags.writeable)
@@ -118,7 +118,7 @@ def _protected(content: Content, paths: tuple[Path, ...]) -> Content:
 
 
 def _record(instance: Any) -> tuple[Callable[..., Any], tuple[Any, ...]]:
-    """How a named tuple is sent."""
+    """Parts of a named tuple to send."""
     content = instance._asdict()
     return _recorded, (type(instance), content, _read_only(content))
 

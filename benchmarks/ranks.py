@@ -23,8 +23,8 @@ MILLIMETRE = Fraction(1, 1000)
 
 
 def drawn(seed: int) -> Case:
-    """Of twenty, six chains, six trees, four nearly special chains, three closed loops and one nearly special loop; two
-    in five told in millimetres or kilometres."""
+    """A random case by seed: of twenty, six chains, six trees, four nearly special chains, three closed loops and one
+    nearly special loop; two in five in millimetres or kilometres."""
     rng = np.random.default_rng([seed, 7])
     pick = seed % 20
     if pick < 12:
@@ -38,7 +38,7 @@ def drawn(seed: int) -> Case:
 
 
 def judged(seed: int) -> Iterator[str]:
-    """What happened to one mechanism, in words to be counted."""
+    """Outcomes for one mechanism, in words to be counted."""
     case = drawn(seed)
     H = case.differences(seed)
     rank, mechanism = len(independent(H, range(H.shape[1]))), case.mechanism()
@@ -62,7 +62,7 @@ def judged(seed: int) -> Iterator[str]:
 
 
 def reason(error: RankError, mechanism: Mechanism, method: str, rank: int) -> str:
-    """Why a mechanism was refused, and what becomes of it if its user says that it is meant as it stands."""
+    """Reason why a mechanism was refused, and the outcome if its user says that it is meant as it stands."""
     if "as the geometry stands" not in str(error):
         return "uncertain"
     try:
@@ -73,7 +73,7 @@ def reason(error: RankError, mechanism: Mechanism, method: str, rank: int) -> st
 
 
 def kept(space: EssentialSpace, H: Array, order: list[int] | None, what: str, seed: int) -> Iterator[str]:
-    """Whether the kept parameters are exactly those of the order."""
+    """Outcome, in words: the kept parameters are exactly those of the order, or not."""
     names = space.parameter_names
     priority = Priority() if order is None else Priority(tuple(names[i] for i in order))
     indices = priority.indices(names)

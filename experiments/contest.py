@@ -78,7 +78,7 @@ def contest(
 
 
 def thinning(samples: int) -> int:
-    """How many control periods a sample that is kept stands for, of so many that all runs together would have."""
+    """Number of control periods for each sample that is kept, for all runs' `samples` together."""
     return -(-samples // FEW) if samples > MANY else 1
 
 

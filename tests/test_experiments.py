@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from comparisons import shown, told
+from comparisons import no_progress, shown
 from robot_files import urdf
 from signals import signalled
 
@@ -107,7 +107,7 @@ def test_table_starts_off_the_reference_and_knowing_nothing(out: Path, said: dic
 
 @pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
 def test_equal_seeds_give_equal_runs(out: Path, said: dict[str, Any], tmp_path: Path) -> None:
-    write_trace(tmp_path / "trace.parquet", Puma560Adaptive(duration=0.5, seed=3).compare(told))
+    write_trace(tmp_path / "trace.parquet", Puma560Adaptive(duration=0.5, seed=3).compare(no_progress))
     again, before = pq.read_table(tmp_path / "trace.parquet"), pq.read_table(out / "trace.parquet")
     assert again.equals(before.slice(0, 500), check_metadata=False)
 

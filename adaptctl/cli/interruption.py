@@ -39,7 +39,7 @@ class Interruption:
         self._held = False
 
     def hold(self) -> None:
-        """From now on results are written: the next interruption is noted and lets that be done, one more ends it."""
+        """Begin to write results: the next interruption is noted and lets the writing finish, one more ends it."""
         self._held = True
 
     def interrupt(self, number: int, frame: FrameType | None) -> None:
@@ -58,12 +58,12 @@ class Interruption:
         where it is found again. The end of a stage passes, for the stage may just have ended because of it.
         """
 
-        def told(what: str, share: float) -> None:
+        def checked(what: str, share: float) -> None:
             if self.asked and share < 1.0:
                 raise KeyboardInterrupt
             progress(what, share)
 
-        return told
+        return checked
 
 
 @contextmanager

@@ -88,7 +88,7 @@ class CPackage:
 
     @cached_property
     def rules(self) -> tuple[GainRule, ...]:
-        """What the gains must be."""
+        """Rules that the gains must satisfy."""
         return gain_rules(self.interface.controller, self.interface.gains)
 
     @property
@@ -99,7 +99,7 @@ class CPackage:
 
     @cached_property
     def _content(self) -> dict[str, Any]:
-        """What all templates are filled with."""
+        """Variables of all templates, by name."""
         interface, law = self.interface, self.interface.controller
         fields, marks = interface.memory, interface.marks
         guard = law if isinstance(law, Guarded) else None
@@ -203,11 +203,11 @@ class CPackage:
         if not field.values.shape:
             return self.number.constant(float(field.values))
         flat = field.values.ravel().tolist()
-        told = [f"{self.number.constant(x)}{_comment(field.label(k))}" for k, x in enumerate(flat)]
+        texts = [f"{self.number.constant(x)}{_comment(field.label(k))}" for k, x in enumerate(flat)]
         if field.values.ndim == 1:
-            return "{ " + ", ".join(told) + " }"
+            return "{ " + ", ".join(texts) + " }"
         width = field.values.shape[-1]
-        rows = ["{ " + ", ".join(told[k : k + width]) + " }" for k in range(0, len(told), width)]
+        rows = ["{ " + ", ".join(texts[k : k + width]) + " }" for k in range(0, len(texts), width)]
         return "{ " + ", ".join(rows) + " }"
 
     def _array(self, values: Array) -> str:
@@ -233,7 +233,7 @@ class _Mark(NamedTuple):
 
 
 def title(interface: Interface) -> str:
-    """What the code is, in a line."""
+    """Title of the code, in a line: the law, the arm and the control period."""
     law = type(interface.innermost).__name__ + (", guarded" if interface.guarded else "")
     arm = interface.mechanism.name if interface.mechanism else f"{interface.controller.dof} joints"
     printable = "".join(c if c.isprintable() and c not in "*/\\" else " " for c in arm)

@@ -70,7 +70,7 @@ class PlaceBounds:
             raise InputError(f"{self.link}: the place {x.tolist()} is outside the bounds {low} to {high} m")
 
     def grid(self, each: int) -> Array:
-        """PlaceBounds (each^3, 3) evenly over the box."""
+        """Places (each^3, 3) in m, evenly over the box."""
         axes = [np.linspace(a, b, each) for a, b in zip(self.lower, self.upper, strict=True)]
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
 

@@ -1,4 +1,4 @@
-"""Where the joints must be for a point of a link to be somewhere: inverse kinematics."""
+"""Inverse kinematics: joint positions that bring a point of a link to a place in the world."""
 
 from __future__ import annotations
 

@@ -140,7 +140,8 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Begin an episode of every arm, or of those in the option `reset_mask`.
+        """Observations (N, n) and infos of all arms, after an episode of every arm has begun, or of those in the option
+        `reset_mask`.
 
         Raises as `TrackingEnv.reset` does, naming the arm.
         """
@@ -196,13 +197,13 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         return tuple(self._renderer.image(p, goal, time) for p, goal, time in arms)
 
     def _begin(self, result: StepResult, chosen: Flags) -> None:
-        """Begin an episode of some arms, of which this is then told."""
+        """Begin an episode of some arms, and put its beginning into the result."""
         if chosen.any():
             arms = np.flatnonzero(chosen)
             result.put(arms, self._arms.begin(arms, self.reset_options))
 
     def _final(self, result: StepResult) -> dict[str, Any]:
-        """What Gymnasium wants to know of episodes that end in this step."""
+        """Gymnasium's entries on episodes that end in this step."""
         observations = np.full(self.num_envs, None, dtype=object)
         for arm in np.flatnonzero(self._over).tolist():
             observations[arm] = result.observation[arm].copy()
@@ -212,7 +213,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         }
 
     def _info(self, result: StepResult, mask: Flags) -> dict[str, Any]:
-        """Of the arms in the mask; others have zeros."""
+        """The `info` of the arms in the mask; others have zeros."""
         info: dict[str, Any] = {
             "time": result.time,
             "parameters": self._arms.parameters,
@@ -261,7 +262,8 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         return [(arm, int(own)) for arm, own in chosen]
 
     def _mask(self, given: Any) -> Flags:
-        """Which arms are to be reset."""
+        """Mask of the arms that are to be reset. Raises `InputError` for another shape or mode, `ResetNeeded` before
+        the first reset."""
         if given is None:
             return self._all
         mask = np.array(given)

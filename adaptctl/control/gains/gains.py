@@ -43,8 +43,9 @@ class Gains:
     def from_bandwidth(cls, mechanism: Mechanism, bandwidth: ArrayLike, ratio: float = 1.0) -> Gains:
         """Gains that put both poles of each joint's error at the bandwidth (1/s), were its inertia typical.
 
-        With the true parameters M s' + (C + K) s = 0 and e' + Lambda e = s; so Lambda is the bandwidth and K
-        the typical inertia times `ratio` bandwidths. A larger ratio is stiffer against what is unknown.
+        With the true parameters M s' + (C + K) s = 0 and e' + Lambda e = s; so Lambda is the bandwidth and K the
+        typical inertia times `ratio` bandwidths. A larger ratio is stiffer against what is unknown. Raises `InputError`
+        where a joint has no positive inertia.
         """
         rates = positive_per_joint(bandwidth, mechanism.dof, "bandwidth")
         inertia = typical_inertia(mechanism)

@@ -25,13 +25,13 @@ QUARTERS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 
 @dataclass(frozen=True)
 class Reading:
-    """How floats become exact scalars."""
+    """Rule by which floats become exact scalars."""
 
     number: Number
     size: float
     """The mechanism's length, m."""
     unit: Fraction = Fraction(1)
-    """The unit in which lengths are told, m."""
+    """The unit of lengths, m."""
     precision: Precision = AS_GIVEN
     equal: tuple[float, ...] = ()
     """Lengths (m), rising, each of which stands for those that are longer by less than the precision."""
@@ -74,7 +74,7 @@ class ExactFrame:
 
 @dataclass(frozen=True)
 class ExactGeometry:
-    """The links of a tree in exact numbers, and how frames that are fixed to them are told."""
+    """The links of a tree in exact numbers, and the placement of frames that are fixed to them."""
 
     links: tuple[Segment, ...]
     shifts: tuple[float, ...]
@@ -86,7 +86,7 @@ class ExactGeometry:
 
     @classmethod
     def by_axes(cls, description: Description, frames: CanonicalFrames, reading: Reading) -> ExactGeometry:
-        """The geometry told from axis to axis: axes that are parallel, meet or are at right angles are so exactly."""
+        """The geometry from axis to axis: axes that are parallel, meet or are at right angles are so exactly."""
         on_joints = tuple(ExactFrame.of(joint.link, reading) for joint in frames.joints)
         links = tuple(
             _segment(
@@ -111,7 +111,7 @@ class ExactGeometry:
 
     @classmethod
     def by_frames(cls, description: Description, reading: Reading) -> ExactGeometry:
-        """The geometry told from frame to frame as the file does: entries that are zero there are so exactly."""
+        """The geometry described from frame to frame as the file does: entries that are zero there are so exactly."""
 
         def fixed(_: int, pose: Pose) -> ExactFrame:
             return _as_written(pose, reading)
@@ -146,7 +146,8 @@ def _as_in_file(link: Link, reading: Reading) -> Segment:
 
 
 def _segment(parent: int, turns: bool, joint: ExactFrame, before: ExactFrame | None, own: ExactFrame) -> Segment:
-    """A joint whose frame is told in that of the joint before, on a link whose frame stands at `before` there."""
+    """A segment whose joint's frame is given in that of the joint before, on a link whose frame stands at `before`
+    there."""
     turned, near = joint.rotation, joint.origin
     if before is not None:
         turned = product(before.rotation.T, joint.rotation)

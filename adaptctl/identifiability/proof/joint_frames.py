@@ -73,7 +73,7 @@ class CanonicalJoint:
 
 @dataclass(frozen=True)
 class CanonicalFrames:
-    """All joints' placements, and frames on links by whom the placements of other things can be told."""
+    """Placements of all joints, and frames on links relative to which other things are placed."""
 
     joints: tuple[CanonicalJoint, ...]
     on_links: tuple[FloatFrame, ...]
@@ -87,7 +87,7 @@ class CanonicalFrames:
 
 
 def canonical_frames(description: Description, length: float, precision: Precision) -> CanonicalFrames:
-    """Of a mechanism's tree, links in depth-first order."""
+    """Canonical placements of the joints of a mechanism's tree, links in depth-first order, `length` in m."""
     links = description.links
     children: dict[int, list[int]] = {i: [] for i in range(GROUND, len(links))}
     for i, link in enumerate(links):
