@@ -22,6 +22,7 @@ OTHERS = {
     "--no-isolation",
     "--extra",
     "--follow-tags",
+    "--publish",
 }
 """Flags of other programs, and those that every command has."""
 COMMANDS = ("basis", "gains", "identify", "excite", "tune", "design", "export", "sweep", "doctor", "install-completion")
