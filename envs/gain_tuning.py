@@ -17,23 +17,24 @@ from adaptctl.errors import GainError, InputError, NotFoundError
 from adaptctl.simulation.rollout import interface
 
 HALVINGS = 12
-"""of the range in which the largest span is sought"""
+"""of the range in which the largest factor is sought"""
 
 
 @dataclass(frozen=True, eq=False)
 class GainRange:
-    """Gains of a controller of r joints that may be moved, each between what it is over `span` and `span` times it.
+    """Gains of a controller of r joints that may be moved, each between `lowest` and `highest` times what it is.
 
     Gains of one number a joint have an action each; others, such as Gamma, have one for all their numbers.
     """
 
     controller: Controller[Any]
     names: tuple[str, ...]
-    span: float
+    lowest: float
+    highest: float
 
     @classmethod
     def of(cls, controller: Controller[Any], names: Iterable[str], span: float) -> GainRange:
-        """The range of the largest span, at most the one given, whose largest gains the control period carries.
+        """The range from 1 / span to span, or to what the control period carries where all are that large.
 
         Raises `NotFoundError` for names that are none of `controller.numbers`, `InputError` on a bad span.
         """
@@ -43,14 +44,14 @@ class GainRange:
             raise NotFoundError(f"gains: expected at least one of {', '.join(controller.numbers) or 'none there are'}")
         if positive_number(span, "span: expected a number above 1") <= 1.0:
             raise InputError(f"span: expected a number above 1, got {span}")
-        given = cls(controller, chosen, float(span))
-        if given._carried():
-            return given
         low, high = 0.0, float(np.log(span))
-        for _ in range(HALVINGS):
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if cls(controller, chosen, np.exp(middle))._carried() else (low, middle)
-        return cls(controller, chosen, float(np.exp(low)))
+        if not cls(controller, chosen, 1.0 / span, float(span))._carried():
+            for _ in range(HALVINGS):
+                middle = 0.5 * (low + high)
+                carried = cls(controller, chosen, 1.0 / span, float(np.exp(middle)))._carried()
+                low, high = (middle, high) if carried else (low, middle)
+            high = low
+        return cls(controller, chosen, 1.0 / span, float(np.exp(high)))
 
     @property
     def space(self) -> gymnasium.spaces.Box:
@@ -65,7 +66,8 @@ class GainRange:
 
     def gains(self, actions: Array) -> dict[str, Array]:
         """The gains that may be moved, by name (..., n), under actions (..., a)."""
-        factors = self.span ** np.clip(actions, -1.0, 1.0)
+        within = np.clip(actions, -1.0, 1.0)
+        factors = np.where(within > 0.0, self.highest, 1.0 / self.lowest) ** within
         ends = np.cumsum(list(self.sizes.values())).tolist()
         parts = {name: factors[..., end - n : end] for (name, n), end in zip(self.sizes.items(), ends, strict=True)}
         return {name: self.controller.numbers[name].ravel() * factor for name, factor in parts.items()}
@@ -98,12 +100,12 @@ class TuningEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.R
 
     ## Action space
 
-    `Box(-1, 1, (a,), float32)`: the logarithm of a gain over its own, to the base `span`. Gains of one number a joint,
-    such as `bandwidth` and `damping`, have an action each; others, such as `adaptation.gain`, one for all their
+    `Box(-1, 1, (a,), float32)`: -1 is a gain over `span`, 0 as it is, 1 `span` times it, in between exponentially. Gains
+    of one number a joint, such as `bandwidth` and `damping`, have an action each; others, such as `adaptation.gain`, one for all their
     numbers. `gains` are names in `controller.numbers`. What is out of bounds is clipped.
 
     The largest gains together are checked as those of a new controller are: where the control period cannot carry
-    them, `env.range.span` is the largest that it can.
+    them, 1 stands for the largest factor that it can, `env.range.highest`.
 
     ## Observation space
 

@@ -44,6 +44,7 @@ class Settings:
     last_log_std: float = -3.5
     """and at the end; the deviation is learned in between, but not above what is on the line from one to the other"""
     width: int = 64
+    skip: int = 0
     largest_gradient: float = 0.5
 
 
@@ -55,10 +56,16 @@ class Policy(nn.Module):
         width = settings.width
         self.mean = nn.Sequential(_layer(observed, width), nn.Tanh(), _layer(width, width), nn.Tanh(), _layer(width, acted, 0.01))
         self.value = nn.Sequential(_layer(observed, width), nn.Tanh(), _layer(width, width), nn.Tanh(), _layer(width, 1, 1.0))
+        self.linear = nn.Linear(observed, acted, bias=False)
+        nn.init.zeros_(self.linear.weight)
+        self.skip = settings.skip
         self.log_std = nn.Parameter(torch.full((acted,), settings.log_std))
 
+    def act(self, o):
+        return self.mean(o) + self.linear(o) if self.skip else self.mean(o)
+
     def distribution(self, observation: Tensor) -> torch.distributions.Normal:
-        return torch.distributions.Normal(self.mean(observation), self.log_std.exp().expand(len(observation), -1))
+        return torch.distributions.Normal(self.act(observation), self.log_std.exp().expand(len(observation), -1))
 
 
 def _layer(rows: int, columns: int, gain: float = 2.0**0.5) -> nn.Linear:
@@ -69,19 +76,19 @@ def _layer(rows: int, columns: int, gain: float = 2.0**0.5) -> nn.Linear:
 
 
 class RewardScale:
-    """Divides rewards by the deviation of discounted returns, so far."""
+    """Divides rewards by the root mean square of discounted returns, of late: those of the first falls are forgotten."""
 
-    def __init__(self, arms: int, gamma: float) -> None:
-        self.returns, self.gamma, self.count, self.mean, self.squares = np.zeros(arms), gamma, 1e-4, 0.0, 1.0e-4
+    def __init__(self, arms: int, gamma: float, memory: float = 0.999) -> None:
+        self.returns, self.gamma, self.memory = np.zeros(arms), gamma, memory
+        self.square, self.weight = 0.0, 0.0
 
     def __call__(self, rewards: np.ndarray, done: np.ndarray) -> np.ndarray:
+        """Rewards (N,) in units of returns, at most LARGEST of them."""
         self.returns = self.gamma * self.returns + rewards
-        new, total = len(self.returns), self.count + len(self.returns)
-        off = self.returns.mean() - self.mean
-        self.squares += self.returns.var() * new + off**2 * self.count * new / total
-        self.mean, self.count = self.mean + off * new / total, total
+        self.square = self.memory * self.square + (1.0 - self.memory) * np.mean(self.returns**2)
+        self.weight = self.memory * self.weight + (1.0 - self.memory)
         self.returns[done] = 0.0
-        return rewards / np.sqrt(self.squares / self.count + 1e-8)
+        return np.clip(rewards / np.sqrt(self.square / self.weight + 1e-8), -10.0, 10.0)
 
 
 def train(env: LearningVectorEnv, settings: Settings, told=print) -> Policy:
@@ -156,7 +163,7 @@ def evaluate(policy: Policy, env: LearningVectorEnv) -> float:
     total, running = np.zeros(env.num_envs), np.ones(env.num_envs, dtype=bool)
     while running.any():
         with torch.no_grad():
-            action = policy.mean(torch.as_tensor(observation)).clamp(-1.0, 1.0).numpy()
+            action = policy.act(torch.as_tensor(observation)).clamp(-1.0, 1.0).numpy()
         observation, reward, terminated, truncated, _ = env.step(action)
         total += running * reward
         running &= ~(terminated | truncated)
