@@ -1,8 +1,10 @@
 """Proximal policy optimisation (Schulman et al. 2017) in one file, in the manner of cleanrl; needs torch.
 
-    python docs/examples/ppo.py --seconds 600
+    python docs/examples/ppo.py                       # torques, PUMA 560
+    python docs/examples/ppo.py --task residual       # torques beside a controller's, on joints with unknown friction
+    python docs/examples/ppo.py --task tuning         # a controller's gains
 
-What is told at the end are returns of the mean action, with no noise, beside those of controllers.
+Told at the end: the return of the mean action, without noise, beside those of controllers.
 """
 
 from __future__ import annotations
@@ -10,176 +12,231 @@ from __future__ import annotations
 import argparse
 import time
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
-from adaptctl.envs import Puma560VectorTrackingEnv
-from adaptctl.envs.learning import LearningVectorEnv
+import adaptctl
+from adaptctl.envs import LearningVectorEnv, Puma560VectorTrackingEnv, ResidualVectorEnv, TuningVectorEnv, baselines
+from adaptctl.simulation.effects import Friction
+
+LARGEST = 10.0
+"""reward in units of returns; a fall costs no more"""
+FRICTION = Friction(viscous=3.0, coulomb=(8.0, 12.0, 6.0, 2.0, 2.0, 1.5))
+"""of the residual task's joints: N m s/rad and N m; the controller's model has none"""
 
 
 @dataclass
 class Settings:
     """What can be chosen on the command line, such as --seconds 60."""
 
+    task: str = "tracking"
     seed: int = 0
-    seconds: float = 600.0
+    seconds: float = 120.0
     """of processor time, after which it ends"""
-    steps: int = 20_000_000
-    """of one arm, after which it ends"""
     arms: int = 64
     horizon: int = 64
     """steps of each arm between two updates"""
     epochs: int = 5
     minibatch: int = 1024
-    learning_rate: float = 1e-3
+    learning_rate: float = 2e-3
+    """at first; a tenth at the end"""
     gamma: float = 0.97
     trace: float = 0.95
     """lambda of generalised advantage estimation"""
     clip: float = 0.2
-    entropy: float = 0.0
-    log_std: float = -1.0
-    """logarithm of the noise's deviation, in shares of the torque limits, in the beginning"""
-    last_log_std: float = -3.5
-    """and at the end; the deviation is learned in between, but not above what is on the line from one to the other"""
+    log_std_init: float = -1.0
+    """logarithm of the noise's deviation; it is learned, but not above the line from this to `log_std_last`"""
+    log_std_last: float = -2.5
     width: int = 64
-    skip: int = 0
     largest_gradient: float = 0.5
 
 
 class Policy(nn.Module):
     """A normal distribution of actions, and the value of observations."""
 
-    def __init__(self, observed: int, acted: int, settings: Settings) -> None:
+    def __init__(self, observed: int, acted: int, width: int, log_std: float) -> None:
         super().__init__()
-        width = settings.width
-        self.mean = nn.Sequential(_layer(observed, width), nn.Tanh(), _layer(width, width), nn.Tanh(), _layer(width, acted, 0.01))
-        self.value = nn.Sequential(_layer(observed, width), nn.Tanh(), _layer(width, width), nn.Tanh(), _layer(width, 1, 1.0))
-        self.linear = nn.Linear(observed, acted, bias=False)
-        nn.init.zeros_(self.linear.weight)
-        self.skip = settings.skip
-        self.log_std = nn.Parameter(torch.full((acted,), settings.log_std))
-
-    def act(self, o):
-        return self.mean(o) + self.linear(o) if self.skip else self.mean(o)
+        self.mean = network(observed, width, acted, 0.01)
+        self.value = network(observed, width, 1, 1.0)
+        self.log_std = nn.Parameter(torch.full((acted,), log_std))
 
     def distribution(self, observation: Tensor) -> torch.distributions.Normal:
-        return torch.distributions.Normal(self.act(observation), self.log_std.exp().expand(len(observation), -1))
+        """Of the actions (n, a) at observations (n, o)."""
+        return torch.distributions.Normal(self.mean(observation), self.log_std.exp())
 
 
-def _layer(rows: int, columns: int, gain: float = 2.0**0.5) -> nn.Linear:
-    layer = nn.Linear(rows, columns)
-    nn.init.orthogonal_(layer.weight, gain)
-    nn.init.zeros_(layer.bias)
-    return layer
+def network(rows: int, width: int, columns: int, gain: float) -> nn.Sequential:
+    """Two hidden layers; the gain is the last one's."""
+    layers = [nn.Linear(rows, width), nn.Linear(width, width), nn.Linear(width, columns)]
+    for layer, scale in zip(layers, (2.0**0.5, 2.0**0.5, gain), strict=True):
+        nn.init.orthogonal_(layer.weight, scale)
+        nn.init.zeros_(layer.bias)
+    return nn.Sequential(layers[0], nn.Tanh(), layers[1], nn.Tanh(), layers[2])
 
 
 class RewardScale:
-    """Divides rewards by the root mean square of discounted returns, of late: those of the first falls are forgotten."""
+    """Divides rewards by the root mean square of discounted returns of late: those of the first falls are forgotten."""
 
     def __init__(self, arms: int, gamma: float, memory: float = 0.999) -> None:
         self.returns, self.gamma, self.memory = np.zeros(arms), gamma, memory
         self.square, self.weight = 0.0, 0.0
 
-    def __call__(self, rewards: np.ndarray, done: np.ndarray) -> np.ndarray:
-        """Rewards (N,) in units of returns, at most LARGEST of them."""
+    def __call__(self, rewards: np.ndarray, over: np.ndarray) -> np.ndarray:
+        """Rewards (N,) in units of returns."""
         self.returns = self.gamma * self.returns + rewards
         self.square = self.memory * self.square + (1.0 - self.memory) * np.mean(self.returns**2)
         self.weight = self.memory * self.weight + (1.0 - self.memory)
-        self.returns[done] = 0.0
-        return np.clip(rewards / np.sqrt(self.square / self.weight + 1e-8), -10.0, 10.0)
+        self.returns[over] = 0.0
+        return np.clip(rewards / np.sqrt(self.square / self.weight + 1e-8), -LARGEST, LARGEST)
 
 
-def train(env: LearningVectorEnv, settings: Settings, told=print) -> Policy:
+class Batch:
+    """What happened to N arms in T steps: (T, N, ...)."""
+
+    def __init__(self, horizon: int, arms: int, observed: int, acted: int) -> None:
+        self.observation = torch.zeros(horizon, arms, observed)
+        self.action = torch.zeros(horizon, arms, acted)
+        self.log_p, self.value, self.reward, self.over, self.after = (torch.zeros(horizon, arms) for _ in range(5))
+
+    def advantages(self, settings: Settings, last: Tensor) -> Tensor:
+        """Generalised advantage estimates (Schulman et al. 2016), from the values (N,) of what is seen at the end.
+
+        `after` are the values of the last observations of episodes that ended by their duration alone, else zero.
+        """
+        following = torch.cat((self.value[1:], last[None]))
+        following = torch.where(self.over > 0.0, self.after, following)
+        errors = self.reward + settings.gamma * following - self.value
+        advantage, running = torch.zeros_like(errors), torch.zeros_like(last)
+        for k in reversed(range(len(errors))):
+            running = errors[k] + settings.gamma * settings.trace * (1.0 - self.over[k]) * running
+            advantage[k] = running
+        return advantage
+
+
+class Arms:
+    """The environment, what is seen in it now, and the returns of its episodes."""
+
+    def __init__(self, env: LearningVectorEnv, settings: Settings) -> None:
+        self.env, self.scale = env, RewardScale(env.num_envs, settings.gamma)
+        self.seen = torch.as_tensor(env.reset(seed=settings.seed)[0])
+        self.running, self.returns = np.zeros(env.num_envs), [float("nan")]
+
+    @torch.no_grad()
+    def drive(self, policy: Policy, batch: Batch) -> Batch:
+        """Fill a batch."""
+        for k in range(len(batch.reward)):
+            distribution = policy.distribution(self.seen)
+            action = distribution.sample()
+            batch.observation[k], batch.action[k], batch.value[k] = self.seen, action, policy.value(self.seen)[:, 0]
+            batch.log_p[k] = distribution.log_prob(action).sum(-1)
+            seen, reward, terminated, truncated, info = self.env.step(action.clamp(-1.0, 1.0).numpy())
+            over, late = terminated | truncated, truncated & ~terminated
+            batch.reward[k] = torch.as_tensor(self.scale(reward, over))
+            batch.over[k], batch.after[k] = torch.as_tensor(over), 0.0
+            if late.any():
+                last = torch.as_tensor(np.stack(list(info["final_obs"][late])))
+                batch.after[k, torch.as_tensor(late)] = policy.value(last)[:, 0]
+            self.running += reward
+            self.returns = [*self.returns, *self.running[over].tolist()][-100:]
+            self.running[over] = 0.0
+            self.seen = torch.as_tensor(seen)
+        return batch
+
+
+def update(
+    policy: Policy, optimiser: torch.optim.Optimizer, batch: Batch, advantage: Tensor, settings: Settings
+) -> None:
+    """Some epochs of gradient steps on a batch."""
+    parts = batch.observation, batch.action, batch.log_p, advantage, advantage + batch.value
+    flat = [part.flatten(0, 1) for part in parts]
+    for _ in range(settings.epochs):
+        for chosen in torch.randperm(len(flat[0])).split(settings.minibatch):
+            observation, action, before, A, target = (part[chosen] for part in flat)
+            A = (A - A.mean()) / (A.std() + 1e-8)
+            ratio = (policy.distribution(observation).log_prob(action).sum(-1) - before).exp()
+            gain = torch.minimum(ratio * A, ratio.clamp(1.0 - settings.clip, 1.0 + settings.clip) * A).mean()
+            loss = 0.5 * (policy.value(observation)[:, 0] - target).square().mean() - gain
+            optimiser.zero_grad()
+            loss.backward()
+            nn.utils.clip_grad_norm_(policy.parameters(), settings.largest_gradient)
+            optimiser.step()
+
+
+def train(env: LearningVectorEnv, settings: Settings) -> Policy:
+    """A policy after so many seconds of the processor."""
     torch.manual_seed(settings.seed)
-    observed, acted = env.single_observation_space.shape[0], env.single_action_space.shape[0]
-    policy = Policy(observed, acted, settings)
-    optimiser = torch.optim.Adam(policy.parameters(), settings.learning_rate, eps=1e-5)
-    shape = settings.horizon, settings.arms
-    scale = RewardScale(settings.arms, settings.gamma)
-    observation = torch.as_tensor(env.reset(seed=settings.seed)[0])
-    begun, done_steps, returns, running = time.process_time(), 0, [], np.zeros(settings.arms)
-    update = 0
-    while (share := max((time.process_time() - begun) / settings.seconds, done_steps / settings.steps)) < 1.0:
-        update += 1
+    sizes = env.single_observation_space.shape[0], env.single_action_space.shape[0]
+    policy, arms = Policy(*sizes, settings.width, settings.log_std_init), Arms(env, settings)
+    optimiser = torch.optim.Adam(policy.parameters(), eps=1e-5)
+    begun, updates, told = time.process_time(), 0, 0.0
+    while (share := (time.process_time() - begun) / settings.seconds) < 1.0:
         optimiser.param_groups[0]["lr"] = settings.learning_rate * (1.0 - 0.9 * share)
+        bound = settings.log_std_init + share * (settings.log_std_last - settings.log_std_init)
+        policy.log_std.data.clamp_(max=bound)
+        batch = arms.drive(policy, Batch(settings.horizon, settings.arms, *sizes))
         with torch.no_grad():
-            bound = settings.log_std + share * (settings.last_log_std - settings.log_std)
-            policy.log_std.clamp_(max=bound)
-        observations, actions = torch.zeros(*shape, observed), torch.zeros(*shape, acted)
-        log_p, values, rewards, ends, next_values = (torch.zeros(shape) for _ in range(5))
-        for k in range(settings.horizon):
-            with torch.no_grad():
-                distribution = policy.distribution(observation)
-                action = distribution.sample()
-                values[k] = policy.value(observation)[:, 0]
-            observations[k], actions[k], log_p[k] = observation, action, distribution.log_prob(action).sum(-1)
-            seen, reward, terminated, truncated, info = env.step(action.clamp(-1.0, 1.0).numpy())
-            over = terminated | truncated
-            running += reward
-            returns.extend(running[over].tolist())
-            running[over] = 0.0
-            rewards[k], ends[k] = torch.as_tensor(scale(reward, over)), torch.as_tensor(over)
-            observation = torch.as_tensor(seen)
-            if truncated.any():  # what would have come is estimated: the episode ended by its duration alone
-                last = torch.as_tensor(np.stack(info["final_obs"][truncated & ~terminated].tolist())) if (truncated & ~terminated).any() else None
-                if last is not None:
-                    with torch.no_grad():
-                        next_values[k, torch.as_tensor(truncated & ~terminated)] = policy.value(last)[:, 0]
-        with torch.no_grad():
-            following = torch.cat((values[1:], policy.value(observation)[None, :, 0]))
-        following = torch.where(ends > 0.0, next_values, following)
-        errors, advantage, running_advantage = rewards + settings.gamma * following - values, torch.zeros(shape), torch.zeros(settings.arms)
-        for k in reversed(range(settings.horizon)):
-            running_advantage = errors[k] + settings.gamma * settings.trace * (1.0 - ends[k]) * running_advantage
-            advantage[k] = running_advantage
-        targets = (advantage + values).flatten()
-        done_steps += settings.horizon * settings.arms
-        flat = observations.flatten(0, 1), actions.flatten(0, 1), log_p.flatten(), advantage.flatten(), targets
-        for _ in range(settings.epochs):
-            for chosen in torch.randperm(len(targets)).split(settings.minibatch):
-                o, a, before, A, R = (x[chosen] for x in flat)
-                A = (A - A.mean()) / (A.std() + 1e-8)
-                distribution = policy.distribution(o)
-                ratio = (distribution.log_prob(a).sum(-1) - before).exp()
-                gain = torch.minimum(ratio * A, ratio.clamp(1.0 - settings.clip, 1.0 + settings.clip) * A).mean()
-                loss = -gain + 0.5 * (policy.value(o)[:, 0] - R).square().mean() - settings.entropy * distribution.entropy().sum(-1).mean()
-                optimiser.zero_grad()
-                loss.backward()
-                nn.utils.clip_grad_norm_(policy.parameters(), settings.largest_gradient)
-                optimiser.step()
-        if update % 20 == 0:
-            told(f"{done_steps:>9} steps {time.process_time() - begun:6.1f} s return {np.mean(returns[-100:] or [np.nan]):10.2f} "
-                 f"deviation {policy.log_std.exp().mean().item():.3f}", flush=True)
-            if update % 100 == 0:
-                print("   eval", evaluate(policy, settings.make(1) if hasattr(settings,'make') else LearningVectorEnv(Puma560VectorTrackingEnv(1, autoreset_mode="SameStep", control_period=0.02, duration=5.0))), flush=True)
+            advantage = batch.advantages(settings, policy.value(arms.seen)[:, 0])
+        update(policy, optimiser, batch, advantage, settings)
+        updates += 1
+        if share >= told:
+            steps, told = updates * settings.horizon * settings.arms, told + 0.05
+            seconds = time.process_time() - begun
+            print(f"{steps:>9} steps {seconds:6.0f} s  return with noise {np.mean(arms.returns):9.2f}", flush=True)
     return policy
 
 
-def evaluate(policy: Policy, env: LearningVectorEnv) -> float:
-    """The mean return of the first episode of every arm, without noise."""
+@torch.no_grad()
+def evaluate(env: LearningVectorEnv, policy: Policy | None = None) -> float:
+    """The mean return of the first episode of every arm under the policy's mean actions, or under none."""
     observation, _ = env.reset(seed=1000)
     total, running = np.zeros(env.num_envs), np.ones(env.num_envs, dtype=bool)
     while running.any():
-        with torch.no_grad():
-            action = policy.act(torch.as_tensor(observation)).clamp(-1.0, 1.0).numpy()
+        action = np.zeros(env.action_space.shape, dtype=np.float32)
+        if policy is not None:
+            action = policy.mean(torch.as_tensor(observation)).clamp(-1.0, 1.0).numpy()
         observation, reward, terminated, truncated, _ = env.step(action)
         total += running * reward
         running &= ~(terminated | truncated)
     return float(total.mean())
 
 
+def environment(task: str, arms: int) -> LearningVectorEnv:
+    """Many arms in what is to be learned."""
+    about: dict[str, Any] = {"control_period": 0.02, "duration": 5.0, "autoreset_mode": "SameStep"}
+    if task == "tracking":
+        return LearningVectorEnv(Puma560VectorTrackingEnv(arms, **about))
+    if task == "residual":
+        env = Puma560VectorTrackingEnv(arms, effects=[FRICTION], **about)
+        return LearningVectorEnv(ResidualVectorEnv(env, controller(env), share=0.1))
+    env = Puma560VectorTrackingEnv(arms, **about)
+    return LearningVectorEnv(
+        TuningVectorEnv(env, controller(env, hold=0.5), ["bandwidth", "damping", "adaptation.gain"])
+    )
+
+
+def controller(env: Puma560VectorTrackingEnv, hold: float = 1.0) -> adaptctl.SlotineLi:
+    """Slotine and Li's law, which begins knowing nothing, with the gains that the control period carries."""
+    arm, reference = env.single.mechanism, env.single.trajectory
+    tuning = adaptctl.tune(arm, period=0.02, reference=reference, initial_error=0.1, bandwidth=8.0, hold=hold)
+    return tuning.controller(adaptctl.ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm))))
+
+
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
+    """Train, and tell how it went."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     for field in fields(Settings):
-        parser.add_argument(f"--{field.name.replace('_', '-')}", type=type(field.default), default=field.default)
+        kind = type(field.default)
+        parser.add_argument(f"--{field.name.replace('_', '-')}", type=kind, default=field.default)
     settings = Settings(**vars(parser.parse_args()))
     torch.set_num_threads(1)
-    env = LearningVectorEnv(Puma560VectorTrackingEnv(settings.arms, autoreset_mode="SameStep", control_period=0.02, duration=5.0))
-    policy = train(env, settings)
-    one = LearningVectorEnv(Puma560VectorTrackingEnv(1, autoreset_mode="SameStep", control_period=0.02, duration=5.0))
-    print("mean action", evaluate(policy, one))
+    env = environment(settings.task, settings.arms)
+    policy, one = train(env, settings), environment(settings.task, 1)
+    returns = baselines(env) | {"no action": evaluate(one), "PPO": evaluate(one, policy)}
+    for name, value in returns.items():
+        print(f"{name:<28}{value:12.2f}")
 
 
 if __name__ == "__main__":
