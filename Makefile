@@ -9,7 +9,7 @@ DOCS := docs/_build/html
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: architecture help demo test bench gallery sdist figures check-stability check-export check-page lint types docs format licences audit lock clean
+.PHONY: architecture help demo test bench gallery sdist figures check-stability check-export check-page check-learners lint types docs format licences audit lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-15s %s\n", $$1, $$2}' Makefile
@@ -37,6 +37,12 @@ check-export: $(STAMP) ## exported C of every law, by every compiler that is her
 
 check-page: $(STAMP) ## exported WebAssembly in node, and a report's arm in a browser, if they are here
 	PYTHONPATH=.:tests $(BIN)/python tests/check_page.py
+
+check-learners: ## PPO, SAC and residual learning by the documented recipes, in .venv-learn; 20 minutes (RECIPES="ppo sac")
+	test -x .venv-learn/bin/python || $(PYTHON) -m venv .venv-learn
+	.venv-learn/bin/python -c 'import torch, stable_baselines3' 2> /dev/null || .venv-learn/bin/pip install --quiet torch stable-baselines3 || true
+	.venv-learn/bin/pip install --quiet --require-hashes --no-deps --only-binary :all: -r requirements.lock
+	PYTHONPATH=. .venv-learn/bin/python tests/check_learners.py $(RECIPES)
 
 lint: $(STAMP) ## style of the code
 	$(BIN)/ruff check .
@@ -76,7 +82,7 @@ lock: ## resolve the dependencies anew into requirements.lock
 		--no-emit-index-url --no-emit-find-links --no-header --quiet -o requirements.lock
 
 clean: ## remove what was installed and built; results/ stays
-	rm -rf .venv .venv-lock build dist *.egg-info docs/_build
+	rm -rf .venv .venv-lock .venv-learn build dist *.egg-info docs/_build
 
 # Asked first: with a Python that is too old, pip would only say that it finds no matching distribution.
 $(STAMP): requirements.lock pyproject.toml

@@ -28,9 +28,17 @@ FRICTION = Friction(viscous=3.0, coulomb=(8.0, 12.0, 6.0, 2.0, 2.0, 1.5))
 """of the residual task's joints: N m s/rad and N m; the controller's model has none"""
 
 
+OF_TASK = {
+    "tracking": {},
+    "residual": {"seconds": 60.0, "log_std_init": -1.5, "log_std_last": -3.0},
+    "tuning": {"seconds": 60.0},
+}
+"""settings of each task that differ"""
+
+
 @dataclass
 class Settings:
-    """What can be chosen on the command line, such as --seconds 60."""
+    """What can be chosen on the command line, such as --seconds 60; see also OF_TASK."""
 
     task: str = "tracking"
     seed: int = 0
@@ -227,10 +235,14 @@ def controller(env: Puma560VectorTrackingEnv, hold: float = 1.0) -> adaptctl.Slo
 def main() -> None:
     """Train, and tell how it went."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    for field in fields(Settings):
-        kind = type(field.default)
-        parser.add_argument(f"--{field.name.replace('_', '-')}", type=kind, default=field.default)
-    settings = Settings(**vars(parser.parse_args()))
+    parser.add_argument("--task", choices=OF_TASK, default="tracking")
+    for field in fields(Settings)[1:]:
+        name = f"--{field.name.replace('_', '-')}"
+        parser.add_argument(
+            name, type=type(field.default), default=argparse.SUPPRESS, help=f"{field.default} unless given"
+        )
+    given = vars(parser.parse_args())
+    settings = Settings(**OF_TASK[given["task"]] | given)
     torch.set_num_threads(1)
     env = environment(settings.task, settings.arms)
     policy, one = train(env, settings), environment(settings.task, 1)
