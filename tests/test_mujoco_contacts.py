@@ -85,6 +85,8 @@ def test_the_experiment_keeps_clear(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert contacts_along(arm, drawn)
     out = tmp_path / "out"
     command = ["experiment", "run", "adaptive", "--robot", str(tmp_path / "scene.xml"), "--plant", "mujoco"]
-    assert main([*command, "--seed", "3", "--duration", "6", "--out", str(out), "--overwrite"]) == 0, capsys.readouterr()
+    assert main([*command, "--seed", "3", "--duration", "6", "--out", str(out), "--overwrite"]) == 0, (
+        capsys.readouterr()
+    )
     found = json.loads((out / "summary.json").read_text())
     assert found["final_rms_error"] < 0.5 * found["final_rms_error_adaptation_off"]
