@@ -11,10 +11,10 @@ import numpy as np
 
 from adaptctl.arrays import Array, positive_number
 from adaptctl.control.controller import Controller, ReferencePoint
-from adaptctl.envs.many.controlled import ControlledVectorEnv, finite_actions
+from adaptctl.envs.many.controlled import ControlledVectorEnv, finite_actions, require_controller
 from adaptctl.envs.many.vector_tracking import VectorTrackingEnv
+from adaptctl.envs.residual import parts_of
 from adaptctl.errors import GainError, InputError, NotFoundError
-from adaptctl.simulation.rollout import interface
 
 HALVINGS = 12
 """of the range in which the largest factor is sought"""
@@ -38,6 +38,7 @@ class GainRange:
 
         Raises `NotFoundError` for names that are none of `controller.numbers`, `InputError` on a bad span.
         """
+        require_controller(controller)
         chosen = (names,) if isinstance(names, str) else tuple(names)
         controller.tuned({name: controller.numbers.get(name, 0.0) for name in chosen})
         if not chosen:
@@ -118,7 +119,7 @@ class TuningEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.R
         gains = (gains,) if isinstance(gains, str) else tuple(gains)
         gymnasium.utils.RecordConstructorArgs.__init__(self, controller=controller, gains=gains, span=span)
         gymnasium.Wrapper.__init__(self, env)
-        self._parts, _ = interface(env, controller)
+        self._parts = parts_of(env, controller)
         self.controller, self.range = controller, GainRange.of(controller, gains, span)
         self.action_space = self.range.space  # type: ignore[assignment]
         self._memory: Any = None

@@ -106,7 +106,7 @@ class LearningEnv(gymnasium.Wrapper[Observation, Any, Array, Array], RecordConst
     def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
         RecordConstructorArgs.__init__(self)
         gymnasium.Wrapper.__init__(self, env)
-        self._view, self._scale = NormalisedView.of(tracking_of(env)), _scale(env.action_space)
+        self._view, self._scale = NormalisedView.of(_observed(env)), _scale(env.action_space)
         self.observation_space = self._view.space
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, self._scale.shape, np.float32)
 
@@ -128,7 +128,7 @@ class LearningVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any])
 
     def __init__(self, env: gymnasium.vector.VectorEnv[Any, Any, Any]) -> None:
         super().__init__(env)
-        self._view, self._scale = NormalisedView.of(tracking_of(env)), _scale(env.single_action_space)
+        self._view, self._scale = NormalisedView.of(_observed(env)), _scale(env.single_action_space)
         self.single_observation_space = self._view.space
         self.single_action_space = gymnasium.spaces.Box(-1.0, 1.0, self._scale.shape, np.float32)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
@@ -188,9 +188,20 @@ def _scale(space: Any) -> Array:
     return np.asarray(space.high, dtype=np.float64)
 
 
+def _observed(env: Any) -> TrackingEnv:
+    """The tracking environment whose observations an environment passes on as they are."""
+    inner = tracking_of(env)
+    if getattr(env, "single_observation_space", env.observation_space) != inner.observation_space:
+        raise InputError(
+            f"{env}: expected observations in their own units: they have been changed by a wrapper already"
+        )
+    return inner
+
+
 def tracking_of(env: Any) -> TrackingEnv:
     """The tracking environment that an environment, of one arm or of many, is made on."""
-    inner = getattr(env.unwrapped, "single", env.unwrapped)
+    inner = getattr(env, "unwrapped", env)
+    inner = getattr(inner, "single", inner)
     if not isinstance(inner, TrackingEnv):
         raise InputError(f"{env}: expected a tracking environment of adaptctl, such as adaptctl/Tracking-v0")
     return inner

@@ -9,7 +9,7 @@ import numpy as np
 
 from adaptctl.arrays import Array, positive_number
 from adaptctl.control.controller import Controller, ReferencePoint
-from adaptctl.envs.many.controlled import ControlledVectorEnv
+from adaptctl.envs.many.controlled import ControlledVectorEnv, require_controller
 from adaptctl.envs.many.vector_tracking import VectorTrackingEnv
 from adaptctl.errors import InputError
 from adaptctl.simulation.rollout import interface
@@ -38,7 +38,7 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
     def __init__(self, env: gymnasium.Env[Any, Any], controller: Controller[Any], share: float = 0.2) -> None:
         gymnasium.utils.RecordConstructorArgs.__init__(self, controller=controller, share=share)
         gymnasium.Wrapper.__init__(self, env)
-        self._parts, _ = interface(env, controller)
+        self._parts = parts_of(env, controller)
         limits: Array = env.action_space.high  # type: ignore[attr-defined]  # a Box, as every torque's space
         self.controller, self._scale = controller, _share(share) * np.asarray(limits)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, limits.shape, np.float32)  # type: ignore[assignment]
@@ -83,6 +83,19 @@ class ResidualVectorEnv(ControlledVectorEnv):
     def _torques(self, actions: Array) -> tuple[Array, dict[str, Any]]:
         base, self._memory = self.controller.step(self._memory, *self._seen)
         return base + self._scale * actions, {"base_torque": base, "_base_torque": np.ones(len(base), dtype=np.bool_)}
+
+
+def parts_of(env: gymnasium.Env[Any, Any], controller: Controller[Any]) -> list[slice]:
+    """Slices of the parts of an observation for a controller. Raises `InputError` for what is no controller, and where
+    wrappers have changed observations or actions, which are to be those of the plant."""
+    require_controller(controller)
+    parts, _ = interface(env, controller)
+    inner = env.unwrapped
+    if (env.observation_space, env.action_space) != (inner.observation_space, inner.action_space):
+        raise InputError(
+            f"{env}: expected observations and torques in their own units: put such wrappers around this one"
+        )
+    return parts
 
 
 def _share(share: object) -> float:

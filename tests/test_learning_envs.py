@@ -174,6 +174,18 @@ def test_what_is_refused(arm: adaptctl.Mechanism, law: SlotineLi) -> None:
         ResidualVectorEnv(gymnasium.make_vec("CartPole-v1"), law)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="observes 6 joints, the controller is for 2"):
         ResidualVectorEnv(gymnasium.make_vec("adaptctl/Puma560Tracking-v0"), law)  # type: ignore[arg-type]
+    learning = LearningEnv(inner)
+    for wrap in (lambda: ResidualEnv(learning, law), lambda: TuningEnv(learning, law, MOVED)):
+        with pytest.raises(InputError, match="expected observations and torques in their own units"):
+            wrap()
+    for again in (lambda: LearningEnv(learning), lambda: LearningVectorEnv(LearningVectorEnv(many(arm)))):
+        with pytest.raises(InputError, match="changed by a wrapper already"):
+            again()
+    for none in (lambda: ResidualEnv(inner, "law"), lambda: TuningVectorEnv(many(arm), None, MOVED)):  # type: ignore[arg-type]
+        with pytest.raises((InputError), match="expected a Controller, got"):
+            none()
+    with pytest.raises(InputError, match="x: expected a tracking environment of adaptctl"):
+        baselines("x")
     env = TuningVectorEnv(many(arm), law, MOVED)
     with pytest.raises(gymnasium.error.ResetNeeded):
         env.step(np.zeros((3, 5)))

@@ -53,9 +53,9 @@ def algorithm(name: str, seed: int) -> BaseAlgorithm:
     if name == "ppo":
         about |= {"n_steps": 64, "batch_size": 1024, "n_epochs": 5, "policy_kwargs": {"log_std_init": -1.0}}
         return PPO("MlpPolicy", env, learning_rate=1e-3, **about)
-    about |= {"train_freq": 1, "gradient_steps": 8, "batch_size": 512, "learning_starts": 6400, "buffer_size": 500_000}
+    about |= {"train_freq": 1, "gradient_steps": 8, "batch_size": 256, "learning_starts": 6400, "buffer_size": 500_000}
     network = {"net_arch": [64, 64], "optimizer_kwargs": {"fused": True}}
-    return SAC("MlpPolicy", env, learning_rate=1e-3, ent_coef="auto_0.1", policy_kwargs=network, **about)
+    return SAC("MlpPolicy", env, learning_rate=1e-3, ent_coef="auto_0.002", tau=0.02, policy_kwargs=network, **about)
 
 
 def evaluate(model: BaseAlgorithm) -> float:

@@ -28,6 +28,7 @@ class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any
     def __init__(self, env: VectorTrackingEnv, controller: Controller[Any], actions: int) -> None:
         if not isinstance(env, VectorTrackingEnv):
             raise InputError(f"{env}: expected a vector environment of adaptctl, such as make_vec makes")
+        require_controller(controller)
         if controller.dof != env.single.plant.dof:
             raise InputError(f"{env}: observes {env.single.plant.dof} joints, the controller is for {controller.dof}")
         super().__init__(env)
@@ -74,6 +75,12 @@ class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any
             self._memory = self.controller.init(p, v)
         else:
             self._memory = self.controller.restart(self._memory, begun, p, v)
+
+
+def require_controller(given: object) -> None:
+    """Raise `InputError` for what is no controller."""
+    if not isinstance(given, Controller):
+        raise InputError(f"controller: expected a Controller, got {given!r:.80}")
 
 
 def finite_actions(given: Any, space: gymnasium.Space[Any]) -> Array:
