@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 import pytest
 from c_evaluation import functions_of
-from exported_laws import ARM, GAIN, LAWS, LOOPED, MODEL, TRUE, guarded, law_named, slotine_li
+from every_law import ARM, GAIN, LAWS, MODEL, REDUCED, TRUE, guarded, law_named, slotine_li
 
 import adaptctl
+from adaptctl import control
 from adaptctl.arrays import Array
 from adaptctl.cli.main import main
 from adaptctl.codegen.c_number import CNumber
@@ -24,11 +25,11 @@ from adaptctl.codegen.interface import Interface
 from adaptctl.codegen.loop_precision import require_single_precision
 from adaptctl.codegen.recorded import default_reference, record
 from adaptctl.codegen.vouching import vouched
-from adaptctl.control import ComputedTorque, Controller, Guarded, ReferencePoint, SlotineLi
+from adaptctl.control import AdaptationLaw, ComputedTorque, Controller, Guarded, ReferencePoint, SlotineLi
 from adaptctl.control.memory import leaves
 from adaptctl.errors import FileError, InputError
 
-ALL = [*LAWS, *LOOPED]
+ALL = [*LAWS, *REDUCED]
 FILES = {"a.h", "a.c", "a.hpp", "CMakeLists.txt", "test_a.c", "vectors.h", "example.c", "README.md", "manifest.json"}
 
 
@@ -38,6 +39,17 @@ def exported(tmp_path: Path, law: Controller[Any], **more: Any) -> Exported:
 
 def lists(fields: Any, values: list[Array]) -> SimpleNamespace:
     return SimpleNamespace(**{field.name: value.tolist() for field, value in zip(fields, values, strict=True)})
+
+
+def test_every_law_that_is_offered_is_among_those_exported_here() -> None:
+    kinds = [getattr(control, name) for name in control.__all__]
+    offered = {kind for kind in kinds if isinstance(kind, type) and issubclass(kind, Controller | AdaptationLaw)}
+    found: set[type] = set()
+    for law in map(law_named, ALL):
+        innermost: Any = Interface(law).innermost
+        adaptation = getattr(innermost, "adaptation_law", None)
+        found |= {type(law), type(innermost), type(adaptation), type(getattr(adaptation, "of", None))}
+    assert offered - found == {Controller, control.AdaptiveController, AdaptationLaw}
 
 
 @pytest.mark.parametrize("name", ALL)

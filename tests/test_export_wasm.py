@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from exported_laws import LAWS, law_named
+from every_law import LAWS, law_named
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from wasm_machine import Machine

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from comparisons import comparison
-from exported_laws import ARM, GAIN, law_named, slotine_li
+from every_law import ARM, GAIN, law_named, slotine_li
 from wasm_machine import Machine
 
 import adaptctl

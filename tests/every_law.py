@@ -1,4 +1,4 @@
-"""Every law, on a small arm and on a loop, for tests of what is exported."""
+"""Every law that the library offers, on a small arm, and laws on a loop: for tests of what all of them do."""
 
 from __future__ import annotations
 
@@ -13,23 +13,28 @@ from adaptctl.control import (
     AdaptiveComputedTorque,
     BoundedGainForgetting,
     Composite,
+    CompositeLearning,
     ComputedTorque,
+    ConcurrentLearning,
+    ConsistentLift,
     Controller,
     CushionedFloor,
     DeadZone,
     EModification,
     Gradient,
     Guarded,
+    LinearController,
     Natural,
     PassivityIntegral,
     PDGravity,
     Projection,
+    ReleasedGradient,
     SigmaModification,
     SlotineLi,
     Subspace,
     TaskSpaceSlotineLi,
 )
-from adaptctl.identifiability import ReducedModel
+from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 
 ARM = random_chain(3, 3)
 MODEL = ReducedModel.full(ARM)
@@ -43,12 +48,23 @@ def slotine_li(adaptation: Any = None, kind: type[SlotineLi] = SlotineLi, **more
     return kind(MODEL, 6.0, [3.0, 4.0, 2.0], adaptation, 0.9 * TRUE, **more)  # type: ignore[arg-type]
 
 
-def guarded(law: Controller[Any], torque: float = 50.0, **more: Any) -> Guarded:
+def guarded(law: Controller[Any], torque: float = 50.0, rates: float = 1e4, **more: Any) -> Guarded:
     r = law.dof
     wide = (np.full(r, -6.0), np.full(r, 6.0))
     return Guarded(
-        law, np.full(r, torque), np.full(r, 1e4), position_limits=wide, velocity_limits=np.full(r, 30.0), **more
+        law, np.full(r, torque), np.full(r, rates), position_limits=wide, velocity_limits=np.full(r, 30.0), **more
     )
+
+
+def linear() -> LinearController:
+    """Feedback of the error and of its filtered rate, with the torques that the reference asks for."""
+    r, eye = ARM.dof, np.eye(ARM.dof)
+    zero = np.zeros((r, r))
+    slow, gain = (
+        np.hstack([-eye, zero, eye, zero, zero]),
+        np.hstack([-200.0 * eye, -20.0 * eye, 200.0 * eye, zero, zero]),
+    )
+    return LinearController(0.9 * eye, 0.1 * slow, 5.0 * eye, gain, ARM)
 
 
 LAWS: dict[str, Controller[Any]] = {
@@ -56,6 +72,7 @@ LAWS: dict[str, Controller[Any]] = {
     "gradient": slotine_li(GAIN),
     "euler": slotine_li(Gradient(GAIN, theta=0.0, cap=0.0)),
     "capped": slotine_li(Gradient(GAIN, theta=1.0, cap=0.5)),
+    "released": slotine_li(ReleasedGradient(GAIN)),
     "matrix": slotine_li(np.diag(GAIN) + 0.1),
     "dead zone": slotine_li(DeadZone(GAIN, np.array([0.05, 0.04, 0.06]))),
     "sigma": slotine_li(SigmaModification(GAIN, 0.2, TRUE)),
@@ -63,7 +80,11 @@ LAWS: dict[str, Controller[Any]] = {
     "composite": slotine_li(Composite(GAIN, 0.3, 15.0)),
     "forgetting": slotine_li(BoundedGainForgetting(GAIN, 0.3, 15.0, 1.5, 3.0)),
     "floor": slotine_li(CushionedFloor(GAIN, 0.3, 15.0, 1.5)),
+    "composite learning": slotine_li(CompositeLearning(GAIN, 0.3, 15.0, 1.5, 2.0, 1e-9, 1.0)),
+    "concurrent learning": slotine_li(ConcurrentLearning(GAIN, 0.3, 15.0, 3, 1e-9)),
     "natural": slotine_li(Natural(0.2)),
+    "lift": slotine_li(ConsistentLift(0.2, 0.9 * TRUE, 0.3, 15.0)),
+    "lift without prediction": slotine_li(ConsistentLift(0.2, 0.9 * TRUE)),
     "projection": slotine_li(Projection(Gradient(GAIN), -WIDE, WIDE)),
     "projected composite": slotine_li(Projection(Composite(GAIN, 0.3, 15.0), -WIDE, WIDE)),
     "subspace": slotine_li(Subspace(GAIN[:4], np.eye(K)[:, :4])),
@@ -73,30 +94,39 @@ LAWS: dict[str, Controller[Any]] = {
     "adaptive computed torque": AdaptiveComputedTorque(MODEL, 6.0, 0.9 * TRUE, GAIN),  # type: ignore[arg-type]
     "computed torque": ComputedTorque(ARM, np.full(3, 6.0), 0.8),
     "gravity": PDGravity(ARM, np.full(3, 200.0), np.full(3, 30.0)),
+    "linear": linear(),
     "guarded": guarded(slotine_li(GAIN), estimate_bounds=(-WIDE, WIDE)),
+    "guarded lift": guarded(slotine_li(ConsistentLift(0.2, 0.9 * TRUE, 0.3, 15.0)), rates=2e3),
 }
 """By name; small chains, so that each takes a moment."""
 
 
 @cache
-def looped(name: str) -> Controller[Any]:
-    """Laws on the semi-direct-drive arm, whose loop `init` has to close."""
-    model, own = reduced("semi_direct_drive"), gains("semi_direct_drive")
-    gain = own_gain("semi_direct_drive")
+def reduced_law(name: str) -> Controller[Any]:
+    """Laws on fundamental parameters: of the small arm, of one with drives, and of one with a loop that `init` has to
+    close."""
+    robot = "puma560_geared" if name == "drives" else "semi_direct_drive"
+    model, own, gain = reduced(robot), gains(robot), own_gain(robot)
     law = SlotineLi(model, own.bandwidth, own.damping, gain)
-    return {
-        "loop": law,
-        "guarded loop": guarded(law),
-        "loop composite": SlotineLi(model, own.bandwidth, own.damping, Composite(gain, 0.1)),
-        "loop tool": TaskSpaceSlotineLi(
-            model, own.bandwidth, own.damping, gain, reference_in_joints=True, singularity=0.1
-        ),
-        "loop computed torque": ComputedTorque.on(model, 8.0),
-    }[name]
+    match name:
+        case "reduced":
+            few = ReducedModel(ARM, fundamental_basis(essential_space(ARM)))
+            return SlotineLi(few, 6.0, [3.0, 4.0, 2.0], GAIN[: len(few.columns)])  # type: ignore[arg-type]
+        case "drives" | "loop":
+            return law
+        case "guarded loop":
+            return guarded(law)
+        case "loop composite":
+            return SlotineLi(model, own.bandwidth, own.damping, Composite(gain, 0.1))
+        case "loop tool":
+            more: Any = {"reference_in_joints": True, "singularity": 0.1}
+            return TaskSpaceSlotineLi(model, own.bandwidth, own.damping, gain, **more)
+        case _:
+            return ComputedTorque.on(model, 8.0)
 
 
-LOOPED = ("loop", "guarded loop", "loop composite", "loop tool", "loop computed torque")
+REDUCED = ("reduced", "drives", "loop", "guarded loop", "loop composite", "loop tool", "loop computed torque")
 
 
 def law_named(name: str) -> Controller[Any]:
-    return LAWS[name] if name in LAWS else looped(name)
+    return LAWS[name] if name in LAWS else reduced_law(name)
