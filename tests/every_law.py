@@ -42,10 +42,17 @@ K = len(MODEL.columns)
 TRUE = np.asarray(ARM.inertial_parameters)
 GAIN = np.linspace(0.5, 2.0, K)
 WIDE = np.full(K, 1e4)
+PAIR = ReducedModel.full(random_chain(3, 2))
+FEW, FEW_TRUE = GAIN[: len(PAIR.columns)], TRUE[: len(PAIR.columns)]
 
 
 def slotine_li(adaptation: Any = None, kind: type[SlotineLi] = SlotineLi, **more: Any) -> SlotineLi:
     return kind(MODEL, 6.0, [3.0, 4.0, 2.0], adaptation, 0.9 * TRUE, **more)  # type: ignore[arg-type]
+
+
+def of_two(adaptation: Any) -> SlotineLi:
+    """A law whose operations grow with the cube of the number of parameters, on two links."""
+    return SlotineLi(PAIR, 6.0, [3.0, 4.0], adaptation, 0.9 * FEW_TRUE)  # type: ignore[arg-type]
 
 
 def guarded(law: Controller[Any], torque: float = 50.0, rates: float = 1e4, **more: Any) -> Guarded:
@@ -79,11 +86,11 @@ LAWS: dict[str, Controller[Any]] = {
     "e": slotine_li(EModification(GAIN, 0.2, TRUE)),
     "composite": slotine_li(Composite(GAIN, 0.3, 15.0)),
     "forgetting": slotine_li(BoundedGainForgetting(GAIN, 0.3, 15.0, 1.5, 3.0)),
-    "floor": slotine_li(CushionedFloor(GAIN, 0.3, 15.0, 1.5)),
-    "composite learning": slotine_li(CompositeLearning(GAIN, 0.3, 15.0, 1.5, 2.0, 1e-9, 1.0)),
+    "floor": of_two(CushionedFloor(FEW, 0.3, 15.0, 1.5)),
+    "composite learning": of_two(CompositeLearning(FEW, 0.3, 15.0, 1.5, 2.0, 1e-9, 1.0)),
     "concurrent learning": slotine_li(ConcurrentLearning(GAIN, 0.3, 15.0, 3, 1e-9)),
     "natural": slotine_li(Natural(0.2)),
-    "lift": slotine_li(ConsistentLift(0.2, 0.9 * TRUE, 0.3, 15.0)),
+    "lift": of_two(ConsistentLift(0.2, 0.9 * FEW_TRUE, 0.3, 15.0)),
     "lift without prediction": slotine_li(ConsistentLift(0.2, 0.9 * TRUE)),
     "projection": slotine_li(Projection(Gradient(GAIN), -WIDE, WIDE)),
     "projected composite": slotine_li(Projection(Composite(GAIN, 0.3, 15.0), -WIDE, WIDE)),
@@ -96,7 +103,7 @@ LAWS: dict[str, Controller[Any]] = {
     "gravity": PDGravity(ARM, np.full(3, 200.0), np.full(3, 30.0)),
     "linear": linear(),
     "guarded": guarded(slotine_li(GAIN), estimate_bounds=(-WIDE, WIDE)),
-    "guarded lift": guarded(slotine_li(ConsistentLift(0.2, 0.9 * TRUE, 0.3, 15.0)), rates=2e3),
+    "guarded lift": guarded(of_two(ConsistentLift(0.2, 0.9 * FEW_TRUE, 0.3, 15.0)), rates=2e3),
 }
 """By name; small chains, so that each takes a moment."""
 

@@ -25,7 +25,7 @@ from adaptctl.errors import GainError, InputError, NotFoundError
 from adaptctl.scalars import Column
 from adaptctl.simulation import Plant, simulate_many
 
-WITH_GAINS = [name for name, law in LAWS.items() if law.numbers and law.reference_size == 3]
+WITH_GAINS = [name for name, law in LAWS.items() if law.numbers and law.reference_size == law.dof]
 POINT = ReferencePoint(np.array([0.1, -0.5, 0.4]), np.array([0.2, -0.1, 0.3]), np.array([1.0, 0.5, -1.0]))
 
 
@@ -38,12 +38,19 @@ def changed(law: Controller[Any]) -> Controller[Any]:
     return law.tuned({name: shares[name] * array for name, array in law.numbers.items()})
 
 
+def began(law: Controller[Any]) -> tuple[Array, Array, ReferencePoint]:
+    """A position, a velocity and a reference for an arm of at most three joints."""
+    r = law.dof
+    p, v = np.array([0.2, -0.4, 0.3])[:r], np.array([0.1, 0.2, -0.3])[:r]
+    return p, v, ReferencePoint(*(part[:r] for part in POINT))
+
+
 def ticks(law: Controller[Any], count: int = 4) -> list[Array]:
     """All that a law makes of some ticks, one after the other."""
-    p, v = np.array([0.2, -0.4, 0.3]), np.array([0.1, 0.2, -0.3])
+    p, v, point = began(law)
     state, made = law.init(p, v), []
     for _ in range(count):
-        torque, state = law.step(state, p, v, POINT)
+        torque, state = law.step(state, p, v, point)
         made += [torque, *leaves(state)]
         p, v = p + 1e-3 * v, 0.99 * v
     return made
@@ -62,11 +69,11 @@ def test_laws_that_differ_in_gains_alone_share_native_code_and_do_not_mix_them_u
 @pytest.mark.parametrize("name", WITH_GAINS)
 def test_a_gain_that_is_an_argument_does_what_a_compiled_in_one_does(name: str) -> None:
     law = changed(LAWS[name])
-    p, v = np.array([0.2, -0.4, 0.3]), np.array([0.1, 0.2, -0.3])
+    p, v, point = began(law)
     state = law.init(p, v)
     for _ in range(3):
-        plain = law.on_floats(p, v, *POINT, *leaves(state))
-        torque, state = law.step(state, p, v, POINT)
+        plain = law.on_floats(p, v, *point, *leaves(state))
+        torque, state = law.step(state, p, v, point)
         for native, expected in zip((torque, *leaves(state)), plain, strict=True):
             np.testing.assert_allclose(native, expected, rtol=0, atol=1e-11 * max(1.0, np.abs(expected).max(initial=0)))
         p, v = p + 1e-3 * v, 0.99 * v
