@@ -55,17 +55,34 @@ def test_every_law_that_is_offered_is_among_those_exported_here() -> None:
 @pytest.mark.parametrize("name", ALL)
 def test_the_text_of_the_law_does_what_python_does(name: str) -> None:
     interface = Interface(law_named(name))
+    rows, _ = record(interface, default_reference(interface), ticks=4)
+    require_alike(interface, [(row.p, row.v, row.reference) for row in rows])
+
+
+@pytest.mark.parametrize("name", ["guarded", "guarded lift", "guarded loop"])
+def test_a_law_that_is_stopped_has_its_memory_put_back(name: str) -> None:
+    interface = Interface(law_named(name))
+    rows, _ = record(interface, default_reference(interface), ticks=4)
+    ticks = [(row.p, row.v + (100.0 if k == 2 else 0.0), row.reference) for k, row in enumerate(rows)]
+    final = require_alike(interface, ticks)
+    assert final.marks.stopped == 1.0
+    text = CPackage(interface, "a", "double").functions
+    assert re.search(r"memcpy\(&next->of_estimate\[0\], &memory->of_estimate\[0\], \d+u \* sizeof\(a_real\)\);", text)
+    assert not re.search(r"\? memory->of_estimate", text)
+
+
+def require_alike(interface: Interface, ticks: list[tuple[Array, Array, ReferencePoint]]) -> Any:
+    """Require the text of a law to do what Python does with ticks of p, v and reference; Python's state after them."""
     package = CPackage(interface, "a", "double")
     law = functions_of(package.functions, "a")["a_law"]
-    rows, _ = record(interface, default_reference(interface), ticks=4)
-    state = interface.controller.init(rows[0].p, np.zeros(interface.controller.dof))
+    state = interface.controller.init(ticks[0][0], np.zeros(interface.controller.dof))
     gains = lists(interface.all_gains, [field.values for field in interface.all_gains])
-    for row in rows:
+    for p, v, point in ticks:
         blank = lists(interface.memory, [np.full_like(field.values, np.nan) for field in interface.memory])
-        reference = SimpleNamespace(**{part: getattr(row.reference, part).tolist() for part in "pva"})
+        reference = SimpleNamespace(**{part: getattr(point, part).tolist() for part in "pva"})
         torque = [np.nan] * interface.controller.dof
-        law(lists(interface.memory, leaves(state)), gains, row.p.tolist(), row.v.tolist(), reference, blank, torque)
-        expected, state = interface.controller.step(state, row.p, row.v, row.reference)
+        law(lists(interface.memory, leaves(state)), gains, p.tolist(), v.tolist(), reference, blank, torque)
+        expected, state = interface.controller.step(state, p, v, point)
         pairs = [
             (torque, expected),
             *((getattr(blank, f.name), x) for f, x in zip(interface.memory, leaves(state), strict=True)),
@@ -73,6 +90,7 @@ def test_the_text_of_the_law_does_what_python_does(name: str) -> None:
         for made, wanted in pairs:
             scale = max(1.0, float(np.abs(wanted).max(initial=0.0)))
             np.testing.assert_allclose(made, wanted, rtol=0, atol=1e-10 * scale)
+    return state
 
 
 @pytest.mark.parametrize("name", ["composite", "loop", "loop composite", "loop tool"])

@@ -16,7 +16,7 @@ from adaptctl.codegen.c_number import CNumber, Kind
 from adaptctl.codegen.c_program import CProgram, Signature, helpers
 from adaptctl.codegen.c_sine import sine_source
 from adaptctl.codegen.gain_rules import GainRule, gain_rules
-from adaptctl.codegen.interface import Field, Interface
+from adaptctl.codegen.interface import GIVEN, Field, Interface
 from adaptctl.codegen.loop_precision import OPEN
 from adaptctl.codegen.recorded import RecordedTick
 from adaptctl.codegen.starting import start_of
@@ -184,7 +184,10 @@ class CPackage:
         def place(part: int, k: int) -> str:
             return f"torque[{k}]" if part == 0 else f"next->{fields[part - 1].place(k)}"
 
-        return Signature(f"{name}_law", parameters, given, place)
+        def before(part: int, k: int) -> tuple[int, int] | None:
+            return (part + len(GIVEN) - 1, k) if part else None
+
+        return Signature(f"{name}_law", parameters, given, place, before)
 
     def _vector_signature(self, what: str, given: Sequence[str], results: int) -> Signature:
         """A function of arrays."""
