@@ -22,7 +22,6 @@ from adaptctl.codegen.recorded import RecordedTick
 from adaptctl.codegen.starting import start_of
 from adaptctl.codegen.statuses import status_bits
 from adaptctl.compilation.graph import Op
-from adaptctl.control import Guarded
 from adaptctl.dynamics.loops.continuation import LOST
 from adaptctl.version import __version__
 
@@ -102,7 +101,6 @@ class CPackage:
         """What all templates are filled with."""
         interface, law = self.interface, self.interface.controller
         fields, marks = interface.memory, interface.marks
-        guard = law if isinstance(law, Guarded) else None
         return {
             "name": self.name,
             "P": self.name.upper(),
@@ -128,9 +126,8 @@ class CPackage:
             "gains": interface.gains,
             "estimate": interface.estimate,
             "guarded": interface.guarded,
-            "brake": Field("brake", _per_joint(guard.stop_damping, law.dof)) if guard else None,
-            "brake_limit": Field("limit", _finite(_per_joint(guard.torque_limits, law.dof))) if guard else None,
-            "brake_text": "the guards' braking" if guard else "zero",
+            "brake": interface.brake and [Field(name, x) for name, x in interface.brake._asdict().items()],
+            "brake_text": "the guards' braking" if interface.brake else "zero",
             "marks": list(map(_Mark, (f.name for f in fields[len(fields) - len(marks) :]), map(str.upper, marks))),
             "configurations": [fields[k] for k in self.start.configurations],
             "computed": [fields[k] for k in self.start.computed],
@@ -267,11 +264,3 @@ def _comment(label: str) -> str:
 def _gain_places(fields: Iterable[Field]) -> list[str]:
     """The text of each number of the law's column of gains."""
     return [field.place(k) for field in fields for k in range(field.size)]
-
-
-def _per_joint(values: Any, dof: int) -> Array:
-    return np.broadcast_to(np.asarray(values, dtype=np.float64), (dof,)).copy()
-
-
-def _finite(values: Array) -> Array:
-    return np.minimum(values, float(np.finfo(np.float64).max))
