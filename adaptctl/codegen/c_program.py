@@ -28,7 +28,7 @@ def _nothing(_part: int, _k: int) -> None:
 
 @dataclass(frozen=True)
 class Signature:
-    """How a routine's function is called: its name, its parameters, and the texts of its numbers within it."""
+    """Signature of a routine's function: its name, its parameters, and the texts of its numbers within it."""
 
     name: str
     parameters: tuple[str, ...]

@@ -11,7 +11,7 @@ from adaptctl.recording.wording import (
     final_error,
     first_error,
     outcome,
-    told,
+    outcome_words,
 )
 
 
@@ -23,7 +23,7 @@ def summary_markdown(comparison: Comparison) -> str:
         f"| {outcome(run)} |"
         for run in comparison.runs
     )
-    return f"""{warning}{told(comparison)}
+    return f"""{warning}{outcome_words(comparison)}
 
 {_paired(list(facts(comparison)))}
 
