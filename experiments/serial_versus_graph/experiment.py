@@ -115,12 +115,14 @@ class SerialVersusGraph(TipPath, ClosedLoopExperiment):
         basis = fundamental_basis(space)
         env = self._environment(tip, arm)
         progress("independent parameters from energies", 1.0)
-        outcome = contest(env, mechanism, self._contenders(mechanism, basis), self.seed, progress)
+        contenders = self._contenders(mechanism, basis)
+        outcome = contest(env, mechanism, contenders, self.seed, progress)
+        live = live_subject(env, contenders[0].controller, self.seed, {}) if outcome.complete else ""
         loops = mechanism.description.loops
         return Side(
             name=arm.name,
             label=arm.label,
-            comparison=self._comparison(mechanism, space, basis, env, outcome),
+            comparison=replace(self._comparison(mechanism, space, basis, env, outcome), live=live),
             tip_link=[link.name for link in mechanism.links].index(arm.link),
             tip=tip.offset,
             desired={run.name: self.path(run.rollout.time).p for run in outcome.runs},
