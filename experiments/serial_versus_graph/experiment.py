@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -12,7 +12,7 @@ import numpy as np
 from adaptctl.control import SlotineLi
 from adaptctl.dynamics import Mechanism, equation_costs, load
 from adaptctl.dynamics.inverse_kinematics import Tip
-from adaptctl.experiments.contest import Contender, Outcome, contest
+from adaptctl.experiments.contest import Contender, Outcome, contest, live_subject
 from adaptctl.experiments.experiment import ClosedLoopExperiment, require_count, setting, stated
 from adaptctl.experiments.learning import ADAPTATION_OFF, ADAPTIVE, FULL, numbers
 from adaptctl.experiments.serial_versus_graph.artifacts import shown
