@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from c_evaluation import functions_of
 from every_law import ARM, GAIN, LAWS, MODEL, REDUCED, TRUE, guarded, law_named, slotine_li
+from export_builds import Package
 
 import adaptctl
 from adaptctl import control
@@ -196,6 +197,13 @@ def test_gains_are_arguments_of_the_code_and_change_nothing_else(tmp_path: Path)
     assert one.functions == two.functions
     assert one.hash == two.hash
     assert {field.name for field in one.interface.gains} == {"bandwidth", "damping", "adaptation_gain"}
+
+
+def test_careless_arithmetic_is_refused_by_the_compilers_that_are_here(tmp_path: Path) -> None:
+    done = exported(tmp_path, LAWS["guarded"])
+    for macro in ("__FAST_MATH__", "__FINITE_MATH_ONLY__", "__ASSOCIATIVE_MATH__", "FLT_EVAL_METHOD != 0"):
+        assert macro in (done.directory / "a.c").read_text()
+    assert list(Package(done.directory, "a", 3).accepted()) == []
 
 
 def test_vectors_are_what_python_made(tmp_path: Path) -> None:
