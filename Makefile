@@ -21,13 +21,14 @@ demo: $(STAMP) ## an adaptive PUMA 560, from energies to a recording, in results
 test: $(STAMP) ## the tests, and every example of README.md and docs/
 	$(BIN)/python -m pytest -n 2
 
-bench: $(STAMP) ## speed against its peers, in three minutes; README.md and docs/speed.md then show it
+bench: $(STAMP) ## speed against its peers, in three minutes; docs/speed.md and README.md's plot then show it
 	$(BIN)/python -m benchmarks
 
-figures: $(STAMP) ## bounds that the project promises and the figures found today, in results/figures.json
+figures: $(STAMP) ## bounds that the project promises and the figures found today, in results/figures.json; docs/verification.md then shows them
 	@rm -rf results/.figures && mkdir -p results/.figures
 	ADAPTCTL_FIGURES=$(CURDIR)/results/.figures $(BIN)/python -m pytest -q $$(grep -l '^from figures import' tests/test_*.py)
 	$(BIN)/python tests/figures.py results/.figures results/figures.json
+	$(BIN)/python -m docs.making.verification results/figures.json
 
 check-stability: $(STAMP) ## 10,000 closed loops of ten minutes on random arms; hours (ARMS=50 for some of them)
 	$(BIN)/python -m benchmarks.stability --arms $(ARMS)

@@ -16,7 +16,7 @@ version = release = _project["version"]
 author = "the adaptctl developers"
 copyright = f"2026, {author}"
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "card", "mathml", "plain_docstrings"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "card", "mathml", "plain_docstrings"]
 exclude_patterns = ["_build", "making"]
 html_theme = "furo"
 html_title = f"adaptctl {version}"
@@ -31,6 +31,11 @@ if _source:  # then every page has a link to edit it
 
 myst_enable_extensions = ["dollarmath", "deflist"]
 myst_heading_anchors = 3
+
+# The tutorials are notebooks: computed at every build, and an error in one ends it.
+nb_execution_mode = "force"
+nb_execution_timeout = 120
+nb_execution_raise_on_error = True
 
 autodoc_typehints = "signature"
 autodoc_member_order = "bysource"
