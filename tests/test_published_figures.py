@@ -6,6 +6,7 @@ import json
 import re
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import pytest
 
@@ -13,6 +14,7 @@ from benchmarks.findings import Agreement, Finding, Measurement, Speedup
 from benchmarks.interleaved import Spread
 from benchmarks.machine import Machine
 from benchmarks.published import NUMBERS, PLOT, agreements, comparisons, measurements
+from docs.making.null_directions import write_null_directions
 from docs.making.verification import KEPT, PAGE, TESTS, asked_in, publish, shown
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -81,3 +83,15 @@ def test_figures_of_a_run_come_into_the_page(tmp_path: Path, monkeypatch: pytest
     assert text.endswith("rest\n")
     assert Machine.here().processor in text
     assert json.loads(kept.read_text(encoding="utf-8"))["figures"] == figures
+
+
+def test_arms_that_differ_along_a_null_direction_move_alike(tmp_path: Path) -> None:
+    apart = write_null_directions(tmp_path / "arms.svg")
+    first, along, other = apart.values()
+    assert first == 0.0
+    assert along < 1e-9 < 0.5 < other
+    text = (tmp_path / "arms.svg").read_text(encoding="utf-8")
+    assert ElementTree.fromstring(text).tag.endswith("svg")
+    assert "prefers-reduced-motion" in text
+    shown = (ROOT / "docs" / "images" / "null-directions.svg").read_text(encoding="utf-8")
+    assert set(re.findall(r"<text[^>]*>([^<]*kg)", text)) == set(re.findall(r"<text[^>]*>([^<]*kg)", shown))
