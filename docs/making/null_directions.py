@@ -1,4 +1,4 @@
-"""Moving picture of null directions: two arms that differ and move alike, beside one that differs as much and does not."""
+"""Moving picture of null directions: two arms that differ and move alike, and one that differs as much and does not."""
 
 from __future__ import annotations
 
