@@ -49,7 +49,7 @@ def setup(app: Any) -> None:
     """Tidy what doctest, autodoc and tables leave."""
     app.connect("source-read", _without_blank_ends)
     app.connect("autodoc-process-signature", _plain_aliases)
-    app.connect("html-page-context", _without_empty_heads)
+    app.connect("html-page-context", _for_every_reader)
 
 
 def _without_blank_ends(app: Any, page: str, source: list[str]) -> None:
@@ -57,10 +57,17 @@ def _without_blank_ends(app: Any, page: str, source: list[str]) -> None:
     source[0] = source[0].replace("\n\n```\n", "\n```\n")
 
 
-def _without_empty_heads(app: Any, page: str, template: str, context: dict[str, Any], doctree: Any) -> None:
-    """A corner of a table that says nothing is no heading."""
-    if "body" in context:
-        context["body"] = re.sub(r"<th[^>]*>(<p></p>)?</th>", "<td></td>", context["body"])
+LINE = '<span class="sig-line"><em'
+PARAMETERS = re.compile(r"<dl>\n((?:<dd>.*</dd>\n)+)</dl>")
+"""Lines of a long signature, which Sphinx writes as definitions of nothing."""
+
+
+def _for_every_reader(app: Any, page: str, template: str, context: dict[str, Any], doctree: Any) -> None:
+    """A corner of a table that says nothing is no heading, and a line of a signature no definition."""
+    body = re.sub(r"<th[^>]*>(<p></p>)?</th>", "<td></td>", context.get("body", ""))
+    context["body"] = PARAMETERS.sub(
+        lambda found: re.sub("<(/?)dd", r"<\1span", found[1]).replace("<span><em", LINE), body
+    )
 
 
 def _plain_aliases(app: Any, kind: str, name: str, what: Any, options: Any, *signature: str | None) -> Any:

@@ -10,7 +10,7 @@ import json
 import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -37,8 +37,8 @@ const { pages, browser, widths, schemes } = JSON.parse(require("fs").readFileSyn
 const axe = require("fs").readFileSync(require.resolve("axe-core/axe.min.js"), "utf8");
 const look = async () => {
   const { violations } = await axe.run(document, { resultTypes: ["violations"] });
-  const found = violations.map(({ id, impact, nodes }) => ({ id, impact, count: nodes.length, first: nodes[0].html.slice(0, 120) }));
-  return { wide: document.documentElement.scrollWidth, found };
+  const told = ({ id, impact, nodes }) => ({ id, impact, count: nodes.length, first: nodes[0].html.slice(0, 120) });
+  return { wide: document.documentElement.scrollWidth, found: violations.map(told) };
 };
 (async () => {
   const options = { executablePath: browser, args: ["--no-sandbox", "--disable-gpu"], protocolTimeout: 600000 };
@@ -68,7 +68,7 @@ def missing() -> list[str]:
     return told
 
 
-def look(pages: Sequence[Path]) -> list[dict[str, Any]]:
+def look(pages: Sequence[Path]) -> Iterator[dict[str, Any]]:
     """What axe-core finds on every page, at every width, light and dark."""
     browser = next(path for path in map(shutil.which, BROWSERS) if path)
     given = json.dumps(
@@ -76,8 +76,14 @@ def look(pages: Sequence[Path]) -> list[dict[str, Any]]:
     )
     script = PACKAGES / "look.js"
     script.write_text(SCRIPT, encoding="utf-8")
-    done = subprocess.run(["node", script], input=given, check=True, text=True, stdout=subprocess.PIPE)
-    return [json.loads(line) for line in done.stdout.splitlines()]
+    with subprocess.Popen(["node", script], text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as running:
+        assert running.stdin is not None
+        assert running.stdout is not None
+        with running.stdin:
+            running.stdin.write(given)
+        yield from map(json.loads, running.stdout)
+    if running.returncode:
+        raise SystemExit(f"the browser ended with {running.returncode}")
 
 
 def invalid(pages: Sequence[Path]) -> dict[tuple[str, str], int]:
@@ -99,15 +105,15 @@ def main(pages: Sequence[Path]) -> int:
     lacking, bad = missing(), 0
     for sentence in lacking:
         print(sentence)
-    needed = " ".join(lacking)
-    if not {"node", "browser", "puppeteer-core", "axe-core"} & set(needed.replace(":", "").split()):
+    without = " ".join(lacking)
+    if not any(tool in without for tool in ("node is", "browser", "puppeteer-core", "axe-core is")):
         for one in look(pages):
             wide = [f"scrolls sideways ({one['wide']} px)"] if one["wide"] > one["width"] else []
             told = wide + [f"{f['id']} ({f['impact']}) {f['count']} times: {f['first']}" for f in one["found"]]
             bad += len(wide) + sum(f["impact"] in SERIOUS for f in one["found"])
             for sentence in told:
-                print(f"{one['page']}, {one['width']} px, {one['scheme']}: {sentence}")
-    if not {"node", "html-validate"} & set(needed.replace(":", "").split()):
+                print(f"{one['page']}, {one['width']} px, {one['scheme']}: {sentence}", flush=True)
+    if not any(tool in without for tool in ("node is", "html-validate is")):
         broken = invalid(pages)
         bad += sum(broken.values())
         for (rule, message), count in broken.items():
