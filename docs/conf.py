@@ -49,7 +49,7 @@ def setup(app: Any) -> None:
     """Tidy what doctest, autodoc and tables leave."""
     app.connect("source-read", _without_blank_ends)
     app.connect("autodoc-process-signature", _plain_aliases)
-    app.connect("html-page-context", _for_every_reader)
+    app.connect("html-page-context", _for_every_reader, priority=900)
 
 
 def _without_blank_ends(app: Any, page: str, source: list[str]) -> None:
@@ -63,8 +63,10 @@ PARAMETERS = re.compile(r"<dl>\n((?:<dd>.*</dd>\n)+)</dl>")
 
 
 def _for_every_reader(app: Any, page: str, template: str, context: dict[str, Any], doctree: Any) -> None:
-    """A corner of a table that says nothing is no heading, and a line of a signature no definition."""
+    """An empty corner of a table is no heading, a line of a signature no definition; captions have a level."""
     body = re.sub(r"<th[^>]*>(<p></p>)?</th>", "<td></td>", context.get("body", ""))
+    if (tree := "furo_navigation_tree") in context:
+        context[tree] = context[tree].replace('role="heading">', 'role="heading" aria-level="2">')
     context["body"] = PARAMETERS.sub(
         lambda found: re.sub("<(/?)dd", r"<\1span", found[1]).replace("<span><em", LINE), body
     )

@@ -124,6 +124,15 @@ def test_continuous_integration_makes_targets_that_exist() -> None:
     assert {"test", "lint", "types", "docs"} == set(named) <= targets()
 
 
+@pytest.mark.parametrize("path", sorted((ROOT / ".github" / "workflows").glob("*.yml")), ids=name_of)
+def test_workflows_make_targets_that_exist(path: Path) -> None:
+    jobs = yaml.safe_load(path.read_text(encoding="utf-8"))["jobs"]
+    runs = [step["run"] for job in jobs.values() for step in job["steps"] if "run" in step]
+    named = [word for run in runs for word in re.findall(r"\bmake ([a-z-]+)", run)]
+    assert named
+    assert set(named) <= targets()
+
+
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
 def test_commands_that_are_shown_are_understood(page: Path) -> None:
     for line in commands(page):

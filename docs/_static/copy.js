@@ -18,7 +18,6 @@ document.addEventListener("DOMContentLoaded", () => {
   for (const box of document.querySelectorAll("article pre, article div"))
     if (box.scrollWidth > box.clientWidth && getComputedStyle(box).overflowX !== "visible") box.tabIndex = 0;
   // What the theme leaves out for readers by ear.
-  for (const caption of document.querySelectorAll("p.caption[role=heading]")) caption.ariaLevel = "2";
   document.querySelector("aside.sidebar-drawer")?.setAttribute("aria-label", "Pages");
   document.querySelector("aside.toc-drawer")?.setAttribute("aria-label", "On this page");
 });
