@@ -9,7 +9,7 @@ DOCS := docs/_build/html
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: architecture help demo test bench gallery sdist figures check-stability check-export check-page check-pages lint types docs format licences audit lock clean
+.PHONY: architecture help demo test bench gallery sdist figures check-stability check-export check-page check-pages mutants lint types docs format licences audit lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-15s %s\n", $$1, $$2}' Makefile
@@ -41,6 +41,9 @@ check-page: $(STAMP) ## exported WebAssembly in node, and a report's arm in a br
 
 check-pages: docs ## documentation and reports in a browser without a window: axe-core, widths, valid HTML, by npm in build/pages
 	PYTHONPATH=. $(BIN)/python tests/check_pages.py $(DOCS) results
+
+mutants: $(STAMP) ## small changes of identifiability, dynamics and control that tests ought to notice; an hour
+	nice -n 12 $(BIN)/python tests/mutants.py $(MUTANTS)
 
 lint: $(STAMP) ## style of the code
 	$(BIN)/ruff check .

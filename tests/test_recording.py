@@ -28,7 +28,7 @@ from adaptctl.recording.blueprint import _room
 from adaptctl.recording.scene import log_base
 from adaptctl.recording.skeleton import Solid, skeleton
 from adaptctl.recording.views import LONG, SHORT
-from adaptctl.recording.wording import INCOMPLETE, facts, final_error, number, outcome, told
+from adaptctl.recording.wording import INCOMPLETE, facts, final_error, number, outcome, outcome_words
 
 FILES = {"recording.rrd", "summary.json", "trace.parquet", "report.html"}
 TWO_LINK = "docs/examples/two_link.toml"
@@ -64,7 +64,7 @@ def entities(path: Path) -> set[str]:
 def test_a_result_says_how_a_comparison_ended_and_writes_it(shown: Comparison, tmp_path: Path) -> None:
     whole, half = result_of(shown), result_of(replace(shown, complete=False))
     assert (whole.complete, half.complete) == (True, False)
-    assert (whole.headline, half.headline) == (told(shown), f"{INCOMPLETE}\n{told(shown)}")
+    assert (whole.headline, half.headline) == (outcome_words(shown), f"{INCOMPLETE}\n{outcome_words(shown)}")
     assert whole.facts == tuple(facts(shown))
     shares: list[float] = []
     whole.write(tmp_path, lambda what, share: shares.append(share))

@@ -109,7 +109,7 @@ class CStatements:
         return name
 
     def _place(self, x: Expression) -> str | None:
-        """Where an expression is in memory already."""
+        """C's text of an expression that is in memory already; None for others."""
         if x.index in self._found:
             return f"passed[{self._found[x.index]}]"
         if x.op is Op.INPUT:

@@ -88,7 +88,7 @@ class CPackage:
 
     @cached_property
     def rules(self) -> tuple[GainRule, ...]:
-        """What the gains must be."""
+        """Rules that the gains must satisfy."""
         return gain_rules(self.interface.controller, self.interface.gains)
 
     @property
@@ -99,7 +99,7 @@ class CPackage:
 
     @cached_property
     def _content(self) -> dict[str, Any]:
-        """What all templates are filled with."""
+        """Variables of all templates, by name."""
         interface, law = self.interface, self.interface.controller
         fields, marks = interface.memory, interface.marks
         guard = law if isinstance(law, Guarded) else None
@@ -233,7 +233,7 @@ class _Mark(NamedTuple):
 
 
 def title(interface: Interface) -> str:
-    """What the code is, in a line."""
+    """Title of the code, in a line: the law, the arm and the control period."""
     law = type(interface.innermost).__name__ + (", guarded" if interface.guarded else "")
     arm = interface.mechanism.name if interface.mechanism else f"{interface.controller.dof} joints"
     printable = "".join(c if c.isprintable() and c not in "*/\\" else " " for c in arm)

@@ -22,7 +22,7 @@ Place = Callable[[int, int], str]
 
 @dataclass(frozen=True)
 class Signature:
-    """How a routine's function is called: its name, its parameters, and the texts of its numbers within it."""
+    """Signature of a routine's function: its name, its parameters, and the texts of its numbers within it."""
 
     name: str
     parameters: tuple[str, ...]

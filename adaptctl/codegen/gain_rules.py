@@ -1,4 +1,4 @@
-"""What gains must be, found by asking the law itself, for code that checks them where Python is not."""
+"""Rules for gains, found by asking the law itself, for code that checks them where Python is not."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ HALVINGS = 6
 
 @dataclass(frozen=True)
 class GainRule:
-    """What the numbers of a gain must be, one by one, others as they are."""
+    """Rule for the numbers of a gain, one by one, others as they are."""
 
     field: Field
     positive: bool = False

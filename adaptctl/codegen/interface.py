@@ -1,4 +1,4 @@
-"""What a controller takes, keeps and returns, by name: the part of the code that people read."""
+"""Interface of exported code: a controller's arguments, memory and results, by name."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Field:
         return self.name + "".join(f"[{int(i)}]" for i in where)
 
     def label(self, k: int) -> str:
-        """What the k-th number is called."""
+        """Name of the k-th number; empty without names."""
         return self.labels[k % len(self.labels)] if self.labels else ""
 
 
@@ -75,7 +75,7 @@ class Interface:
 
     @property
     def guarded(self) -> bool:
-        """Whether guards stand before the motors."""
+        """True if guards stand before the motors."""
         return isinstance(self.controller, Guarded)
 
     @cached_property
@@ -97,7 +97,7 @@ class Interface:
 
     @property
     def follows_joints(self) -> bool:
-        """Whether reference points are positions of the joints."""
+        """True if reference points are positions of the joints."""
         law = self.innermost
         if isinstance(law, TaskSpaceSlotineLi):
             return law.reference_in_joints
@@ -140,7 +140,7 @@ class Interface:
 
     @cached_property
     def marks(self) -> tuple[str, ...]:
-        """What the guards tell of a tick."""
+        """Names of the guards' marks of a tick."""
         return tuple(getattr(guards(self.controller._blank), "_fields", ()))
 
     def memory_of(self, state: Any) -> list[Array]:
@@ -148,7 +148,7 @@ class Interface:
         return [np.asarray(x, dtype=np.float64) for x in leaves(state)]
 
     def names_of_constants(self) -> dict[float, str]:
-        """What constants of the law stand for, by magnitude: parameters that are compiled in."""
+        """Names of parameters that are compiled into the law, by magnitude."""
         values = getattr(self.innermost, "parameters", None)
         if self.mechanism is None or isinstance(values, Column) or values is None:
             return {}
@@ -171,7 +171,7 @@ class Interface:
             first += field.size
 
     def _labels(self, name: str, size: int) -> tuple[str, ...]:
-        """What numbers are called by their count: parameters or joints; tree joints where there are loops."""
+        """Names of numbers by their count: parameters or joints; tree joints where there are loops."""
         if self.model is not None and size == len(self.model.names) and "q" not in name.split("_"):
             return tuple(self.model.names)
         if size == len(self.joints):

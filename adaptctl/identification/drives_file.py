@@ -68,7 +68,7 @@ class DrivesFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 @dataclass(frozen=True, eq=False)
 class Drives:
-    """How motors turn joints: motor position = transmission (joint position - offsets), and joint torque =
+    """Coupling of motors and joints: motor position = transmission (joint position - offsets), and joint torque =
     transmission' motor torque."""
 
     joints: tuple[str, ...]

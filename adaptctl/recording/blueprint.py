@@ -43,7 +43,7 @@ class ScreenContents:
 
     @property
     def truth(self) -> str:
-        """What estimates' titles say of true values."""
+        """Words for true values in the titles of estimates."""
         return "level lines: true values" if self.truth_known else "true values unknown"
 
 

@@ -12,7 +12,7 @@ from adaptctl.recording.wording import (
     final_error,
     first_error,
     outcome,
-    told,
+    outcome_words,
 )
 
 
@@ -22,7 +22,7 @@ def summary_markdown(comparison: Comparison) -> str:
     leading = comparison.leading
     heads = ["controller", "knows", *(["first second", "last 2 s"] if leading is None else _heads(leading)), "outcome"]
     runs = "\n".join(f"| {' | '.join(_cells(comparison, run))} |" for run in comparison.runs)
-    return f"""{warning}{told(comparison)}
+    return f"""{warning}{outcome_words(comparison)}
 
 {_paired(list(facts(comparison)))}
 

@@ -25,12 +25,12 @@ from adaptctl.recording.wording import (
     first_error,
     number,
     outcome,
-    told,
+    outcome_words,
 )
 
 
 def write_report(path: str | Path, comparison: Comparison, figures: Mapping[str, Path]) -> None:
-    """Write the page with the figures, given as files by name, inside. Raises FileError."""
+    """Write the page with the figures, given as files by name, inside. Raises FileError where it cannot be written."""
     write_text(path, report(comparison, figures))
 
 
@@ -41,7 +41,7 @@ def report(comparison: Comparison, figures: Mapping[str, Path]) -> str:
     return rendered(
         "report.html",
         comparison=comparison,
-        verdict=told(comparison),
+        verdict=outcome_words(comparison),
         incomplete=INCOMPLETE,
         convergence=CONVERGENCE if comparison.truth_known else TRUTH_UNKNOWN,
         facts=list(facts(comparison)),
@@ -62,7 +62,7 @@ def report(comparison: Comparison, figures: Mapping[str, Path]) -> str:
 
 
 def live_content(comparison: Comparison) -> dict[str, Any] | None:
-    """What a page shows of a live arm; None where there is none."""
+    """Contents of a page's live arm, in JSON's types; None without one."""
     if isinstance(comparison.live, str):
         return None
     binary = base64.b64encode(comparison.live.binary).decode("ascii")

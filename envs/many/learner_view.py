@@ -35,7 +35,8 @@ class LearnerView:
         self._limits = np.asarray(env.single.plant.torque_limits)
 
     def reset(self, seeds: Sequence[int | None], options: Sequence[Mapping[str, Any]]) -> Array:
-        """Begin an episode of every arm, with a seed and options of its own (N,). Returns observations (N, n)."""
+        """Begin an episode of every arm, with a seed and options of its own (N,). Returns observations (N, n). Raises
+        `InputError` where arms have different options."""
         names = set(options[0])
         if any(set(own) != names for own in options):
             raise InputError(
@@ -47,7 +48,8 @@ class LearnerView:
         return self.env.reset(seed=seeds, options=each)[0]
 
     def step(self, actions: ArrayLike) -> tuple[Array, Array, NDArray[np.bool_], list[dict[str, Any]]]:
-        """One control period under actions (N, r): observations (N, n), rewards (N,), done (N,) and infos."""
+        """One control period under actions (N, r): observations (N, n), rewards (N,), done (N,) and infos. Raises
+        `InputError` for another shape."""
         try:
             torques = np.asarray(actions, dtype=np.float64) * self._limits
         except (TypeError, ValueError) as error:

@@ -88,7 +88,7 @@ class SerialVersusGraph(TipPath, ClosedLoopExperiment):
         complete = True
         for arm in ARMS:
             try:
-                sides.append(self.side(arm, partial(_told, progress, arm.label)))
+                sides.append(self.side(arm, partial(_report_progress, progress, arm.label)))
             except KeyboardInterrupt:
                 if not sides:
                     raise
@@ -193,7 +193,7 @@ class SerialVersusGraph(TipPath, ClosedLoopExperiment):
         yield from stated(self)
 
 
-def _told(progress: Progress, arm: str, what: str, share: float) -> None:
+def _report_progress(progress: Progress, arm: str, what: str, share: float) -> None:
     progress(f"{arm}: {what}", share)
 
 

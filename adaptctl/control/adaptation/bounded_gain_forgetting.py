@@ -80,7 +80,8 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: CovarianceMemory
     ) -> tuple[Column, CovarianceMemory]:
-        """The estimate after a trapezium step for the tracking error, then each joint's equation; P then forgets."""
+        """The estimate (k,) after a trapezium step for the tracking error, then each joint's equation; and the
+        covariance after forgetting."""
         covariance, scale = memory.covariance, self._scale
         gradient = scale * period.gradient(period.integral)
         moved = estimate - scale * symmetric_product(covariance, gradient)

@@ -61,7 +61,8 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: InformationMemory
     ) -> tuple[Column, InformationMemory]:
-        """The estimate after forgetting by the implicit rule, learning what the period told, and a descent by that."""
+        """The estimate (k,) after forgetting by the implicit rule, learning from the period's torques, and a descent
+        with the new covariance; and the memory after it."""
         rows, torque, filtered = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory.filtered)
         scaled = [self._scale * row for row in rows]
         weights = each(self.weight, model.mechanism.dof)

@@ -55,7 +55,7 @@ class Gradient(Descent[NoMemory]):
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate a step down the gradient."""
+        """The estimate (k,) a step down the gradient, and no memory."""
         s = period.after if self.theta == 1.0 else period.before + self.theta * (period.after - period.before)
         slope = period.gradient(s)
         step = self.applied(slope)

@@ -72,7 +72,7 @@ class ReleasedGradient(Descent[Normaliser]):
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: Normaliser
     ) -> tuple[Column, Normaliser]:
-        """The estimate a step down the gradient, by the backward rule."""
+        """The estimate (k,) a step down the gradient by the backward rule, and the memory of the normaliser."""
         released = memory.n[0] / (1.0 + self.release * period.elapsed)
         n = maximum(maximum(released, 1.0), (self.share * period.elapsed) * self._trace(period))
         moved = estimate - (period.elapsed / n) * self.applied(period.gradient(period.after))

@@ -1,4 +1,4 @@
-"""How far torques that are off throw two estimators off: a result that can be told and kept."""
+"""Amplification of errors in the torques by two estimators: a result with a headline, facts and files."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from adaptctl.recording.stream import log_markdown, saved_stream
 
 
 class TorqueCase(NamedTuple):
-    """What both estimators make of one kind of torques: errors on the log's end, over the torques there."""
+    """Errors of both estimators with one kind of torques: on the log's end, over the torques there."""
 
     torques: str
     off: float
@@ -44,7 +44,7 @@ class Curves(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Amplification:
-    """How far torques that are off throw either estimator off."""
+    """Errors of either estimator against errors in the torques."""
 
     experiment: str
     title: str
@@ -55,7 +55,7 @@ class Amplification:
     complete: bool = True
 
     def headline(self) -> str:
-        """The finding."""
+        """The finding, in a sentence or two."""
         last, exact = self.measured[-1], self.measured[0]
         return (
             f"From exact torques, energy differences predict to {exact.energy:.2%}; from measured ones to "
@@ -64,7 +64,7 @@ class Amplification:
         )
 
     def facts(self) -> Iterator[tuple[str, str]]:
-        """Each kind of torques."""
+        """Pairs of a kind of torques and its errors."""
         for entry in self.measured:
             yield entry.torques, f"filtered dynamics {entry.momentum:.2%}, energy differences {entry.energy:.2%}"
 

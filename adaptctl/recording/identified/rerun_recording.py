@@ -24,7 +24,7 @@ SAMPLES = 3000
 
 @dataclass(frozen=True)
 class Titled:
-    """What names the recording."""
+    """Title, experiment and seed of the recording."""
 
     title: str
     experiment: str = "identify"
@@ -33,7 +33,7 @@ class Titled:
 
 
 def write_recording(path: str | Path, found: Identification) -> None:
-    """Write the recording whole or not at all. Raises FileError."""
+    """Write the recording whole or not at all. Raises FileError where it cannot be written."""
     content = np.ascontiguousarray(found.validation.measured).tobytes()
     with saved_stream(path, Titled(f"{found.mechanism.name}, identified"), content, _blueprint(found)) as recording:
         log_markdown(recording, "summary", "\n\n".join((verdict(found), consistency(found), components(found))))
