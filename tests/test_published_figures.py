@@ -77,8 +77,8 @@ def test_figures_of_a_run_come_into_the_page(tmp_path: Path, monkeypatch: pytest
     found.write_text(json.dumps({"schema": "adaptctl/figures/1", "figures": figures}))
     publish(found)
     text = page.read_text(encoding="utf-8")
-    assert "| damping | ≥ 0.5 | 1 | 2 | `test_hold.py` |" in text
-    assert "| memory | ≤ 20 MB | 0 MB | – | `test_long_runs.py` |" in text
+    assert "| damping | ≥\u00a00.5 | 1 | 2 | `test_hold.py` |" in text
+    assert "| memory | ≤\u00a020\u00a0MB | 0\u00a0MB | – | `test_long_runs.py` |" in text
     assert "\nold\n" not in text
     assert text.endswith("rest\n")
     assert Machine.here().processor in text

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from adaptctl.files import write_text
+from adaptctl.recording.wording import number
 from benchmarks.machine import Machine
 from benchmarks.published import inserted, table
 
@@ -43,11 +44,12 @@ def asked_in(name: str, tests: Iterable[Path] | None = None) -> str:
 
 
 def _row(figure: Figure) -> tuple[str, ...]:
-    found, unit = float(figure["figure"]), "" if figure["unit"] == "1" else f" {figure['unit']}"
+    found, unit = float(figure["figure"]), "" if figure["unit"] == "1" else f"\u00a0{figure['unit']}"
     at_least = "at_least" in figure
     bound = float(figure["at_least" if at_least else "at_most"])
     sign = "≥" if at_least else "≤"
-    numbers = f"{sign} {bound:.3g}{unit}", f"{found:.3g}{unit}", _inside(found, bound, at_least)
+    asked = number(bound, 1 if float(f"{bound:.1g}") == bound else 3)
+    numbers = f"{sign}\u00a0{asked}{unit}", f"{number(found)}{unit}", _inside(found, bound, at_least)
     return figure["meaning"], *numbers, f"`{asked_in(figure['name'])}`"
 
 
@@ -55,7 +57,8 @@ def _inside(found: float, bound: float, at_least: bool) -> str:
     """How many times a figure is on the right side of its bound."""
     if not found:
         return "–"
-    return f"{found / bound if at_least else bound / found:,.3g}"
+    times = found / bound if at_least else bound / found
+    return f"{times:,.0f}" if times >= 100.0 else number(times)
 
 
 if __name__ == "__main__":
