@@ -12,7 +12,8 @@ from typing import Any, Self, TypeVar, cast, overload
 
 import numpy as np
 
-Value, Owner = TypeVar("Value"), TypeVar("Owner")
+Value = TypeVar("Value")
+Owner = TypeVar("Owner")
 Content = TypeVar("Content", bound=Mapping[Any, Any])
 Path = tuple[Any, ...]
 State = tuple[dict[str, Any], tuple[Path, ...]]
@@ -110,7 +111,7 @@ def _read_only(content: Mapping[Any, Any]) -> tuple[Path, ...]:
 
 def _protected(content: Content, paths: tuple[Path, ...]) -> Content:
     for path in paths:
-        functools.reduce(operator.getitem, path, content).flags.writeable = False
+        functools.reduce(operator.getitem, path, cast(Any, content)).flags.writeable = False
     return content
 
 
