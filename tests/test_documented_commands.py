@@ -24,6 +24,8 @@ OTHERS = {
     "--no-isolation",
     "--extra",
     "--follow-tags",
+    "--count",
+    "--publish",
 }
 """Flags of other programs, and those that every command has."""
 COMMANDS = ("basis", "gains", "identify", "excite", "tune", "design", "export", "sweep", "doctor", "install-completion")
