@@ -23,9 +23,11 @@ def run() -> NoReturn:
     """Run the command line and exit with its code."""
     _on_signals(_leave)  # while packages are imported, there is nothing to keep
     main = _main()
+    from adaptctl.cli.interruption import raised
+
     code = INTERRUPTED
     with suppress(KeyboardInterrupt):  # between two commands' own ways to take it
-        _on_signals(_interrupt)
+        _on_signals(raised)
         code = main()
     _on_signals(signal.SIG_IGN)  # all is done; packages close
     if code == INTERRUPTED:
@@ -67,10 +69,6 @@ def _on_signals(handler: Handler) -> None:
 def _leave(number: int, frame: FrameType | None) -> NoReturn:
     os.write(2, b"adaptctl: interrupted\n")
     os._exit(INTERRUPTED)
-
-
-def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
-    raise KeyboardInterrupt
 
 
 if __name__ == "__main__":

@@ -17,18 +17,18 @@ Given = ParamSpec("Given")
 
 
 class HasName(Protocol):
-    """What has a name, to say whose numbers are wrong."""
+    """An object with a `name`, by which errors call the owner of wrong numbers."""
 
     @property
     def name(self) -> str:
-        """The name."""
+        """The object's name."""
 
 
 Named = TypeVar("Named", bound=HasName)
 
 
 def frozen(array: Array) -> Array:
-    """The same array, read-only from now on."""
+    """The same array of any shape, read-only from now on."""
     array.flags.writeable = False
     return array
 
@@ -109,7 +109,7 @@ def finite_results(method: Callable[Concatenate[Named, Given], Array]) -> Callab
 
 
 def same_samples(**arrays: Array) -> tuple[int, ...]:
-    """The common sample axes, broadcast, of arrays (..., n)."""
+    """The common sample axes, broadcast, of arrays (..., n). Raises `InputError` where they do not broadcast."""
     try:
         return np.broadcast_shapes(*(array.shape[:-1] for array in arrays.values()))
     except ValueError as error:

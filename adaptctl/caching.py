@@ -5,6 +5,7 @@ from __future__ import annotations
 import copyreg
 import functools
 import inspect
+import operator
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, Self, TypeVar, cast, overload
@@ -12,6 +13,20 @@ from typing import Any, Self, TypeVar, cast, overload
 import numpy as np
 
 Value = TypeVar("Value")
+Owner = TypeVar("Owner")
+Content = TypeVar("Content", bound=Mapping[Any, Any])
+Path = tuple[Any, ...]
+State = tuple[dict[str, Any], tuple[Path, ...]]
+
+
+def sent_as_made(owner: type[Owner]) -> type[Owner]:
+    """The class, whose instances are copied and pickled without what they have cached, read-only arrays as such."""
+    if issubclass(owner, tuple):
+        setattr(owner, "__reduce__", _record)  # noqa: B010  # a class of any kind
+    elif "__getstate__" not in vars(owner):
+        for method, does in (("__getstate__", without_caches), ("__setstate__", restored)):
+            setattr(owner, method, does)
+    return owner
 
 
 class cached_property(functools.cached_property[Value]):  # noqa: N801  # stands for functools' own
@@ -24,9 +39,7 @@ class cached_property(functools.cached_property[Value]):  # noqa: N801  # stands
 
     def __set_name__(self, owner: type[Any], name: str) -> None:
         super().__set_name__(owner, name)
-        if "__getstate__" not in vars(owner):
-            for method, does in (("__getstate__", without_caches), ("__setstate__", restored)):
-                setattr(owner, method, does)
+        sent_as_made(owner)
 
     @overload
     def __get__(self, instance: None, owner: type[Any] | None = None) -> Self: ...
@@ -75,28 +88,52 @@ def replaced_by(name: str) -> Callable[[Method], Method]:
     return replaced
 
 
-def without_caches(instance: object) -> tuple[dict[str, Any], tuple[str, ...]]:
-    """What an object is made of, its caches left out, and the names of arrays that are not to be written to."""
+def without_caches(instance: object) -> State:
+    """The attributes of an object without its caches, by name, and the places of its read-only arrays."""
     kind = type(instance)
     caches = cached_property, _Replaced
     kept = {k: v for k, v in vars(instance).items() if not isinstance(inspect.getattr_static(kind, k, None), caches)}
-    return kept, tuple(k for k, v in kept.items() if isinstance(v, np.ndarray) and not v.flags.writeable)
+    return kept, _read_only(kept)
 
 
-def restored(instance: object, state: tuple[dict[str, Any], tuple[str, ...]]) -> None:
+def restored(instance: object, state: State) -> None:
     """Make an object of that again."""
-    kept, frozen = state
-    vars(instance).update(kept)
-    for name in frozen:
-        kept[name].flags.writeable = False
+    kept, paths = state
+    vars(instance).update(_protected(kept, paths))
 
 
-def _proxy(content: Mapping[Any, Any]) -> MappingProxyType[Any, Any]:
-    return MappingProxyType(dict(content))
+def _read_only(content: Mapping[Any, Any]) -> tuple[Path, ...]:
+    """Places of the arrays that are not to be written to: names, or names and places in a tuple."""
+    within = {(k, i): part for k, v in content.items() if type(v) is tuple for i, part in enumerate(v)}
+    stands: dict[Path, Any] = {(k,): v for k, v in content.items()} | within
+    return tuple(path for path, v in stands.items() if isinstance(v, np.ndarray) and not v.flags.writeable)
+
+
+def _protected(content: Content, paths: tuple[Path, ...]) -> Content:
+    """The same content, arrays there read-only."""
+    for path in paths:
+        array: Any = functools.reduce(operator.getitem, path, content)
+        array.flags.writeable = False
+    return content
+
+
+def _record(instance: Any) -> tuple[Callable[..., Any], tuple[Any, ...]]:
+    """Parts of a named tuple to send."""
+    content = instance._asdict()
+    return _recorded, (type(instance), content, _read_only(content))
+
+
+def _recorded(kind: Callable[..., Any], content: dict[str, Any], paths: tuple[Path, ...]) -> Any:
+    return kind(**_protected(content, paths))
+
+
+def _proxy(content: dict[Any, Any], paths: tuple[Path, ...]) -> MappingProxyType[Any, Any]:
+    return MappingProxyType(_protected(content, paths))
 
 
 def _reduced(proxy: MappingProxyType[Any, Any]) -> tuple[Callable[..., Any], tuple[Any, ...]]:
-    return _proxy, (dict(proxy),)
+    content = dict(proxy)
+    return _proxy, (content, _read_only(content))
 
 
 copyreg.pickle(MappingProxyType, _reduced)

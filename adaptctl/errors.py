@@ -1,4 +1,4 @@
-"""What can go wrong, in words a person can act on."""
+"""Exceptions and warnings, with messages that a person can act on."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class PhysicalConsistencyWarning(UserWarning):
 
 
 class StabilityWarning(UserWarning):
-    """Something may make a loop ring that its gains alone would not."""
+    """Warning of a cause that may make a loop ring which its gains alone would not."""
 
 
 class ReferenceWarning(UserWarning):
@@ -68,11 +68,12 @@ class TraceError(AdaptctlError, TypeError):
 
 
 class NotCompiledWarning(UserWarning):
-    """What could have been one call of native code runs step by step in Python: the message says why."""
+    """Warning that a run which could have been one call of native code goes step by step in Python: the message says
+    why."""
 
 
 class SimplificationWarning(UserWarning):
-    """Something in a file or a model is left out or taken more simply than it says."""
+    """Warning that a part of a file or a model is left out or simplified."""
 
 
 class LoopError(InputError):
@@ -84,7 +85,8 @@ class SingularityError(AdaptctlError):
 
 
 class MissingExtraError(AdaptctlError, ImportError):
-    """Something needs packages that are not installed: the message has the command that installs them."""
+    """Error of a function that needs packages which are not installed: the message has the command that installs
+    them."""
 
 
 class LostSamplesWarning(UserWarning):

@@ -115,7 +115,8 @@ def write_text(path: str | Path, data: str) -> None:
 def write_json(path: str | Path, value: object) -> None:
     """Write dicts, lists, dataclasses, msgspec Structs, NumPy arrays and numbers as JSON, keys in their order.
 
-    NaN and infinity are refused by name: JSON has neither.
+    NaN and infinity are refused by name: JSON has neither. Raises `FileError` for these, and where the file cannot be
+    written.
     """
     try:
         plain = msgspec.to_builtins(value, str_keys=True, enc_hook=_plain)
@@ -131,7 +132,8 @@ def hashed(content: Any) -> str:
 
 
 def read_bytes(path: str | Path, limit: int = MAX_BYTES) -> bytes:
-    """The file's bytes, refused when it is missing, no regular file, not ours to read, or above `limit` bytes."""
+    """The file's bytes. Raises `FileError` when it is missing, no regular file, not ours to read, or above `limit`
+    bytes."""
     try:
         with os.fdopen(os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), "rb") as file:
             # Opened without waiting: a pipe would hold us until somebody writes into it.
@@ -146,7 +148,7 @@ def read_bytes(path: str | Path, limit: int = MAX_BYTES) -> bytes:
 
 
 def read_text(path: str | Path, limit: int = MAX_BYTES) -> str:
-    """The file's text, which must be UTF-8."""
+    """The file's text. Raises `FileError` as `read_bytes` does, and where it is not UTF-8."""
     try:
         return read_bytes(path, limit).decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -154,7 +156,8 @@ def read_text(path: str | Path, limit: int = MAX_BYTES) -> str:
 
 
 def read_json(path: str | Path, kind: type[Content], limit: int = MAX_BYTES) -> Content:
-    """The file's JSON as `kind` (a msgspec Struct, a dataclass, a list of them ...)."""
+    """The file's JSON as `kind` (a msgspec Struct, a dataclass, a list of them ...). Raises `FileError` as `read_bytes`
+    does, and for other contents, with the element's place."""
     text = read_text(path, limit)
     try:
         plain = json.loads(text, object_pairs_hook=_unrepeated)
@@ -164,7 +167,8 @@ def read_json(path: str | Path, kind: type[Content], limit: int = MAX_BYTES) -> 
 
 
 def read_toml(path: str | Path, kind: type[Content]) -> Content:
-    """The file's TOML as `kind` (a msgspec Struct, a dataclass ...)."""
+    """The file's TOML as `kind` (a msgspec Struct, a dataclass ...). Raises `FileError` as `read_bytes` does, and for
+    other contents, with the line."""
     text = read_text(path, MAX_TOML_BYTES)
     if found := _LONG_KEY.search(text):
         line = text.count("\n", 0, found.start()) + 1
@@ -241,7 +245,8 @@ def _unrepeated(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _remedy(kind: Any, message: str) -> str:
-    """What would be right at the element that the message names: msgspec says only what was wrong."""
+    """The choices allowed at the element that msgspec's message names, which the message does not list; else
+    nothing."""
     if "unknown field" not in message and "enum value" not in message:
         return ""
     place = re.search(r" - at `\$(.*)`$", message)
@@ -272,7 +277,7 @@ def _plain(value: Any) -> Any:
 
 
 def flush(path: Path) -> None:
-    """See a file or a folder to the disk. Raises OSError."""
+    """Write a file or a folder through to the disk. Raises OSError where the disk fails."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -281,6 +286,6 @@ def flush(path: Path) -> None:
 
 
 def reason(error: Exception) -> str:
-    """What an error says, to stand within a sentence."""
+    """The text of an error, its first letter small, to stand within a sentence."""
     text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     return text[:1].lower() + text[1:]

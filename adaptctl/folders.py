@@ -94,7 +94,7 @@ def _swap(path: str | Path, beside: Path, target: Path, overwrite: bool) -> None
 
 
 def _exchange(beside: Path, target: Path) -> None:
-    """Let the folders change places: at one stroke where Linux can, else with a moment in which neither is there."""
+    """Exchange two folders: at one stroke where Linux can, else with a moment in which neither is there."""
     if sys.platform == "linux":
         done = ctypes.CDLL(None, use_errno=True).renameat2
         if done(AT_FDCWD, os.fsencode(beside), AT_FDCWD, os.fsencode(target), RENAME_EXCHANGE) == 0:

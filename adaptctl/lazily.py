@@ -36,6 +36,7 @@ def imported_lazily(package: str) -> tuple[list[str], Callable[[str], Any], Call
     """`__all__`, `__getattr__` and `__dir__` of a package that offers the names in its stub.
 
     What is named like its module is imported at once: importing the module later would put it in the name's place.
+    `__getattr__` raises AttributeError for a name that the stub does not have.
     """
     home_of = homes(Path(str(modules[package].__file__)).with_suffix(".pyi"))
 

@@ -18,15 +18,15 @@ DISTRIBUTIONS = {
     "rosbags": "'adaptctl[logs]'",
     "stable_baselines3": "'adaptctl[rl]'",
 }
-"""What pip calls the packages whose name for it is not that of their import."""
+"""Names for pip of the packages that are imported by another name."""
 
 
 @contextmanager
 def needed(what: str) -> Iterator[None]:
     """Context, or decorator, in which a package that is not installed is named with the command that installs it.
 
-    `what` is what needs it. Raises `MissingExtraError`. The core (load, basis, tick, `simulate_many`) runs with NumPy,
-    llvmlite, msgspec and threadpoolctl alone.
+    `what` is what needs it. Raises `MissingExtraError` where it is missing. The core (load, basis, tick,
+    `simulate_many`) runs with NumPy, llvmlite, msgspec and threadpoolctl alone.
     """
     try:
         yield

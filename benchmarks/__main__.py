@@ -17,13 +17,14 @@ SUBJECTS = ("regressor", "tick", "closed_loop", "many_arms", "offline", "first_t
 """The modules that measure, in the table's order."""
 
 PEERS = ("pinocchio", "mujoco")
-"""What is compared with, which may not be installed."""
+"""Packages that are compared with, which may not be installed."""
 
 QUICK = Effort(rounds=3, seconds=0.002)
 
 
 def findings(subjects: Iterable[str], effort: Effort) -> Iterator[Finding]:
-    """One after the other, told as they come; those whose peer is not installed are skipped, which is told too."""
+    """Findings of subjects one after the other, as they come; those whose peer is not installed are skipped, and
+    named."""
     for subject in subjects:
         try:
             measure: Callable[[Effort], Iterator[Finding]] = import_module(f"benchmarks.{subject}").measure
@@ -38,7 +39,8 @@ def findings(subjects: Iterable[str], effort: Effort) -> Iterator[Finding]:
 
 
 def main() -> int:
-    """2 when two do not agree, 130 when interrupted; a figure worse than asked is told, and no failure."""
+    """Exit code: 2 when two results do not agree, 130 when interrupted; a figure worse than asked is printed, and no
+    failure."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument("subject", nargs="*", help=f"of {', '.join(SUBJECTS)}; all, unless given")
     parser.add_argument("--quick", action="store_true", help="only see that all works: a few rounds")

@@ -62,7 +62,7 @@ def in_python() -> Array:
 
 
 def _agreements(one: Fleet) -> Iterator[Finding]:
-    """Where arms are after a second."""
+    """Differences of arms' states after a second, between ways to compute them."""
     native = one.course(SECOND).run()
     yield _after("native", "NumPy and Pinocchio", native[0], in_python())
     simulated, stepped = (run(_environment(1.0), one.task.controller).p for run in (simulate, rollout))

@@ -31,7 +31,7 @@ class Speedup:
 
     @property
     def as_asked(self) -> bool:
-        """Whether the median is as good as asked."""
+        """True if the median is as good as asked."""
         return self.at_least is None or self.ratio.median >= self.at_least
 
 
@@ -46,7 +46,7 @@ class Measurement:
 
     @property
     def as_asked(self) -> bool:
-        """Whether the median is as good as asked."""
+        """True if the median is as good as asked."""
         return self.at_most is None or self.value.median <= self.at_most
 
 

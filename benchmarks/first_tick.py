@@ -1,4 +1,4 @@
-"""From a fresh process to the first compiled tick: with nothing cached, and with what the last process left."""
+"""Time of a fresh process to the first compiled tick: with nothing cached, and with what the last process left."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ class Course:
     signals: Mapping[str, Array]
 
     def run(self) -> Array:
-        """All steps: where the joints (arms, n) are in the end."""
+        """Joint configurations (arms, n) after all steps."""
         self.ensemble.state.blocks[...] = self.start
         self.ensemble.run(len(self.signals["noise"]), self.signals)
         return self.ensemble.state["q"]
@@ -33,7 +33,8 @@ class Course:
 
 @dataclass(frozen=True, eq=False)
 class Fleet:
-    """So many arms at one task. They follow one reference, from different starts; each could have its own parameters.
+    """A number of arms at one task. They follow one reference, from different starts; each could have its own
+    parameters.
 
     `lanes` arms are worked on at once: as many as suit the processor, unless given.
     """
@@ -65,7 +66,7 @@ class Fleet:
         return compile_step(period, state=loop.state, held=loop.held, shared=shared, lanes=self.lanes)
 
     def course(self, steps: int) -> Course:
-        """So many steps from the start."""
+        """A course of `steps` control periods from the start."""
         ensemble, (p, v) = self.stepper.ensemble(self.arms), self.task.starts(self.arms)
         ensemble.held["parameters"] = self.task.arm.inertial_parameters
         self.loop.begin(ensemble, self.plant.init(p, v), self.task.controller.init(p, v))

@@ -1,4 +1,4 @@
-"""What the figures were measured on; nothing that names a host, a user or a place."""
+"""Description of the machine of the figures; nothing that names a host, a user or a place."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Machine:
 
     @classmethod
     def here(cls) -> Machine:
-        """This one, today."""
+        """This machine, today."""
         return cls(
             processor=_processor(),
             cores=os.cpu_count() or 1,
@@ -50,7 +50,7 @@ class Machine:
 
 
 def load() -> float:
-    """How many others wanted a core in the last minute; 0 where the system does not tell."""
+    """Mean number of processes that wanted a core in the last minute; 0 where the system has no such number."""
     return os.getloadavg()[0] if hasattr(os, "getloadavg") else 0.0
 
 

@@ -24,7 +24,7 @@ COMPARED, LASTING = 8, 100_000
 
 
 class Asked(NamedTuple):
-    """How much faster, and how well closed the loops are: ours and MuJoCo's, in m."""
+    """Goals of a measurement: the speed-up, and how well loops stay closed, ours and MuJoCo's, in m."""
 
     at_least: float
     gap: float = 0.0
@@ -75,7 +75,7 @@ def _contenders(task: Task, integrator: str, asked: Asked) -> dict[str, Physics]
 
 
 def _lasting(fleet: Fleet, what: str) -> Agreement:
-    """Whether the loop that is timed is one that lasts: how far from their reference the arms are at last."""
+    """Agreement of the arms with their reference at the end: the loop that is timed is stable."""
     q = fleet.course(LASTING).run()
     error = fleet.plant.positions(q) - fleet.task.references(LASTING).p[-1]
     return Agreement(f"tracking of {what}", "the reference", float(np.abs(error).max()), 0.1, "rad")
@@ -109,7 +109,7 @@ def _moved_alike(task: Task, what: str, integrator: str, physics: Physics) -> Ag
 
 
 def _closed(task: Task, what: str, q: Array, at_most: float) -> Agreement:
-    """How far the ends of the loops stand apart after all steps."""
+    """Distance of the ends of the loops after all steps, m."""
     return Agreement(what, "zero", _gap(task, q), at_most, "m")
 
 

@@ -16,7 +16,7 @@ INTEGRATORS = {"RK4": mujoco.mjtIntegrator.mjINT_RK4, "semi-implicit": mujoco.mj
 STIFF = (-2.5e5, -1.0e3)
 """Stiffness (1/s^2) and damping (1/s) of closures: critically damped, with the time constant of two steps of 1 ms."""
 HARD = (0.9999, 0.9999, 0.001, 0.5, 2.0)
-"""How much of a closure's force acts: nearly all, at any gap."""
+"""Share of a closure's force that acts: nearly all, at any gap."""
 
 _UNUSED = ("ACTUATION", "CONTACT", "DAMPER", "EULERDAMP", "FILTERPARENT", "FRICTIONLOSS", "LIMIT", "MIDPHASE",
            "REFSAFE", "SENSOR", "SPRING", "AUTORESET", "ISLAND")  # fmt: skip

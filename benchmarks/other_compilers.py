@@ -42,7 +42,7 @@ Call = Callable[[], Any]
 
 
 class Compiled(NamedTuple):
-    """What a compiler makes: a call for one sample, and one for all; each was called once, which took `first` s."""
+    """A compiler's result: a call for one sample, and one for all; each was called once, which took `first` s."""
 
     one: Call
     all: Call
@@ -50,7 +50,7 @@ class Compiled(NamedTuple):
 
 
 def ours(_: Routine, samples: Array) -> Compiled:
-    """adaptctl."""
+    """The regressor by adaptctl."""
     begin = time.perf_counter()
     kernel = compile_function(regressor, ARGUMENTS)
     kernel(*samples[:, 0])
@@ -82,7 +82,7 @@ def c(routine: Routine, samples: Array) -> Compiled:
 
 
 def shared_library(text: str) -> ctypes.CDLL:
-    """What the C compiler makes of a file, for this processor."""
+    """A C file compiled for this processor, and loaded."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "regressor.c"
         path.write_text(text, encoding="utf-8")
@@ -118,7 +118,7 @@ void regressors(int count, {pointers}, double *restrict results) {{
 
 
 def casadi(routine: Routine, samples: Array) -> Compiled:
-    """CasADi's virtual machine, told where the numbers are, which is its fastest way to be called."""
+    """CasADi's virtual machine, called through buffers, which is its fastest way to be called."""
     begin = time.perf_counter()
     function = _casadi_function(routine)
     one = _buffered(function, samples[:, 0].copy(), SHAPE)
@@ -152,7 +152,7 @@ def _casadi_function(routine: Routine) -> Any:
 
 
 def _buffered(function: Any, given: Iterable[Array], shape: tuple[int, ...]) -> Call:
-    """A call of CasADi's function that is told where its numbers are."""
+    """A call of CasADi's function through buffers of its numbers."""
     result, (buffer, evaluate) = np.empty(shape), function.buffer()
     for k, x in enumerate(given):
         buffer.set_arg(k, x.data)
@@ -224,14 +224,14 @@ class Peer(NamedTuple):
 
     @property
     def missing(self) -> str:
-        """What is not installed; nothing when all is."""
+        """Name of what is not installed; empty when all is."""
         if self.in_c and shutil.which("cc") is None:
             return "a C compiler (cc)"
         return self.package if self.package is not None and find_spec(self.package) is None else ""
 
     @property
     def version(self) -> str:
-        """That of the package, or of the C compiler alone."""
+        """Version of the package, or of the C compiler."""
         if self.package is not None:
             return version(self.package)
         return subprocess.run(["cc", "-dumpversion"], check=True, capture_output=True, text=True).stdout.strip()

@@ -10,7 +10,7 @@ import pinocchio
 from adaptctl.arrays import Array
 
 CAP = 2.0
-"""What damping takes out is at least so many times what a step of the estimate is worth: `Gradient`'s own."""
+"""Least ratio of the energy that damping takes out to that of a step of the estimate: `Gradient`'s own."""
 
 
 def slotine_li_regressor(

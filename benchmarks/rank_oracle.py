@@ -47,7 +47,7 @@ def shifted(x: Any, y: Any, z: Any) -> Matrix:
 
 
 def times(*matrices: Matrix) -> Matrix:
-    """Their product."""
+    """Product of 4 by 4 matrices of fractions."""
     out, *rest = matrices
     for B in rest:
         out = [[sum((a[k] * B[k][j] for k in range(4)), Fraction(0)) for j in range(4)] for a in out]
@@ -91,7 +91,7 @@ class Case:
     """m of the unit of length."""
 
     def mechanism(self) -> Mechanism:
-        """In floats."""
+        """The mechanism in floats."""
         links = tuple(
             Link(
                 f"link{i + 1}",

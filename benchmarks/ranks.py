@@ -23,8 +23,8 @@ MILLIMETRE = Fraction(1, 1000)
 
 
 def drawn(seed: int) -> Case:
-    """Of twenty, six chains, six trees, four nearly special chains, three closed loops and one nearly special loop; two
-    in five told in millimetres or kilometres."""
+    """A random case by seed: of twenty, six chains, six trees, four nearly special chains, three closed loops and one
+    nearly special loop; two in five in millimetres or kilometres."""
     rng = np.random.default_rng([seed, 7])
     pick = seed % 20
     if pick < 12:
@@ -38,7 +38,7 @@ def drawn(seed: int) -> Case:
 
 
 def judged(seed: int) -> Iterator[str]:
-    """What happened to one mechanism, in words to be counted."""
+    """Outcomes for one mechanism, in words to be counted."""
     case = drawn(seed)
     H = case.differences(seed)
     rank, mechanism = len(independent(H, range(H.shape[1]))), case.mechanism()
@@ -51,6 +51,7 @@ def judged(seed: int) -> Iterator[str]:
             space = essential_space(mechanism, method=method, prove=None if seed % 3 else True)  # type: ignore[arg-type]
         except RankError as error:
             yield f"{kind}{method} refused"
+            yield f"{kind}{method} refused, of which {reason(error, mechanism, method, rank)}"
             if not case.miss:
                 print(f"seed {seed}, {case.kind}, {method} refused: {str(error)[:300]}", flush=True)
             continue
@@ -60,8 +61,19 @@ def judged(seed: int) -> Iterator[str]:
         yield from kept(space, H, order, f"{kind}{method} basis", seed)
 
 
+def reason(error: RankError, mechanism: Mechanism, method: str, rank: int) -> str:
+    """Reason why a mechanism was refused, and the outcome if its user says that it is meant as it stands."""
+    if "as the geometry stands" not in str(error):
+        return "uncertain"
+    try:
+        found = essential_space(mechanism, method=method, near="as_is").rank  # type: ignore[arg-type]
+    except RankError:
+        return "two ranks are possible; as it is: uncertain"
+    return f"two ranks are possible; as it is: {'right' if found == rank else 'WRONG'}"
+
+
 def kept(space: EssentialSpace, H: Array, order: list[int] | None, what: str, seed: int) -> Iterator[str]:
-    """Whether the kept parameters are exactly those of the order."""
+    """Outcome, in words: the kept parameters are exactly those of the order, or not."""
     names = space.parameter_names
     priority = Priority() if order is None else Priority(tuple(names[i] for i in order))
     indices = priority.indices(names)

@@ -27,10 +27,10 @@ def measured(path: Path, floating: bool) -> tuple[float, str]:
     begin = time.perf_counter()
     try:
         mechanism = load(path, floating_base=floating)
-        said = _certified(mechanism)
+        text = _certified(mechanism)
     except AdaptctlError as error:
-        said = f"{type(error).__name__}: {str(error).split(': ', 1)[-1][:150]}"
-    return time.perf_counter() - begin, said
+        text = f"{type(error).__name__}: {str(error).split(': ', 1)[-1][:150]}"
+    return time.perf_counter() - begin, text
 
 
 def _certified(mechanism: Mechanism) -> str:
@@ -45,9 +45,9 @@ def main(floating: bool) -> int:
     """Print a line a file; 1 when one is too slow."""
     worst = 0.0
     for path in robots():
-        seconds, said = measured(path, floating)
+        seconds, text = measured(path, floating)
         worst = max(worst, seconds)
-        print(f"{path.parent.parent.name + '/' + path.name:55s} {seconds:6.2f} s  {said}", flush=True)
+        print(f"{path.parent.parent.name + '/' + path.name:55s} {seconds:6.2f} s  {text}", flush=True)
     print(f"slowest: {worst:.2f} s")
     return int(worst > SLOWEST)
 

@@ -53,7 +53,7 @@ def measure(effort: Effort) -> Iterator[Finding]:
 
 
 def regressor(p: Column, v: Column, v_r: Column, a_r: Column) -> list[Column]:
-    """The equation, with the 36 columns that matter."""
+    """Rows (r,) of the regressor of Slotine and Li, each with the 36 columns that matter."""
     task = puma_at_joints()
     return task.arm.equations.torque_regressor(p, v, v_r, a_r, task.model.columns)
 
@@ -63,7 +63,7 @@ def _kernel() -> Kernel:
 
 
 def _loop(lanes: int | None) -> Ensemble:
-    """As many arms as there are lanes, at one state each."""
+    """An ensemble of as many arms as there are lanes, at one state each."""
     stepper = compile_step(lambda **given: (regressor(**given),), state={}, held=ARGUMENTS, lanes=lanes)
     ensemble = stepper.ensemble(stepper.lanes)
     for name, values in zip(ARGUMENTS, _states(stepper.lanes), strict=True):

@@ -1,4 +1,4 @@
-"""How long a fresh process takes to the first tick of an adaptive controller for the PUMA.
+"""Time of a fresh process to the first tick of an adaptive controller for the PUMA.
 
     python benchmarks/start_up.py [REPETITIONS]
 
@@ -22,7 +22,7 @@ Split: TypeAlias = dict[str, tuple[float, float]]
 
 
 def stages() -> Iterator[str]:
-    """What a user writes; each stage is named when it is done."""
+    """The lines of a user's script; the name of each stage is yielded when it is done."""
     import numpy as np
 
     yield "import numpy"

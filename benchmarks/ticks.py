@@ -1,4 +1,4 @@
-"""What a tick of every control law with every adaptation law takes, on the PUMA 560 as measured.
+"""Time of a tick of every control law with every adaptation law, on the PUMA 560 as measured.
 
     python benchmarks/ticks.py [ROUNDS]
 
@@ -46,7 +46,7 @@ class Tick(NamedTuple):
 
 
 def controllers() -> Iterator[tuple[str, Controller[Any]]]:
-    """Every control law with every adaptation law that it takes, from true parameters."""
+    """Controllers by name: every control law with every adaptation law that it takes, from true parameters."""
     mechanism = load(ROBOT)
     model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))
     gains = control.Gains.from_bandwidth(mechanism, 8.0)
@@ -60,7 +60,7 @@ def controllers() -> Iterator[tuple[str, Controller[Any]]]:
 
 
 def adaptations(model: ReducedModel) -> Iterator[tuple[str, Any, ReducedModel]]:
-    """Every adaptation law, and the parameters it adapts: 36, or all 60 for the natural one."""
+    """Adaptation laws with the parameters they adapt: 36, or all 60 for the natural one."""
     gain, k = control.adaptation_gain(model), len(model.columns)
     yield "none", None, model
     for simple in (control.Gradient, control.SigmaModification, control.EModification, control.DeadZone):

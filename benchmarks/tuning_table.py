@@ -1,7 +1,8 @@
 """Tuning of every robot that is at hand: `python -m benchmarks.tuning_table [--search 20] [--out FILE] [NAME ...]`.
 
 A row for each URDF file of example-robot-data that has moving joints, and each MJCF file of gymnasium that reads; the
-small ones first. The table is docs/tuning.md's.
+small ones first. Robots that FILE has a row of are not run again, so that the same command goes on where it was ended.
+`--publish` puts all rows of FILE into docs/tuning.md, and runs nothing.
 """
 
 from __future__ import annotations
@@ -19,9 +20,14 @@ import numpy as np
 import adaptctl
 from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.errors import AdaptctlError
+from adaptctl.files import write_text
 from adaptctl.tuning import Tuning, Verification, tune
+from benchmarks.published import inserted, table
 from benchmarks.real_robots import robots as urdfs
 
+PAGE = Path(__file__).parent.parent / "docs" / "tuning.md"
+COMMAND = "python -m benchmarks.tuning_table"
+CASES = ("as described", "torque late", "links off", "both")
 FIELDS = ("first", "last", "off", "largest", "limited")
 
 
@@ -51,29 +57,83 @@ def robots(names: list[str]) -> list[tuple[str, adaptctl.Mechanism]]:
 
 
 def row(name: str, mechanism: adaptctl.Mechanism, search: int, seed: int) -> dict[str, Any]:
-    """What the rule and the search found, in JSON's types; `cpu` is the rule's processor time, its code in memory."""
-    told: dict[str, Any] = {"name": name, "dof": mechanism.dof}
+    """Results of the rule and of the search, in JSON's types; `cpu` is the rule's processor time, its code in
+    memory."""
+    entry: dict[str, Any] = {"name": name, "dof": mechanism.dof}
     try:
         tune(mechanism, seed=seed)
         started = time.process_time()
-        told["rule"] = _told(tune(mechanism, seed=seed))
-        told["cpu"] = time.process_time() - started
+        entry["rule"] = _as_builtins(tune(mechanism, seed=seed))
+        entry["cpu"] = time.process_time() - started
         if search:
-            told["search"] = _told(tune(mechanism, search=search, seed=seed))
+            entry["search"] = _as_builtins(tune(mechanism, search=search, seed=seed))
     except AdaptctlError as error:
-        told["error"] = str(error)
-    return told
+        entry["error"] = str(error)
+    return entry
 
 
-def _told(tuning: Tuning) -> dict[str, Any]:
+def _as_builtins(tuning: Tuning) -> dict[str, Any]:
     notes = {"notes": list(tuning.notes), "implicit": tuning.integrator.implicit}
     return {run.name: _numbers(run) for run in tuning.verified} | notes
 
 
 def _numbers(run: Verification) -> dict[str, Any]:
-    told = {name: getattr(run, name) for name in FIELDS}
-    finite: dict[str, Any] = {name: x if np.isfinite(x) else None for name, x in told.items()}
+    values = {name: getattr(run, name) for name in FIELDS}
+    finite: dict[str, Any] = {name: x if np.isfinite(x) else None for name, x in values.items()}
     return finite | {"learns": run.learns}
+
+
+def rows(found: Path) -> list[dict[str, Any]]:
+    """The rows of a file, the last one of each robot."""
+    lines = found.read_text(encoding="utf-8").splitlines() if found.exists() else []
+    return list({entry["name"]: entry for entry in map(json.loads, lines)}.values())
+
+
+def published(done: list[dict[str, Any]]) -> str:
+    """The table of all rows, and what it comes to."""
+    tuned, refused = ([entry for entry in done if ("error" in entry) == wrong] for wrong in (False, True))
+    head = ("Robot", "joints", "first second", "last 2 s", "adaptation off", "torque late", "links 30 % off", "both")
+    parts = [_counts("The rule", [entry["rule"] for entry in tuned], len(done))]
+    if searched := [entry["search"] for entry in tuned if "search" in entry]:
+        parts.append(_counts("With `--search 20`", searched, len(searched)))
+    seconds = [(entry["cpu"], entry["dof"]) for entry in tuned]
+    times = ", ".join(f"{cpu:.2g} s for {dof} joints" for cpu, dof in (max(seconds), *_of_joints(seconds, 7)))
+    parts.append(f"Processor time, its code in memory, at most: {times}.")
+    parts += [f"`{entry['name']}` is refused: {entry['error']}" for entry in refused]
+    return "\n\n".join((table(head, map(_line, tuned)), *parts)) + "\n"
+
+
+def _of_joints(seconds: list[tuple[float, int]], dof: int) -> list[tuple[float, int]]:
+    """The longest of the robots with so many joints."""
+    return [max(pair for pair in seconds if pair[1] == dof)] if any(pair[1] == dof for pair in seconds) else []
+
+
+def _counts(who: str, found: list[dict[str, Any]], count: int) -> str:
+    """Counts of robots that learn, by how well they do."""
+    runs = [one["as described"] for one in found]
+    learning = {name: sum(one[name]["learns"] for one in found) for name in CASES}
+    tenth = sum(run["learns"] and run["last"] <= 0.1 * run["first"] for run in runs)
+    median = float(np.median([np.inf if run["last"] is None else run["last"] for run in runs]))
+    return (
+        f"{who}: {learning['as described']} of {count} learn as described, {tenth} of them to a tenth of the first "
+        f"second's error, {learning['torque late']} with torques late, {learning['links off']} with links off, "
+        f"{learning['both']} with both; median of the last two seconds {1e3 * median:.2g} mrad."
+    )
+
+
+def _line(entry: dict[str, Any]) -> tuple[str, ...]:
+    """Cells of a row; errors of runs that do not learn are in brackets."""
+    runs = [entry["rule"][name] for name in CASES]
+    first, off = _mrad(runs[0]["first"]), _mrad(runs[0]["off"])
+    last = [_mrad(run["last"]) if run["learns"] else f"({_mrad(run['last'])})" for run in runs]
+    return entry["name"], str(entry["dof"]), first, last[0], off, *last[1:]
+
+
+def _mrad(error: float | None) -> str:
+    """An error in mrad (mm)."""
+    if error is None:
+        return "falls"
+    return f"{1e3 * error:.2g}" if 1e-5 <= error < 0.1 else "< 0.01" if error < 1e-5 else f"{1e3 * error:.0f}"
 
 
 def main() -> None:
@@ -83,14 +143,22 @@ def main() -> None:
     parser.add_argument("--search", type=int, default=0)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, default=Path("tuning.jsonl"))
+    parser.add_argument("--publish", action="store_true", help="put what was found into docs/tuning.md")
     given = parser.parse_args()
     warnings.simplefilter("ignore")
+    done = rows(given.out)
+    if given.publish:
+        page = PAGE.read_text(encoding="utf-8")
+        write_text(PAGE, inserted(page, published(done), COMMAND))
+        return
     with given.out.open("a") as out:
         for name, mechanism in robots(given.names):
-            told = row(name, mechanism, given.search, given.seed)
-            out.write(json.dumps(told) + "\n")
+            if any(row["name"] == name and ("search" in row or not given.search) for row in done):
+                continue
+            entry = row(name, mechanism, given.search, given.seed)
+            out.write(json.dumps(entry) + "\n")
             out.flush()
-            print(json.dumps(told)[:300], flush=True)
+            print(json.dumps(entry)[:300], flush=True)
 
 
 if __name__ == "__main__":

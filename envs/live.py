@@ -21,12 +21,12 @@ class LiveView(gymnasium.Wrapper[Array, Array, Array, Array]):
         self._steps = 0
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """Begin an episode."""
+        """The first observation (n,) and info of an episode, which begins."""
         self._steps = 0
         return self.env.reset(seed=seed, options=options)
 
     def step(self, action: Array) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
-        """One control period, shown."""
+        """Observation (n,), reward, end, time-out and info after one control period, which is shown."""
         observation, reward, terminated, truncated, info = self.env.step(action)
         self._steps += 1
         p, desired = (np.asarray(observation)[self._slices[name]] for name in ("p", "reference_p"))

@@ -110,7 +110,7 @@ def _where_loops_allow(mechanism: Mechanism, references: list[Sinusoids]) -> lis
 
 
 def _reached(mechanism: Mechanism, p: Array) -> NDArray[np.bool_]:
-    """Of which boxes of positions (k, b, r) all can be reached."""
+    """Mask (k,) of the boxes of positions (k, b, r) of which all can be reached."""
     inside: NDArray[np.bool_] = np.asarray(mechanism.description.within_conditions(p).all(axis=1))
     if mechanism.continuation is not None and inside.any():
         reachable = mechanism.continuation.reachable(p[inside].reshape(-1, p.shape[-1]))

@@ -46,7 +46,7 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
         self._base = np.zeros(limits.shape)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """Begin an episode; the controller knows nothing of the last one."""
+        """The first observation (n,) and info of an episode; the controller begins with an empty memory."""
         observation, info = self.env.reset(seed=seed, options=options)
         p, v, _ = self._read(observation)
         self._memory = self.controller.init(p, v)
@@ -54,7 +54,8 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
         return observation, info | {"base_torque": self._base.copy()}
 
     def step(self, action: Array) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
-        """One control period under the controller's torque and the action's."""
+        """Observation (n,), reward, end, time-out and info after one control period under the controller's torque and
+        the action's (r,)."""
         torque = self._base + self._scale * np.asarray(action, dtype=np.float64)
         observation, reward, terminated, truncated, info = self.env.step(torque)
         info = info | {"base_torque": self._base.copy()}

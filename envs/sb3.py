@@ -33,7 +33,7 @@ class TrackingVecEnv(VecEnv):  # type: ignore[misc]  # stable-baselines3 need no
         super().__init__(env.num_envs, self.view.observation_space, self.view.action_space)
 
     def reset(self) -> Array:
-        """Begin an episode of every arm, with the seeds and options that were set."""
+        """Observations (N, n) after an episode of every arm has begun, with the seeds and options that were set."""
         observations = self.view.reset(self._seeds, self._options)
         self._reset_seeds()
         self._reset_options()
@@ -44,15 +44,15 @@ class TrackingVecEnv(VecEnv):  # type: ignore[misc]  # stable-baselines3 need no
         self.actions = actions
 
     def step_wait(self) -> tuple[Array, Array, NDArray[np.bool_], list[dict[str, Any]]]:
-        """One control period."""
+        """Observations (N, n), rewards (N,), ends (N,) and infos after one control period."""
         return self.view.step(self.actions)
 
     def close(self) -> None:
-        """Let go of what was opened."""
+        """Close the environment of the arms."""
         self.view.env.close()
 
     def get_images(self) -> Sequence[NDArray[np.uint8]]:
-        """An image of every arm."""
+        """Images (height, width, 3) of every arm."""
         return self.view.env.render() or ()
 
     def get_attr(self, attr_name: str, indices: int | Iterable[int] | None = None) -> list[Any]:

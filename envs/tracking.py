@@ -14,6 +14,7 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.arrays import Array, frozen_array, per_joint, positive_number
+from adaptctl.caching import sent_as_made
 from adaptctl.control.controller import Reference, ReferencePoint
 from adaptctl.control.gains.torque_limits import finite_torque_limits
 from adaptctl.control.reference_check import warn_of_derivatives
@@ -38,7 +39,8 @@ LARGEST_OBSERVATION = 1e6
 OPTIONS = ("payload", "trajectory", "initial_error", "parameters")
 
 
-@dataclass(slots=True)
+@sent_as_made
+@dataclass
 class _Episode:
     """The changing parts of a running episode."""
 
@@ -50,6 +52,7 @@ class _Episode:
     over: bool = False
 
 
+@sent_as_made
 class TrackingEnv(gymnasium.Env[Array, Array]):
     """
     ## Description
@@ -134,7 +137,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     | `reward_weights` | `RewardWeights()`    |                                                                |
     | `initial_error`  | 0.0                  | rad (m), one number or one a joint                             |
     | `torque_limits`  | `None`               | other limits than the mechanism's, one number or one a joint   |
-    | `effects`        | ()                   | of `adaptctl.simulation.effects`, in any order: `ControlDelay`, `TorqueLimit`, `TorqueRateLimit`, `ActuatorLag`, `Friction`, `ElasticJoints`, `PayloadHeld`, `Encoder`, `FilteredDifferences` |
+    | `effects`        | ()                   | of `adaptctl.simulation.effects`, in any order                 |
     | `render_mode`    | `None`               | or `"rgb_array"`                                               |
 
     A random reference is one sinusoid a joint of 0.1 to 0.25 Hz and up to 0.5 rad (m), faded in over 2 s, within
@@ -199,7 +202,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         initial_error: ArrayLike = 0.0,
         render_mode: str | None = None,
     ) -> None:
-        """What is to be done with a plant."""
+        """Set the plant, the reference and the rules of an episode."""
         self.plant, self.mechanism, self.control_period = plant, plant.mechanism, plant.control_period
         self.steps = _steps(duration, self.control_period)
         self.look_ahead = _times_ahead(look_ahead)
@@ -222,7 +225,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return self._running("reference").preview.reference
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """Begin an episode. Raises `NotFoundError` on an option that does not exist, `InputError` on a bad one."""
+        """The first observation (n,) and info of an episode, which begins. Raises `NotFoundError` on an option that
+        does not exist, `InputError` on a bad one."""
         super().reset(seed=seed)
         given = options if options is not None else {}
         if not isinstance(given, Mapping):
@@ -241,7 +245,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return self._observation(self._episode), self._info(self._episode, np.zeros(r))
 
     def step(self, action: ArrayLike) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """One control period under a torque (r,), held."""
+        """Observation (n,), reward, end, time-out and info after one control period under a torque (r,) N m, held."""
         episode = self._running("step")
         if episode.over:
             raise ResetNeeded("the episode is over: call env.reset() before the next env.step(action)")

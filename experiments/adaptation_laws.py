@@ -43,7 +43,7 @@ from adaptctl.errors import InputError, NotFoundError
 from adaptctl.experiments.contest import Contender, Outcome
 from adaptctl.experiments.experiment import setting
 from adaptctl.experiments.learning import ADAPTATION_OFF, Found, Learning, numbers
-from adaptctl.experiments.memories import forgotten_notes, memory_findings, smallest_eigenvalue
+from adaptctl.experiments.memories import forgotten_notes, memory_findings
 from adaptctl.experiments.parameter_errors import SAMPLES, ParameterErrors, parameter_errors
 from adaptctl.experiments.rough_start import RoughStart
 from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
@@ -164,7 +164,7 @@ class AdaptationLaws(RoughStart, Learning):
         "gain, and each other control law with gradient adaptation where it adapts. The parameter error is weighed by "
         "the torque that each parameter makes along a motion that excites, in shares of the torque of all."
     )
-    """How laws are compared, and in what."""
+    """Sentences on how laws are compared, and by which measure."""
 
     def compare(self, progress: Progress) -> Comparison:
         """Runs of all contenders, their answer with what was not remembered."""
@@ -203,7 +203,8 @@ class AdaptationLaws(RoughStart, Learning):
             yield Encoder(velocity_noise=self.velocity_noise)
 
     def reference(self, mechanism: Mechanism) -> Sinusoids:
-        """Five sinusoids a joint about a bent posture, phases and exact frequencies by seed; or the most exciting."""
+        """Five sinusoids a joint about a bent posture, phases and exact frequencies by seed; or the most exciting.
+        Raises `InputError` for more than six joints."""
         if self.motion == EXCITING:
             return most_exciting(mechanism, self.seed)
         if mechanism.dof > len(CENTER):
@@ -329,8 +330,6 @@ class AdaptationLaws(RoughStart, Learning):
             if (over_time := errors.of(run)) is not None:
                 meaning = f"{run.label}: parameter error at the end, of {over_time[0]:.3g} at the start"
                 yield Finding(f"parameter_error.{run.name}", float(over_time[-1]), "1", meaning)
-            if run.name == "natural":
-                yield smallest_eigenvalue(outcome.mechanism, run, run.rollout.estimate)
             yield from memory_findings(contenders[run.name].controller, run, outcome.mechanism)
         for run in outcome.runs:
             cost = float_tick(contenders[run.name].controller, run)
@@ -365,7 +364,8 @@ class AdaptationLaws(RoughStart, Learning):
 
 @lru_cache(maxsize=4)
 def most_exciting(mechanism: Mechanism, seed: int) -> Sinusoids:
-    """Reference that `exciting_reference` finds for all parameters of a mechanism's reduced model."""
+    """Reference that `exciting_reference` finds for all parameters of a mechanism's reduced model. Raises `InputError`
+    for a mechanism with loops."""
     from adaptctl.control import exciting_reference
 
     if mechanism.description.loops is not None:

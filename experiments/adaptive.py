@@ -110,7 +110,7 @@ class AdaptiveTracking(Learning):
         )
 
     def scene(self, mechanism: Mechanism) -> Any:
-        """What MuJoCo moves: the scene of a file, or a model made of the links of another robot."""
+        """MuJoCo's scene: that of the robot's file, or a model made of the links of another robot."""
         return self.robot if Path(self.robot).suffix.lower() in (".xml", ".mjcf") else mechanism
 
     @property

@@ -1,4 +1,4 @@
-"""Where a mass may be added to an arm: the question that Sheu and Walker (1991) leave to future work."""
+"""Places where a mass may be added to an arm: the question that Sheu and Walker (1991) leave to future work."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ STAGE = "Costs of added mass"
 
 @dataclass(frozen=True)
 class AddedMassStudy(Experiment):
-    """What a point, a gripper, a camera and a motor cost on every link, and where a mass relieves the arm."""
+    """Costs of a point, a gripper, a camera and a motor on every link, and the places where a mass relieves the arm."""
 
     name: ClassVar[str] = "added-mass"
     title: ClassVar[str] = "{robot}: where a mass may be added"
@@ -40,10 +40,10 @@ class AddedMassStudy(Experiment):
 
     def run(self, progress: Progress) -> Result:
         """Result of the study."""
-        from adaptctl.recording.designed.wording import facts, told
+        from adaptctl.recording.designed.wording import facts, outcome_words
 
         study = self.study(progress)
-        return Result(True, told(study), tuple(facts(study)), Verdict(), partial(self._write, study))
+        return Result(True, outcome_words(study), tuple(facts(study)), Verdict(), partial(self._write, study))
 
     def study(self, progress: Progress) -> DesignStudy:
         """The study of the robot."""

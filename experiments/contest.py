@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 TIMED_TICKS, REPETITIONS = 1000, 30
 """control ticks that are timed to find out how long one takes"""
-MANY, FEW = 600_000, 200_000
+MANY, FEW = 600_000, 120_000
 """samples of all runs: so many are kept as they are, and of more than these so few, which fit into 500 MB"""
 
 
@@ -78,7 +78,7 @@ def contest(
 
 
 def thinning(samples: int) -> int:
-    """How many control periods a sample that is kept stands for, of so many that all runs together would have."""
+    """Number of control periods for each sample that is kept, for all runs' `samples` together."""
     return -(-samples // FEW) if samples > MANY else 1
 
 

@@ -34,7 +34,7 @@ EVERY, FEW, HELD = "all", "few", "held"
 
 
 class Burden(NamedTuple):
-    """What a run cost."""
+    """Costs of a run: errors, torque and work."""
 
     rms_error: float
     """rad or m, all joints"""
@@ -68,7 +68,7 @@ class CounterweightedTracking(ClosedLoopExperiment):
     energy_error: float = setting(1.0, "at which components are counted, %", low=0.0, high=100.0)
 
     def run(self, progress: Progress) -> Result:
-        """Result of the comparison."""
+        """Result of the comparison. Raises `InputError` for an arm with friction."""
         progress(DESIGN, 0.0)
         mechanism = load(self.robot)
         if len(mechanism.parameter_names) != mechanism.energetic:
@@ -146,17 +146,17 @@ class CounterweightedTracking(ClosedLoopExperiment):
 
     def _judged(self, study: DesignStudy, tuning: Tuning, runs: tuple[ControllerRun, ...], complete: bool) -> Result:
         burdens = {run.name: burden(run, tuning.torque_limits) for run in runs}
-        told = _told(study, burdens, self.components)
+        words = _outcome_words(study, burdens, self.components)
         facts = tuple(_facts(burdens, self.components))
-        write = partial(self._write, study, runs, burdens, told, complete)
-        return Result(complete, told, facts, Verdict(), write)
+        write = partial(self._write, study, runs, burdens, words, complete)
+        return Result(complete, words, facts, Verdict(), write)
 
     def _write(
         self,
         study: DesignStudy,
         runs: tuple[ControllerRun, ...],
         burdens: dict[str, Burden],
-        told: str,
+        words: str,
         complete: bool,
         folder: Any,
         progress: Progress,
@@ -166,7 +166,7 @@ class CounterweightedTracking(ClosedLoopExperiment):
 
         title = self.title.format(robot=study.task.mechanism.name)
         shown, facts = tuple(self._drawings(runs)), tuple(_facts(burdens, self.components))
-        named = Named(self.name, title, "summary.json", self.seed, complete, told, facts, shown, runs)
+        named = Named(self.name, title, "summary.json", self.seed, complete, words, facts, shown, runs)
         content = as_builtins(study) | {
             "experiment": self.name,
             "complete": complete,
@@ -191,7 +191,7 @@ class CounterweightedTracking(ClosedLoopExperiment):
 
 
 def burden(run: ControllerRun, limits: Array) -> Burden:
-    """What a run cost."""
+    """Costs of a run, its torques over the limits (r,) in N m."""
     rollout = run.rollout
     shares = rollout.applied / limits
     power = np.sum(np.abs(rollout.applied * rollout.v), axis=1)
@@ -249,7 +249,7 @@ def applied_figure(runs: tuple[ControllerRun, ...]) -> Figure:
     return figure
 
 
-def _told(study: DesignStudy, burdens: dict[str, Burden], components: int) -> str:
+def _outcome_words(study: DesignStudy, burdens: dict[str, Burden], components: int) -> str:
     """The outcome in a few sentences."""
     weights = " and ".join(f"{weight.mass:.3g} kg on {weight.link}" for weight in study.counterweights.weights)
     start = f"With counterweights of {weights}" if weights else "Without counterweights, for none helps"
@@ -273,7 +273,7 @@ def _error(found: Burden) -> str:
 
 
 def _carried(study: DesignStudy) -> str:
-    """How much less or more energy is carried."""
+    """Relative change of the carried energy, in words."""
     share = study.counterweights.balanced.cost("energy") / study.task.cost("energy") - 1.0
     return f"{100.0 * abs(share):.3g} % {'more' if share > 0.0 else 'less'}"
 

@@ -77,7 +77,7 @@ class EnergyDifferences(Experiment):
 
 
 def _evidence(name: str) -> tuple[LogEvidence, Any]:
-    """Of an example's log, and the log."""
+    """Evidence of an example's log, and the log."""
     from adaptctl.identification.drives_file import read_drives
     from adaptctl.identification.examples import example
     from adaptctl.identification.identify import gathered
@@ -128,7 +128,7 @@ def _with_torques(evidence: LogEvidence, torque: Array) -> LogEvidence:
 
 
 def _error(evidence: LogEvidence, x: Array, truth: Array) -> float:
-    """Of torques on the log's last part, over the true model's."""
+    """Relative error of the torques on the log's last part, against the true model's."""
     rows = evidence.rows[CUTOFF]
     late: NDArray[np.bool_] = rows.time >= evidence.edges[len(_early(evidence))][1]
     expected = rows.regressor[late] @ truth

@@ -19,8 +19,8 @@ FAR = 100.0
 
 def setting(default: Any, meaning: str, *, symbol: str = "", low: float = -math.inf, high: float = math.inf) -> Any:
     """Field of an experiment: its default, what it means, and the inclusive bounds of every number in it."""
-    told = f"{symbol}: {meaning}" if symbol else meaning
-    metadata = {"meaning": meaning, "low": low, "high": high, "help": told}
+    text = f"{symbol}: {meaning}" if symbol else meaning
+    metadata = {"meaning": meaning, "low": low, "high": high, "help": text}
     return field(default=default, metadata=metadata)
 
 
@@ -65,7 +65,7 @@ class ClosedLoopExperiment(Experiment):
 
 
 def require_count(experiment: Experiment, names: Iterable[str], count: int, meaning: str) -> None:
-    """Check that settings have `count` numbers each, such as "one a joint". Raises InputError."""
+    """Check that settings have `count` numbers each, such as "one a joint". Raises InputError otherwise."""
     for name in names:
         if (given := len(getattr(experiment, name))) != count:
             raise InputError(f"{name}: expected {count} numbers, {meaning}, got {given}")

@@ -44,7 +44,7 @@ class Build:
     scalar: str
     compiler: str
     passed: bool
-    told: str
+    message: str
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,9 @@ class ExportCheck(Experiment):
         except KeyboardInterrupt:
             if not builds:
                 raise
-        failed = [(Failure.DIFFERS, f"{b.law} ({b.scalar}) by {b.compiler}: {b.told}.") for b in builds if not b.passed]
+        failed = [
+            (Failure.DIFFERS, f"{b.law} ({b.scalar}) by {b.compiler}: {b.message}.") for b in builds if not b.passed
+        ]
         verdict = Verdict.of(failed)
         missing = [name for name in COMPILERS if name not in compilers]
         answer = f"{sum(b.passed for b in builds)} of {len(builds)} builds repeat what Python did."

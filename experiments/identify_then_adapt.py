@@ -1,4 +1,4 @@
-"""From a real arm's log to a better controller: adaptation that starts from what was identified."""
+"""Adaptation that starts from what was identified from a real arm's log."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class IdentifyThenAdapt(OnRealPlant):
 
     @property
     def purpose(self) -> str:
-        """What is asked."""
+        """The experiment's question, in a paragraph."""
         return (
             "A log of a real arm, motor positions and torques, is worth a first estimate. The simulated arm has the "
             "parameters that the whole log shows, rotors, friction and the wrist's coupling included. Slotine and Li's "
@@ -73,20 +73,20 @@ class IdentifyThenAdapt(OnRealPlant):
         )
 
     def mechanism(self) -> Mechanism:
-        """What the whole log shows."""
+        """The arm identified from the whole log."""
         return identified_from(self.robot, 1.0)
 
     def effects(self, mechanism: Mechanism) -> Sequence[Effect]:
-        """None besides."""
+        """An empty sequence: the identified drives are in the mechanism."""
         return ()
 
     def adaptation(self, model: ReducedModel) -> Array:
-        """Gamma from a share of the true links' and drives' sizes, the same for all."""
+        """Diagonal (k,) of Gamma: a share of the true links' and drives' sizes, the same for all."""
         true = model.mechanism.inertial_parameters
         return np.asarray(self.rate * deviations(model, true, self.parameter_error) ** 2)
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Who drives, in order; the first is the subject."""
+        """The controllers, in order; the first is the subject."""
         model = ReducedModel(mechanism, basis)
         part = _parameters(mechanism, identified_from(self.robot, self.known))
         file = _parameters(mechanism, robot_file(self.robot))
@@ -102,7 +102,7 @@ class IdentifyThenAdapt(OnRealPlant):
         return self.slotine_li(model, self.adaptation(model) if adapting else None, model.regrouping @ parameters)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """What the log is worth in the first seconds."""
+        """Sentence on the errors in the first seconds from each estimate."""
         first = {run.name: 1e3 * (run.rms_error(stop=BEGINNING) or np.nan) for run in outcome.runs}
         if not {ADAPTIVE, FROM_ZERO, FROM_FILE} <= set(first):
             return None
@@ -123,7 +123,8 @@ class IdentifyThenAdapt(OnRealPlant):
 
 @cache
 def identified_from(name: str, share: float) -> Mechanism:
-    """What the first share of an example's log shows. Raises `NotFoundError`."""
+    """The arm identified from the first share of an example's log. Raises `NotFoundError` for another name. Raises
+    `NotFoundError`."""
     from adaptctl.identification.drives_file import read_drives
     from adaptctl.identification.examples import example
     from adaptctl.identification.identify import identified
@@ -148,6 +149,6 @@ def robot_file(name: str) -> Mechanism:
 
 
 def _parameters(mechanism: Mechanism, other: Mechanism) -> Array:
-    """Another mechanism's parameters (P,) by the names of this one's, zero where it has none."""
+    """Parameters (P,) of another mechanism by the names of this one's, zero where it has none."""
     values: dict[str, Any] = dict(zip(other.parameter_names, other.inertial_parameters.tolist(), strict=True))
     return np.array([values.get(name, 0.0) for name in mechanism.parameter_names])

@@ -214,7 +214,7 @@ class Found:
     def __init__(self, findings: Sequence[Finding]) -> None:
         self.of = {finding.name: finding.value for finding in findings}
 
-    def told(self, name: str, scale: float = 1.0) -> str:
+    def text(self, name: str, scale: float = 1.0) -> str:
         """Text of a finding's value, scaled, with two digits; a dash where it was not measured."""
         return wording.number(scale * self.of[name] if name in self.of else None, 2)
 
@@ -223,12 +223,12 @@ class Found:
         owners = [run for run in runs if f"{what}.{run.name}" in self.of]
         if rising:
             owners.sort(key=lambda run: self.of[f"{what}.{run.name}"])
-        return [" ".join(filter(None, (self.told(f"{what}.{run.name}"), unit, f"({run.label})"))) for run in owners]
+        return [" ".join(filter(None, (self.text(f"{what}.{run.name}"), unit, f"({run.label})"))) for run in owners]
 
     def span(self, what: str, runs: Sequence[ControllerRun], unit: str = "") -> str:
         """Text of the least and the greatest finding `what.run` of the runs; empty where none has one."""
-        told = self.each(what, runs, unit, rising=True)
-        return " to ".join(dict.fromkeys((told[0], told[-1]))) if told else ""
+        texts = self.each(what, runs, unit, rising=True)
+        return " to ".join(dict.fromkeys((texts[0], texts[-1]))) if texts else ""
 
 
 def numbers(values: Array) -> str:

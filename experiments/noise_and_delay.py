@@ -14,7 +14,7 @@ from adaptctl.experiments.adaptation_laws import AdaptationLaws
 from adaptctl.experiments.contest import Contender, Outcome
 from adaptctl.experiments.experiment import FAR, setting
 from adaptctl.experiments.learning import ADAPTATION_OFF, Found
-from adaptctl.experiments.memories import memory_findings, smallest_eigenvalue
+from adaptctl.experiments.memories import memory_findings
 from adaptctl.experiments.parameter_errors import SAMPLES, ParameterErrors
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
 from adaptctl.recording import ControllerRun, Failure, Finding
@@ -31,6 +31,7 @@ LAWS = (
     "bounded-gain-forgetting",
     "cushioned-floor",
     "composite-learning",
+    "concurrent-learning",
     "natural",
     "consistent-lift",
     "gradient",
@@ -41,11 +42,12 @@ TELLING, TELLING_LOOPS = 0.25, 0.1
 
 @dataclass(frozen=True)
 class NoiseAndDelay(AdaptationLaws):
-    """All laws on a plant with everything that real ones have, holding still: nothing is to be learned, and noise is.
+    """Laws on a plant with encoders, delay, lag and a rate limit, holding still: nothing is to be learned, and noise
+    is.
 
-    Velocities come from filtered differences of encoder counts, torques are late, lag and are limited. Noise enters
-    the sliding variable and the regressor alike, so that their product has a mean, and an estimate that nothing
-    holds follows it (Ioannou and Kokotovic 1984).
+    Velocities come from filtered differences of encoder counts, torques are late, lag and are limited. Noise enters the
+    sliding variable and the regressor alike, so that their product has a mean, and an estimate that nothing holds
+    follows it (Ioannou and Kokotovic 1984).
     """
 
     name: ClassVar[str] = "noise-and-delay"
@@ -119,8 +121,6 @@ class NoiseAndDelay(AdaptationLaws):
             yield Finding(f"true_rms_error.{run.name}", run.rms_error() or np.nan, "rad", f"{run.label}: of all joints")
             share = float(run.rollout.marks["torque_limited"].mean())
             yield Finding(f"saturated.{run.name}", share, "1", f"{run.label}: share of periods with a torque held back")
-            if run.name == "natural":
-                yield smallest_eigenvalue(outcome.mechanism, run, run.rollout.estimate)
             yield from memory_findings(contenders[run.name].controller, run, outcome.mechanism)
         yield from self._loop(outcome.mechanism)
 

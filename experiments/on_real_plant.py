@@ -66,7 +66,8 @@ class OnRealPlant(RoughStart, Learning):
         """Effects of the plant besides rigid links."""
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """Tracking environment with the effects; only an error far off ends a run, so that all can be compared."""
+        """Tracking environment with the effects; only an error far off ends a run, so that all can be compared. Raises
+        `InputError` for another number of joints."""
         import gymnasium
 
         if mechanism.dof != JOINTS:

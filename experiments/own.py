@@ -22,7 +22,8 @@ def from_entry_point(point: EntryPoint) -> type[Experiment]:
 
 
 def from_file(path: str | Path) -> type[Experiment]:
-    """The one class of an experiment that a Python file defines; the file is run. Raises `FileError`."""
+    """The one class of an experiment that a Python file defines; the file is run. Raises `FileError` where the file
+    cannot be imported or defines none."""
     file = Path(path)
     if not file.is_file():
         raise FileError(f"{path}: there is no such file")

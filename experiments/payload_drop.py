@@ -39,7 +39,10 @@ class PayloadDrop(AdaptationLaws):
         0.03, "deviation of what is measured of velocities, rad/s: without it errors fall on and on", low=0.0, high=1.0
     )
     acceleration_gain: float = setting(
-        0.1, "adaptive computed torque, which learns from accelerations, has this share of the gain", low=1e-6, high=1.0
+        0.02,
+        "adaptive computed torque, which learns from accelerations, has this share of the gain",
+        low=1e-6,
+        high=1.0,
     )
     dead_zone: float = setting(0.08, "width of the dead zone of s, rad/s: wider than the noise", low=1e-6, high=10.0)
     payload: float = setting(2.0, "mass of the payload, kg", low=0.0, high=1e3)
@@ -72,7 +75,7 @@ class PayloadDrop(AdaptationLaws):
             + super().purpose
             + " The measure is the time that a law takes, after either event, until "
             f"its error over {WINDOW:g} s is back below twice what it was in the {WINDOW:g} s before the pickup. Gains "
-            "are told that a payload like this may come; natural adaptation, whose gain is its estimate, starts from "
+            "know that a payload like this may come; natural adaptation, whose gain is its estimate, starts from "
             "half of it. Parameter errors are against the arm alone: while the payload is held they show it."
         )
 
@@ -106,15 +109,15 @@ class PayloadDrop(AdaptationLaws):
         """Sentences with the shortest and the longest time to return of the laws that adapt, and those that do not."""
         adapting = [run for run in outcome.runs if run.rollout.estimate.shape[1] and run.name != ADAPTATION_OFF]
         events = ("pickup", "drop", *(("last pickup", "last drop") if self.times > 1 else ()))
-        return " ".join(self._told(event, adapting, found) for event in events) if adapting else None
+        return " ".join(self._event_words(event, adapting, found) for event in events) if adapting else None
 
-    def _told(self, event: str, runs: Sequence[ControllerRun], found: Found) -> str:
+    def _event_words(self, event: str, runs: Sequence[ControllerRun], found: Found) -> str:
         key = event.replace(" ", "_")
         back = found.each(f"return_after_{key}", runs, "s", rising=True)
         lost = found.each(f"not_back_after_{key}", runs, "times the earlier", rising=True)
-        said = [f"below twice the earlier in {' to '.join(dict.fromkeys((back[0], back[-1])))}"] if back else []
-        said += [f"{len(lost)} of {len(runs)} laws are not back, the farthest at {lost[-1]}"] if lost else []
-        return f"Errors after the {event}: {'; '.join(said) or 'no law came so far'}."
+        parts = [f"below twice the earlier in {' to '.join(dict.fromkeys((back[0], back[-1])))}"] if back else []
+        parts += [f"{len(lost)} of {len(runs)} laws are not back, the farthest at {lost[-1]}"] if lost else []
+        return f"Errors after the {event}: {'; '.join(parts) or 'no law came so far'}."
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
         """Figure of the times to return, then those of every comparison of laws."""

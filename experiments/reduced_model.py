@@ -95,13 +95,13 @@ class ReducedModelTracking(Puma560Adaptive):
         """Sentence with the tracking errors by number of components."""
         least, most = min(self.components), max(self.components)
         few, many = (
-            f"{found.told(f'final_rms_error.{ADAPTIVE}-{s}')} mrad "
-            f"({found.told(f'final_rms_error.{FIXED}-{s}')} holding their true values)"
+            f"{found.text(f'final_rms_error.{ADAPTIVE}-{s}')} mrad "
+            f"({found.text(f'final_rms_error.{FIXED}-{s}')} holding their true values)"
             for s in (least, most)
         )
         return (
             f"Adapting {most} components from zero, the controller ends at {many} of tracking error; adapting {least}, "
-            f"at {few}; and at {found.told(f'final_rms_error.{ADAPTATION_OFF}')} mrad knowing nothing."
+            f"at {few}; and at {found.text(f'final_rms_error.{ADAPTATION_OFF}')} mrad knowing nothing."
         )
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:

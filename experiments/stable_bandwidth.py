@@ -83,12 +83,15 @@ class StableBandwidth(AdaptationLaws):
                 found = self._largest(plant, basis, name)
                 where = "the rigid arm" if stiffness == RIGID else f"springs of {stiffness:g} N m/rad"
                 meaning = f"{labels.get(name, name)}: largest stable bandwidth on {where}, of those tried, 0.5 to 1024"
-                yield Finding(f"stable_bandwidth.{name}.{_told(stiffness)}", found, "1/s", meaning)
+                yield Finding(f"stable_bandwidth.{name}.{_stiffness_text(stiffness)}", found, "1/s", meaning)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
         """Sentence with the subject's bandwidths."""
         each = (*self.stiffness, RIGID)
-        values = [f"{found.told(f'stable_bandwidth.{self.laws[0]}.{_told(k)}')} 1/s at {_told(k)}" for k in each]
+        values = [
+            f"{found.text(f'stable_bandwidth.{self.laws[0]}.{_stiffness_text(k)}')} 1/s at {_stiffness_text(k)}"
+            for k in each
+        ]
         return f"{outcome.runs[0].label} is stable up to {', '.join(values)} (stiffness in N m/rad)."
 
     def compare(self, progress: Progress) -> Comparison:
@@ -147,7 +150,7 @@ class StableBandwidth(AdaptationLaws):
 
 
 def tracks(plant: Plant, controller: Controller[Any], reference: Any, seconds: float) -> bool:
-    """Whether a controller follows a reference for so long without shaking or saturating in the last third."""
+    """True if a controller follows a reference for so long without shaking or saturating in the last third."""
     count = round(seconds / plant.control_period)
     points = reference(plant.control_period * np.arange(count))
     state = plant.init(points.p[0], points.v[0])
@@ -177,7 +180,7 @@ def _rotors(mechanism: Mechanism) -> Array:
     return np.array([mechanism.inertial_parameters[names.index(name)] for name in wanted])
 
 
-def _told(stiffness: float) -> str:
+def _stiffness_text(stiffness: float) -> str:
     """Name of a stiffness among the findings."""
     return "rigid" if stiffness == RIGID else f"{stiffness:g}"
 
@@ -193,9 +196,11 @@ def bandwidths_over_stiffness(
     axes = figure.subplots()
     each = (*sorted(stiffness), RIGID)
     for i, (name, label) in enumerate(laws):
-        values = [max(found.get(f"stable_bandwidth.{name}.{_told(k)}", np.nan), BANDWIDTHS[0] / 2.0) for k in each]
+        values = [
+            max(found.get(f"stable_bandwidth.{name}.{_stiffness_text(k)}", np.nan), BANDWIDTHS[0] / 2.0) for k in each
+        ]
         axes.semilogy(range(len(each)), values, "o-", color=run_color(i).hex, label=label)
-    axes.set_xticks(range(len(each)), [_told(k) for k in each])
+    axes.set_xticks(range(len(each)), [_stiffness_text(k) for k in each])
     axes.set_xlabel("stiffness [N·m/rad]")
     axes.set_ylabel("largest stable bandwidth [1/s]")
     figure.legend(loc="outside upper center", ncols=3)

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from adaptctl.recording.drawing import Drawing
 
 BEGINNING, END = 1.0, 2.0
-"""s at the start and at the end of a run over which the tool's error is told"""
+"""s at the start and at the end of a run over which the tool's error is averaged"""
 SAMPLES = 600
 
 
@@ -142,15 +142,15 @@ class TaskSpaceTracking(TipPath, Learning):
         for run in outcome.runs:
             errors, time = self._tool_errors(outcome.mechanism, run), run.rollout.time
             for what, inside in (("first", time < BEGINNING), ("final", time >= run.duration - END)):
-                told = float(np.sqrt(np.mean(errors[inside] ** 2)))
+                rms = float(np.sqrt(np.mean(errors[inside] ** 2)))
                 meaning = f"{run.label}: the tool's RMS error, {what} {BEGINNING if what == 'first' else END:g} s"
-                yield Finding(f"{what}_tool_error.{run.name}", 1e3 * told, "mm", meaning)
+                yield Finding(f"{what}_tool_error.{run.name}", 1e3 * rms, "mm", meaning)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
         """The tool's errors."""
-        subject, off = (found.told(f"final_tool_error.{name}") for name in ("task-space", ADAPTATION_OFF))
-        told = f"In the last {END:g} s the tool is off its path by {subject} mm (RMS), with adaptation off by {off} mm."
-        return f"{told} Of all controllers: {found.span('final_tool_error', outcome.runs, 'mm')}."
+        subject, off = (found.text(f"final_tool_error.{name}") for name in ("task-space", ADAPTATION_OFF))
+        text = f"In the last {END:g} s the tool is off its path by {subject} mm (RMS), with adaptation off by {off} mm."
+        return f"{text} Of all controllers: {found.span('final_tool_error', outcome.runs, 'mm')}."
 
     def leading(self, outcome: Outcome) -> Leading | None:
         """The tool's distances from its path."""

@@ -76,7 +76,8 @@ class TwoArms(StatedTask):
         return two_arms(self.robot)
 
     def torque_limits(self, mechanism: Mechanism) -> Array:
-        """Limits (r,) of both arms' motors together in the left one's joints, at the reference configuration."""
+        """Limits (r,) of both arms' motors together in the left one's joints, at the reference configuration. Raises
+        `InputError` for joints without a limit."""
         limits = np.array([link.joint.limits.effort for link in mechanism.links])
         if not np.isfinite(limits).all():
             raise InputError(f"robot: {self.robot} has joints without a torque limit: give each an effort")
@@ -92,7 +93,8 @@ class TwoArms(StatedTask):
 def two_arms(robot: str) -> Mechanism:
     """Mechanism of two equal arms of six joints, face to face, with a rod welded to both hands.
 
-    The rod has no parameters of its own: its ten are among those of both hands, which they are regrouped into.
+    The rod has no parameters of its own: its ten are among those of both hands, which they are regrouped into. Raises
+    `InputError` for another arm than one of six links without loops.
     """
     arm = load(robot).description
     if len(arm.links) != len(LEFT) or arm.loops is not None:

@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 
 FINE, OURS = "mujoco-fine", "adaptctl"
 SHORTER = 4
-"""How many times shorter MuJoCo's steps are in the run that tells the integrator's error."""
+"""Factor by which MuJoCo's steps are shorter in the run that shows the integrator's error."""
 FIRST_ORDER = 0.5 * SHORTER
-"""How many times smaller a difference becomes at shorter steps, at least, where it is the integrator's."""
+"""Least factor by which a difference shrinks at shorter steps, where it is the integrator's."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class TwoPlants(AdaptiveTracking):
         return done
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """How far the plants are apart, at MuJoCo's steps and at shorter ones."""
+        """Largest difference between the plants' positions, at MuJoCo's steps and at shorter ones."""
         runs = {run.name: run for run in outcome.runs}
         for name, other, meaning in (
             ("plants_apart", ADAPTIVE, "at MuJoCo's own steps"),
@@ -88,7 +88,7 @@ class TwoPlants(AdaptiveTracking):
                 yield Finding(name, _apart(runs[other], runs[OURS]), "rad", text)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Whether integration explains the difference."""
+        """Sentence on whether integration explains the difference."""
         coarse, fine = found.of["plants_apart"], found.of["plants_apart_fine"]
         text = f"MuJoCo and adaptctl's plant are at most {1e3 * coarse:.2g} mrad (mm) apart"
         if coarse < FIRST_ORDER * fine:

@@ -84,13 +84,13 @@ def comparison(mechanism: Mechanism, samples: int = 1500, complete: bool = True)
     )
 
 
-def told(what: str, share: float) -> None:
+def no_progress(what: str, share: float) -> None:
     assert 0.0 <= share <= 1.0
 
 
 def shown(experiment: Experiment) -> dict[str, Any]:
     """An experiment's summary, which must be fit for JSON; its own figures must draw."""
-    compared = experiment.compare(told)
+    compared = experiment.compare(no_progress)
     assert isinstance(compared, Comparison)
     for drawing in compared.more_drawings:
         assert drawing.draw().axes

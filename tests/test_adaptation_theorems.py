@@ -41,7 +41,7 @@ from adaptctl.control import (
     adaptation_gain,
     mapped_gain,
 )
-from adaptctl.control.adaptation.prediction import felt
+from adaptctl.control.adaptation.prediction import momentum_columns
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.recursion.momentum import momentum_terms
 from adaptctl.scalars import column
@@ -77,7 +77,7 @@ def prediction_errors(run: Loop, controller: AdaptiveController, true: Array) ->
     found = momentum_terms(mechanism.equations, column(mechanism.configuration(run.p)), column(run.v), model.columns)
     momentum, forces = (stacked_rows(rows, run.p.shape[:-1]) for rows in found)
     memories = [s.learning if isinstance(law, Composite) else s.learning.filtered for s in run.states]
-    joints, places = np.array([(i, j) for i, row in enumerate(felt(model)) for j in row]).T
+    joints, places = np.array([(i, j) for i, row in enumerate(momentum_columns(model)) for j in row]).T
     ahead = np.zeros(momentum.shape)
     ahead[:, joints, places] = [memory.regressor for memory in memories]
     filtered = (ahead - old * (law.cutoff * momentum + forces)) / keep

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks import stability, tuning_table
 from benchmarks.__main__ import SUBJECTS
 from benchmarks.findings import Agreement, DisagreementError, Measurement, Speedup, plain
 from benchmarks.interleaved import Effort, Spread, Statement, race
@@ -92,11 +93,53 @@ def test_tables_take_the_place_of_the_last_ones() -> None:
 
 
 def test_there_is_a_place_for_everything() -> None:
-    for page in ("README.md", "docs/speed.md"):
-        inserted((ROOT / page).read_text(encoding="utf-8"), "")
+    for page, command in (("docs/speed.md", "make bench"), ("docs/verification.md", "make figures")):
+        inserted((ROOT / page).read_text(encoding="utf-8"), "", command)
     inserted((ROOT / "docs/speed.md").read_text(encoding="utf-8"), "", "python -m benchmarks.other_compilers")
+    inserted(tuning_table.PAGE.read_text(encoding="utf-8"), "", tuning_table.COMMAND)
 
 
 @pytest.mark.parametrize("subject", SUBJECTS)
 def test_subjects_measure(subject: str) -> None:
     assert callable(import_module(f"benchmarks.{subject}").measure)
+
+
+def tuned(name: str, last: float | None, learns: bool, **more: object) -> dict[str, object]:
+    """A row of the table of tuned robots, all four runs alike."""
+    run = {"first": 0.04, "last": last, "off": None, "largest": 0.1, "limited": 0.0, "learns": learns}
+    found = dict.fromkeys(tuning_table.CASES, run)
+    return {"name": name, "dof": 7, "cpu": 0.5, "rule": found, **more}
+
+
+def test_the_table_of_tuned_robots_counts_its_rows(tmp_path: Path) -> None:
+    """A robot that is run again has the later row; what is refused counts as not learning, and is told."""
+    searched = tuned("a/good", 1e-3, True)["rule"]
+    rows = [
+        tuned("a/good", 2e-2, False),
+        tuned("a/slow", 9e-3, True),
+        tuned("a/lost", None, False),
+        {"name": "a/wrong", "dof": 2, "error": "no gains hold it"},
+        tuned("a/good", 1e-3, True, search=searched),
+    ]
+    file = tmp_path / "rows.jsonl"
+    file.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    text = tuning_table.published(tuning_table.rows(file))
+    assert "| a/good | 7 | 40 | 1 | falls | 1 | 1 | 1 |\n" in text
+    assert "| a/lost | 7 | 40 | (falls) |" in text
+    assert "The rule: 2 of 4 learn as described, 1 of them to a tenth" in text
+    assert "median of the last two seconds 9 mrad" in text
+    assert "With `--search 20`: 1 of 1 learn" in text
+    assert "`a/wrong` is refused: no gains hold it" in text
+    assert tuning_table.rows(tmp_path / "none.jsonl") == []
+
+
+def test_loops_of_random_arms_are_counted() -> None:
+    """In earnest, for a moment: gains are offered, none is lost so soon, and the promise is judged on the sums."""
+    found = stability.counted(0, 5, 0.05)
+    assert found == stability.LoopCounts(1, 1, 5, found.certified)
+    both = found + stability.LoopCounts(arms=1)
+    assert (both.arms, both.offered, both.loops) == (2, 1, 5)
+    assert found.as_promised
+    assert not both.as_promised
+    assert not (found + stability.LoopCounts(loops=1000, lost=2)).as_promised
+    assert not (found + stability.LoopCounts(loops=1000, lost_certified=1)).as_promised

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import signal
+import time
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -12,11 +13,11 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from comparisons import shown, told
+from comparisons import no_progress, shown
 from robot_files import urdf
 from signals import signalled
 
-from adaptctl.cli.interruption import interruptible
+from adaptctl.cli.interruption import IMPORTING, interruptible
 from adaptctl.cli.main import main
 from adaptctl.control import SlotineLi, sampled_gain
 from adaptctl.dynamics import load
@@ -106,7 +107,7 @@ def test_table_starts_off_the_reference_and_knowing_nothing(out: Path, said: dic
 
 @pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
 def test_equal_seeds_give_equal_runs(out: Path, said: dict[str, Any], tmp_path: Path) -> None:
-    write_trace(tmp_path / "trace.parquet", Puma560Adaptive(duration=0.5, seed=3).compare(told))
+    write_trace(tmp_path / "trace.parquet", Puma560Adaptive(duration=0.5, seed=3).compare(no_progress))
     again, before = pq.read_table(tmp_path / "trace.parquet"), pq.read_table(out / "trace.parquet")
     assert again.equals(before.slice(0, 500), check_metadata=False)
 
@@ -177,6 +178,19 @@ def test_interruption_that_python_lost_is_found_again_in_the_midst_of_the_next_s
             told("two", 0.0)
     assert stages == [("one", 0.5), ("one", 1.0)]
     assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+
+
+def test_an_interruption_in_the_midst_of_pythons_imports_waits_until_they_let_go_of_their_lock() -> None:
+    inside = compile("signal.raise_signal(signal.SIGINT)\nsteps.append('released')", IMPORTING, "exec")
+    steps: list[str] = []
+
+    def imported() -> None:
+        exec(inside, {"signal": signal, "steps": steps})
+        time.sleep(60.0)
+
+    with interruptible(), pytest.raises(KeyboardInterrupt):
+        imported()
+    assert steps == ["released"]
 
 
 @pytest.mark.parametrize("robot", ["puma560_measured", "ur5_robot.urdf"])

@@ -12,6 +12,8 @@ from random_trees import random_chain
 from adaptctl.cli.main import main
 from adaptctl.control import ComputedTorque, GainDesign, sampled_gain
 from adaptctl.control.gains.workspace import sampled_configurations
+from adaptctl.description import GROUND, Description, Joint, JointKind, Link, Pose
+from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import GainError, InputError
@@ -50,6 +52,21 @@ def test_the_least_inertia_is_that_of_a_joint_whose_others_are_free(design: Gain
             v = np.zeros(6)
             a = design.mechanism.forward_dynamics(q, v, unit) - design.mechanism.forward_dynamics(q, v, v)
             assert 1.0 / a[i] >= design.least_inertia[i] * design.inertia[i] * (1.0 - 1e-9)
+
+
+def test_the_least_inertia_of_a_joint_alone_is_its_rods_and_typical() -> None:
+    """A rod of 2 kg and 1 m turns about its end with 2/3 kg m^2 at every angle."""
+    rod = Link(
+        "rod",
+        GROUND,
+        Joint("joint", JointKind.REVOLUTE),
+        Pose.identity(),
+        Pose.identity(),
+        from_center_of_mass(2.0, [0.5, 0.0, 0.0], np.diag([1e-4, 1.0 / 6.0, 1.0 / 6.0])),
+    )
+    alone = GainDesign.from_bandwidth(Mechanism(Description("rod", (rod,))), 4.0)
+    np.testing.assert_allclose(alone.inertia, 2.0 / 3.0, rtol=1e-12)
+    np.testing.assert_allclose(alone.least_inertia, 1.0, rtol=1e-12)
 
 
 @pytest.mark.parametrize("delay", [0, 1])

@@ -10,8 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sampled_loops import (
+    RANGES,
     arm,
     dissipated,
+    full,
     gains,
     integral,
     kinetic,
@@ -30,12 +32,15 @@ from adaptctl.control import (
     ConcurrentLearning,
     CushionedFloor,
     Gradient,
+    Guarded,
     Halted,
     Sinusoids,
     SlotineLi,
+    adaptation_gain,
 )
 from adaptctl.control.adaptation.composite_learning import LearningMemory, _remember
 from adaptctl.errors import InputError
+from adaptctl.identifiability import essential_space
 from adaptctl.scalars import Column
 from adaptctl.simulation import Plant, simulate_many
 from adaptctl.simulation.effects import PayloadHeld
@@ -189,6 +194,38 @@ def test_a_direction_is_forgotten_for_itself(seed: int, share: float) -> None:
     assert np.linalg.eigvalsh(found)[0] > -1e-9 * np.abs(Q).max()
 
 
+@pytest.mark.parametrize("name", ARMS)
+@pytest.mark.parametrize("kind", [CompositeLearning, ConcurrentLearning])
+def test_nothing_is_remembered_of_periods_that_guards_hold_back(kind: type[AdaptationLaw], name: str) -> None:
+    """As it is without guards where these never act; and neither memory nor estimate moves where they always do."""
+    mechanism = arm(name)
+    options = {"samples": 2, "threshold": 1e-3} if kind is ConcurrentLearning else {}
+    bare = on(name, kind(own_gain(name), 0.1, 20.0, **options))  # type: ignore[call-arg]
+    free, held = (Guarded(bare, torque_limits=limit) for limit in (1e6, 1e-3))
+    alone, ours, weak = (loop(law, mechanism, swinging(mechanism), 0.05) for law in (bare, free, held))
+    np.testing.assert_allclose(ours.torque, alone.torque, atol=1e-9 * np.abs(alone.torque).max())
+    assert max(float(state.recorded[0]) for state in ours.states) > 0.0
+    assert max(float(state.recorded[0]) for state in weak.states) == 0.0
+    np.testing.assert_array_equal(weak.estimate, np.zeros_like(weak.estimate))
+
+
+@pytest.mark.parametrize("kind", [CompositeLearning, ConcurrentLearning])
+def test_what_no_motion_tells_is_left_alone_among_all_parameters(kind: type[AdaptationLaw]) -> None:
+    """Gamma^-1 times what was learned is in the essential space, whatever is remembered; and the arm is tracked."""
+    mechanism, model = arm(SMALL), full(SMALL)
+    gain = adaptation_gain(model, RANGES, 0.3)
+    options = {"samples": 3, "threshold": 1e-3} if kind is ConcurrentLearning else {}
+    law = SlotineLi(model, 8.0, gains(SMALL).damping, kind(gain, 0.1, 20.0, **options), period=2e-3)  # type: ignore[call-arg]
+    run = loop(law, mechanism, swinging(mechanism), 2.0, 2e-3)
+    space = essential_space(mechanism)
+    moved = run.estimate[-1] / np.sqrt(gain)
+    hidden = space.null_basis / np.sqrt(gain)[:, None]
+    hidden /= np.linalg.norm(hidden, axis=0)
+    assert np.abs(hidden.T @ moved).max() < 1e-8 * np.linalg.norm(moved)
+    assert max(float(state.recorded[0]) for state in run.states) > 0.0
+    assert np.linalg.norm(run.s[-1]) < 0.2 * np.linalg.norm(run.s[0])
+
+
 @pytest.mark.parametrize(
     "law",
     [
@@ -261,3 +298,8 @@ def test_a_halted_reference_comes_to_rest_with_its_own_derivatives() -> None:
     np.testing.assert_array_equal(point.p[before], swinging(arm(SMALL))(t[before]).p)
     assert np.abs(point.v[t > 1.5]).max() == 0.0
     assert np.abs(point.a[t > 1.5]).max() == 0.0
+
+
+@pytest.mark.parametrize("samples", [1, 64])
+def test_the_shortest_and_the_longest_stack_are_accepted(samples: int) -> None:
+    assert ConcurrentLearning(ONES, samples=samples).samples == samples

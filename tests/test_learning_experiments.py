@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from adaptctl.description.inertia import pseudo_inertia
 from adaptctl.errors import InputError
 from adaptctl.experiments.adaptation_laws import AdaptationLaws
-from adaptctl.experiments.memories import memories
 from adaptctl.experiments.noise_and_delay import NoiseAndDelay
 from adaptctl.experiments.payload_drop import PayloadDrop
 from adaptctl.experiments.stable_bandwidth import StableBandwidth
+from adaptctl.identifiability import essential_space, fundamental_basis
 from adaptctl.recording import Comparison
+from adaptctl.simulation import Rollout, rollout, simulate
 
 SMALL = "docs/examples/two_link.toml"
 
@@ -49,18 +52,43 @@ def test_what_nothing_excites_enough_is_said_to_be_remembered_by_none() -> None:
     assert all(meaning.endswith("nothing was remembered") for meaning in meanings)
 
 
-def test_ticking_again_gives_the_memories_of_the_run() -> None:
-    """Behind guards and on what sensors told, too."""
-    study = NoiseAndDelay(robot=SMALL, laws=("consistent-lift",), duration=0.2)
+def test_runs_keep_what_a_law_tells_of_its_memory(tmp_path: Path) -> None:
+    """Behind guards too: a lift whose estimate is the run's; stepped, compiled, thinned out and from a file alike."""
+    study = NoiseAndDelay(robot=SMALL, laws=("consistent-lift", "composite-learning"), duration=0.3)
+    mechanism = study.mechanism()
+    basis = fundamental_basis(essential_space(mechanism))
+    for contender, told in zip(study.contenders(mechanism, basis), (len(mechanism.parameter_names), 1, 0), strict=True):
+        with study.environment(mechanism) as env:
+            whole, stepped = (drive(env, contender.controller, seed=0) for drive in (simulate, rollout))
+            thinned = simulate(env, contender.controller, seed=0, every=7)
+        assert whole.learning.shape == (150, told)
+        np.testing.assert_allclose(stepped.learning, whole.learning, atol=1e-9)
+        np.testing.assert_array_equal(thinned.learning, whole.learning[::7])
+        whole.save(tmp_path / f"{contender.name}.parquet")
+        np.testing.assert_array_equal(Rollout.load(tmp_path / f"{contender.name}.parquet").learning, whole.learning)
+        if contender.name == "consistent-lift":
+            model: Any = contender.controller.of.model  # type: ignore[attr-defined]
+            np.testing.assert_allclose(whole.learning @ model.regrouping.T, whole.estimate, atol=1e-9)
+            assert np.abs(whole.learning[-1] - whole.learning[0]).max() > 0.0
+
+
+@pytest.mark.parametrize(
+    "study",
+    [
+        AdaptationLaws(robot=SMALL, laws=("consistent-lift", "natural"), duration=0.5),
+        PayloadDrop(robot=SMALL, laws=("consistent-lift", "natural"), duration=8.0, times=2, start=2.0, stop=3.0),
+        NoiseAndDelay(robot=SMALL, laws=("consistent-lift", "natural"), duration=0.5),
+    ],
+    ids=lambda study: study.name,
+)
+def test_every_comparison_tells_how_consistent_the_bodies_of_estimates_stayed(study: AdaptationLaws) -> None:
     comparison = study.compare(quietly)
-    run = comparison.runs[0]
-    controller = study.contenders(comparison.mechanism, comparison.basis)[0].controller
-    lifts = np.array([memory.lift for memory in memories(controller, run.rollout)])
-    model: Any = controller.of.model  # type: ignore[attr-defined]
-    np.testing.assert_allclose(lifts @ model.regrouping.T, run.rollout.estimate, atol=1e-9)
-    assert np.abs(lifts[-1] - lifts[0]).max() > 0.0
-    off = study.contenders(comparison.mechanism, comparison.basis)[-1].controller
-    assert len(list(memories(off, run.rollout))) in (0, len(run.rollout.time))
+    numbers, runs = found(comparison), {run.name: run.rollout for run in comparison.runs}
+    for law, parameters in (("consistent-lift", "learning"), ("natural", "estimate")):
+        tens = getattr(runs[law], parameters)[:, :20].reshape(-1, 2, 10)
+        least = min(float(np.linalg.eigvalsh(pseudo_inertia(ten))[0]) for ten in tens[::10].reshape(-1, 10))
+        assert 0.0 < numbers[f"smallest_eigenvalue.{law}"] <= least
+        assert numbers[f"smallest_eigenvalue.{law}"] > 0.5 * least
 
 
 def test_a_payload_may_come_back() -> None:

@@ -81,8 +81,12 @@ LAWS: dict[str, Callable[[str], Controller[Any]]] = {
     "guarded learning": lambda name: Guarded(
         slotine_li(name, CompositeLearning(gain(name), 0.1)), torque_limits=40.0, rate_limits=20_000.0
     ),
+    "guarded stack": lambda name: Guarded(
+        slotine_li(name, ConcurrentLearning(gain(name), 0.1, samples=2, threshold=1e-3)), torque_limits=40.0
+    ),
+    "guarded lift": lambda name: Guarded(LAWS["lift"](name), torque_limits=40.0),
 }
-ON_ONE = {"natural": PUMA, "lift": LOOP, "guarded learning": PUMA}
+ON_ONE = {"natural": PUMA, "lift": LOOP, "guarded learning": PUMA, "guarded stack": LOOP, "guarded lift": LOOP}
 KINDS = [(law, name) for law in LAWS for name in (PUMA, LOOP) if ON_ONE.get(law, name) == name]
 
 

@@ -16,8 +16,9 @@ import adaptctl
 from adaptctl import control, description, design, identifiability
 from adaptctl.control import adaptation
 from adaptctl.lazily import homes
+from adaptctl.simulation import effects
 
-LAZY = (adaptctl, description, identifiability, control, adaptation, design)
+LAZY = (adaptctl, description, identifiability, control, adaptation, effects, design)
 """Packages that import what they offer when it is used."""
 OFFERED = [
     (package, home, name)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from comparisons import shown, told
+from comparisons import no_progress, shown
 
 from adaptctl.errors import InputError
 from adaptctl.experiments.friction import FrictionInJoints
@@ -92,7 +92,7 @@ def test_settings_that_cannot_be_are_refused(make: Any, message: str) -> None:
 )
 def test_arms_that_do_not_fit_are_refused(experiment: Learning, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        experiment.compare(told)
+        experiment.compare(no_progress)
 
 
 def marks() -> Iterator[tuple[list[float], list[tuple[float, float]]]]:

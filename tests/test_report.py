@@ -12,7 +12,7 @@ from comparisons import comparison
 
 from adaptctl.dynamics import load
 from adaptctl.recording import Comparison, write_artifacts
-from adaptctl.recording.wording import told
+from adaptctl.recording.wording import outcome_words
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +61,7 @@ def test_report_needs_nothing_but_itself(folder: Path) -> None:
 def test_report_says_it_all_and_takes_no_name_for_markup(folder: Path, shown: Comparison) -> None:
     text = Page((folder / "report.html").read_text()).text
     assert "Slotine-Li, <learning>" in text
-    assert told(shown) in text
+    assert outcome_words(shown) in text
     for equation in shown.basis.equations():
         assert equation in text
     for name in shown.basis.names:

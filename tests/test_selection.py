@@ -8,6 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from adaptctl.arrays import Array
+from adaptctl.identifiability.regrouping import Regrouping
 from adaptctl.identifiability.selection import independent_columns, removable
 
 
@@ -60,3 +61,15 @@ def test_the_first_beyond_the_tolerance_is_taken_before_the_largest() -> None:
     assert independent_columns(columns, 1e-3, 1e-8)[0] == [1, 2]
     assert independent_columns(columns, 1e-5 / 2, 1e-8)[0] == [0, 2]
     assert independent_columns(columns, 1e-3, 1e-4)[0] == [1]
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 6), st.integers(1, 6))
+def test_the_condition_of_a_regrouping_is_within_its_bound(seed: int, k: int, removed: int) -> None:
+    """F2'V2 for V2 = [-C; 1] Z, orthonormal, has the singular values of (1 + C'C)^-1/2."""
+    C = np.random.default_rng(seed).normal(scale=3.0, size=(k, removed))
+    found = Regrouping(tuple(range(k)), tuple(range(k, k + removed)), C, k)
+    values = np.linalg.svd(C, compute_uv=False)
+    assert found.bound >= np.sqrt(1.0 + values[0] ** 2) * (1.0 - 1e-12)
+    own = Regrouping((0,), (1,), np.array([[3.0]]), 1)
+    assert own.bound == np.sqrt(10.0)
+    assert Regrouping((0,), (), np.zeros((1, 0)), 1).bound == 1.0

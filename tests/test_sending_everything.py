@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from comparisons import comparison
 from synthetic_logs import known
-from test_tunable import ARM, GAIN, LAWS, MODEL, POINT, TRUE, slotine_li, ticks
+from test_tunable import ARM, GAIN, LAWS, MODEL, POINT, slotine_li, ticks
 
 from adaptctl import codegen, control, envs, identifiability, recording, simulation
 from adaptctl.description import Coupling
@@ -80,6 +80,7 @@ def require_alike(sent: Any, own: Any, met: dict[int, Any]) -> None:
     assert type(sent) in type(own).__mro__  # a law's memory comes back without its one array
     if isinstance(own, np.ndarray) and own.dtype != object:
         np.testing.assert_array_equal(sent, own)
+        assert sent.flags.writeable == own.flags.writeable
     elif isinstance(own, ATOMS):
         assert sent is own or sent == own or (sent != sent and own != own)
     else:
@@ -137,7 +138,7 @@ def of_control() -> Any:
     measured = control.persistent_excitation(MODEL, run(), 1.0), control.watch(slotine_li(GAIN), run(), ARM, 50)
     laws = control.GainDesign.from_bandwidth(ARM, 4.0), control.margins(loop.loop()), control.ReleasedGradient(GAIN)
     limits = control.MotionLimits(REST - 1.0, REST + 1.0, REST + 2.0, REST + 50.0)
-    return loop, linear, gains, references, found, exciting, measured, laws, limits, control.PriorRanges(), POINT, TRUE
+    return loop, linear, gains, references, found, exciting, measured, laws, limits, control.PriorRanges(), POINT
 
 
 def of_simulation() -> Any:

@@ -330,7 +330,7 @@ class OwnStep(Spring):
     ("wrapped", "controller", "reason"),
     [
         (lambda env: RescaleAction(env, -1.0, 1.0), Spring(), "what RescaleAction does"),
-        (lambda env: TimeLimit(env, 20), Spring(), "the time limit is not told"),
+        (lambda env: TimeLimit(env, 20), Spring(), "the time limit is not known"),
         (lambda env: env, OwnStep(), "OwnStep has a step of its own"),
     ],
 )

@@ -200,6 +200,7 @@ def test_the_first_tick_learns_nothing(reduced: ReducedModel, gains: Gains) -> N
         ({"adaptation": np.zeros(36)}, "positive"),
         ({"adaptation": -np.eye(36)}, "positive definite"),
         ({"adaptation": np.full(36, np.nan)}, "adaptation gain: expected finite"),
+        ({"adaptation": 0.01}, r"adaptation gain: expected numbers \(k,\).* got shape \(\)"),
         ({"period": -1.0}, "control period"),
     ],
 )

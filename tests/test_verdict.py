@@ -14,7 +14,7 @@ from adaptctl.experiments.adaptive import AdaptiveTracking
 from adaptctl.recording import Comparison, Failure, judged
 from adaptctl.recording.overview import summary_markdown
 from adaptctl.recording.summary import summary
-from adaptctl.recording.wording import facts, told
+from adaptctl.recording.wording import facts, outcome_words
 from tests.comparisons import PERIOD, comparison
 
 SHOWN = comparison(load("puma560_measured"))
@@ -46,14 +46,14 @@ def off_by(error: float, after: float = 0.0) -> Array:
 def test_a_run_that_learned_passes_and_says_what_it_learned() -> None:
     assert failures(SHOWN) == []
     assert judged(SHOWN).passed
-    assert re.match(r"Knowing nothing .* goes from .* stays at .* times as much\.", told(SHOWN))
+    assert re.match(r"Knowing nothing .* goes from .* stays at .* times as much\.", outcome_words(SHOWN))
     assert summary(SHOWN)["verdict"] == {"passed": True, "faults": []}
 
 
 def test_a_run_that_stopped_says_so_first_and_has_no_last_two_seconds() -> None:
     stopped = changed(SHOWN, samples=210, terminated=True)
     assert failures(stopped) == [Failure.STOPPED]
-    assert told(stopped).startswith("Failed: Slotine-Li, <learning> was stopped at 0.42 s")
+    assert outcome_words(stopped).startswith("Failed: Slotine-Li, <learning> was stopped at 0.42 s")
     assert summary_markdown(stopped).startswith("Failed: ")
     said = summary(stopped)
     assert said["verdict"]["passed"] is False
@@ -71,8 +71,8 @@ def test_figures_of_two_seconds_exist_from_two_seconds_on() -> None:
 def test_adaptation_off_that_fell_is_not_said_to_stay() -> None:
     fell = changed(SHOWN, 1, samples=235, terminated=True)
     assert failures(fell) == []
-    assert "adaptation off is stopped at 0.47 s" in told(fell)
-    assert "stays" not in told(fell)
+    assert "adaptation off is stopped at 0.47 s" in outcome_words(fell)
+    assert "stays" not in outcome_words(fell)
     assert dict(facts(fell))["… with adaptation off"].startswith("stopped at 0.47 s")
 
 
@@ -109,8 +109,8 @@ def test_a_failure_that_is_the_question_passes_and_is_told_last() -> None:
     expected = replace(weak, expected={Failure.SATURATED: "its motors are weak"})
     assert not judged(weak).passed
     assert judged(expected).passed
-    assert told(expected).startswith("Knowing nothing")
-    assert "As expected (its motors are weak): Slotine-Li" in told(expected)
+    assert outcome_words(expected).startswith("Knowing nothing")
+    assert "As expected (its motors are weak): Slotine-Li" in outcome_words(expected)
     assert summary(expected)["verdict"]["faults"][0]["expected"] == "its motors are weak"
     stopped = changed(expected, terminated=True)
     assert not judged(stopped).passed  # another failure is not excused by it

@@ -13,7 +13,8 @@ def install_completion(
     shell: Annotated[Literal["bash", "zsh", "fish"] | None, Parameter(help="The shell; else the one in use.")] = None,
     out: Annotated[Path | None, Parameter(metavar="FILE", help="Write the script here instead.")] = None,
 ) -> None:
-    """Install completion for a shell: its script, and a line in its startup file where it needs one."""
+    """Install completion for a shell: its script, and a line in its startup file where it needs one. Raises
+    `InputError` where the shell in use is not known."""
     from cyclopts.completion import ShellDetectionError
 
     from adaptctl.cli.main import app

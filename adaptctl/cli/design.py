@@ -49,7 +49,7 @@ def design(
     ] = None,
     overwrite: Annotated[bool, Parameter(help="Write into a folder that is not empty.")] = False,
 ) -> None:
-    """Tell what added mass costs a robot and where, and what counterweights and symmetry would save."""
+    """Print the costs of added mass at places of a robot, and the savings by counterweights and symmetry."""
     from adaptctl.design import DesignTask, design_study
     from adaptctl.dynamics import load
     from adaptctl.errors import InputError
@@ -93,7 +93,7 @@ def _detail(
     room: tuple[float, float],
     percent: float,
 ) -> AddedMass:
-    """What the body changes at a place of a link, which is to be within its bounds."""
+    """The costs of a body added at a place of a link, which must be within the link's bounds."""
     from adaptctl.design import PlaceBounds, added_mass
     from adaptctl.design.study import named_body
 

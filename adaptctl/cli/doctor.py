@@ -29,7 +29,8 @@ def doctor(*, json: Annotated[bool, Parameter(help="Print JSON instead of text."
 
 
 def examined() -> dict[str, Any]:
-    """What is installed, in JSON's types; `wrong` holds a sentence for each thing that keeps adaptctl from working."""
+    """A report of what is installed, in JSON's types; `wrong` holds a sentence for each thing that keeps adaptctl from
+    working."""
     import platform
 
     required, extras = _requirements()

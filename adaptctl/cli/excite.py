@@ -62,15 +62,15 @@ def excite(
             )
             for i, name in enumerate(("excitation", "validation"))
         }
-        told = forecast(mechanism, motions["excitation"], _each(noise))
+        predicted = forecast(mechanism, motions["excitation"], _each(noise))
         for name, motion in motions.items():
             _write(folder, name, motion, [joint.name for joint in mechanism.primary_joints], rate)
-        content = as_builtins(robot, motions, told, area.collides is not None)
+        content = as_builtins(robot, motions, predicted, area.collides is not None)
         write_json(folder / "forecast.json", content)
     if json:
         print_json(content | {"folder": str(out)})
     else:
-        _print(motions, told, area.collides is not None, out)
+        _print(motions, predicted, area.collides is not None, out)
 
 
 def _each(given: Numbers) -> Any:
@@ -78,19 +78,19 @@ def _each(given: Numbers) -> Any:
     return (given[0] if len(given) == 1 else list(given)) if given else None
 
 
-def as_builtins(robot: str, motions: dict[str, RobotMotion], told: Forecast, collisions: bool) -> dict[str, Any]:
+def as_builtins(robot: str, motions: dict[str, RobotMotion], predicted: Forecast, collisions: bool) -> dict[str, Any]:
     """The forecast in JSON's types; `relative` is null where the robot's file has zero."""
     from math import isfinite
 
-    columns = zip(told.model.names, told.deviations.tolist(), told.relative.tolist(), strict=True)
+    columns = zip(predicted.model.names, predicted.deviations.tolist(), predicted.relative.tolist(), strict=True)
     return {
         "schema": SCHEMA,
         "robot": robot,
         "durations": {name: motion.duration for name, motion in motions.items()},
         "self_collision_checked": collisions,
-        "condition": told.condition,
+        "condition": predicted.condition,
         "parameters": {n: {"deviation": s, "relative": x if isfinite(x) else None} for n, s, x in columns},
-        "combinations": [c._asdict() for c in told.combinations],
+        "combinations": [c._asdict() for c in predicted.combinations],
     }
 
 
@@ -112,18 +112,18 @@ def _write(folder: Path, name: str, motion: RobotMotion, joints: list[str], rate
         write_trajectory(folder / f"{name}{suffix}", motion, joints, rate)
 
 
-def _print(motions: dict[str, RobotMotion], told: Forecast, collisions: bool, folder: Path) -> None:
+def _print(motions: dict[str, RobotMotion], predicted: Forecast, collisions: bool, folder: Path) -> None:
     import numpy as np
 
-    relative = told.relative
+    relative = predicted.relative
     print(
         f"Two motions of {' and '.join(f'{motion.duration:.1f} s' for motion in motions.values())}, from rest to rest."
     )
-    print(f"  condition of the scaled regressor    {told.condition:.3g}")
+    print(f"  condition of the scaled regressor    {predicted.condition:.3g}")
     print(f"  parameters to within 10 %            {int(np.sum(relative < 0.1))} of {len(relative)}")
     print(f"  self-collision                       {'checked' if collisions else 'not checked: no geometry is known'}")
     print("  least excited combinations")
-    for combination in told.combinations[:5]:
+    for combination in predicted.combinations[:5]:
         print(f"    {combination.words}   (prior range over deviation: {combination.strength:.2g})")
     print(f"\nRun:      {folder / 'excitation.csv'} (or .yaml, .json), then {folder / 'validation.csv'}")
     print("Then:     adaptctl identify LOG --robot ROBOT --validate OTHER")

@@ -145,12 +145,12 @@ def notes_last() -> Iterator[None]:
 
 def _computed(experiment: Experiment, folder: Path, interruption: Interruption) -> Result:
     """Result of an experiment, computed and written, with progress on stderr."""
-    with shown_progress() as told:
-        result = experiment.run(interruption.heeded(told))
+    with shown_progress() as progress:
+        result = experiment.run(interruption.heeded(progress))
         interruption.hold()
         if not result.complete:
             print("adaptctl: interrupted; writing what was computed", file=sys.stderr)
-        result.write(folder, lambda what, share: told("Recording, figures and report", share))
+        result.write(folder, lambda what, share: progress("Recording, figures and report", share))
     return result
 
 
@@ -165,13 +165,13 @@ def shown_progress() -> Iterator[Callable[[str, float], None]]:
     with Progress(*columns, left, console=console, disable=not console.is_terminal) as shown:
         tasks: dict[str, TaskID] = {}
 
-        def told(what: str, share: float) -> None:
+        def progress(what: str, share: float) -> None:
             if what not in tasks:
                 tasks[what] = shown.add_task(what, total=1.0)
             shown.update(tasks[what], completed=share)
 
         try:
-            yield told
+            yield progress
         except BaseException:
             shown.live.transient = True  # what went wrong is one line, with no half-filled bars above it
             raise

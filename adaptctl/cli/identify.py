@@ -93,15 +93,15 @@ def as_builtins(found: Identification, folder: Path) -> dict[str, Any]:
     """Outcome of an identification in JSON's types; the numbers are in the folder's summary.json."""
     from adaptctl.recording.identified.report import facts, verdict
 
-    told = {"verdict": verdict(found), "facts": dict(facts(found)), "remarks": list(found.remarks)}
-    return {"schema": SCHEMA, "folder": str(folder), **told}
+    words = {"verdict": verdict(found), "facts": dict(facts(found)), "remarks": list(found.remarks)}
+    return {"schema": SCHEMA, "folder": str(folder), **words}
 
 
 @contextmanager
 def _files(
     logs: tuple[Path, ...], robot: str | None, drives: Path | None
 ) -> Iterator[tuple[tuple[Path, ...], str, Path | None]]:
-    """As given, or an example's by its name."""
+    """The logs, the robot and the drives file as given, or those of an example by its name."""
     from adaptctl.errors import InputError
     from adaptctl.identification.examples import NAMES, example
 

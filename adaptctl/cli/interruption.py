@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -13,6 +14,21 @@ if TYPE_CHECKING:
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 """Ctrl-C, and what batch systems send before they kill."""
+IMPORTING = "<frozen importlib._bootstrap>"
+SOON = 0.01
+"""s after which a signal is sent again that came at a wrong moment"""
+
+
+def raised(number: int, frame: FrameType | None) -> None:
+    """Handle a signal by KeyboardInterrupt, at once or, in the midst of Python's own code that imports, soon.
+
+    That code takes a lock which every import needs: an exception between two of its lines leaves it taken, and other
+    threads wait for ever.
+    """
+    if frame is None or frame.f_code.co_filename != IMPORTING:
+        raise KeyboardInterrupt
+    main = threading.main_thread().ident or 0
+    threading.Timer(SOON, signal.pthread_kill, (main, number)).start()
 
 
 class Interruption:
@@ -23,17 +39,17 @@ class Interruption:
         self._held = False
 
     def hold(self) -> None:
-        """From now on results are written: the next interruption is noted and lets that be done, one more ends it."""
+        """Begin to write results: the next interruption is noted and lets the writing finish, one more ends it."""
         self._held = True
 
     def interrupt(self, number: int, frame: FrameType | None) -> None:
-        """Handle a signal. Raises KeyboardInterrupt, unless results are being written."""
+        """Handle a signal. Raises KeyboardInterrupt, as `raised` does, unless results are being written."""
         self.asked = True
         if self._held:
             self._held = False
             os.write(2, b"adaptctl: results are being written; interrupt once more to leave them\n")
             return
-        raise KeyboardInterrupt
+        raised(number, frame)
 
     def heeded(self, progress: Callable[[str, float], object]) -> Callable[[str, float], None]:
         """Progress that raises KeyboardInterrupt in the midst of a stage when an end was asked for.
@@ -42,12 +58,12 @@ class Interruption:
         where it is found again. The end of a stage passes, for the stage may just have ended because of it.
         """
 
-        def told(what: str, share: float) -> None:
+        def checked(what: str, share: float) -> None:
             if self.asked and share < 1.0:
                 raise KeyboardInterrupt
             progress(what, share)
 
-        return told
+        return checked
 
 
 @contextmanager

@@ -69,11 +69,11 @@ def sweep(
         raise InputError("TLS needs all of --tls-ca, --tls-cert and --tls-key")
     cluster = Cluster(jobs, scheduler, scheduler_file, tls if all(tls) else None)  # type: ignore[arg-type]
     folder = Folder.opened(out, study, shard, sys.argv[1:])
-    with interruptible() as interruption, shown_progress() as told:
-        heeded = interruption.heeded(told)
+    with interruptible() as interruption, shown_progress() as progress:
+        heeded = interruption.heeded(progress)
         swept(folder, cluster, lambda share: heeded(f"{study.count} runs", share))
     write_report(out)
-    return _told(out)
+    return _print_status(out)
 
 
 @app.command
@@ -88,7 +88,7 @@ def status(folder: Path, *, json: Annotated[bool, Parameter(help="Print JSON ins
         print_json({"schema": STATUS_SCHEMA, **counts})
         return 0
     print(f"{shards} of {-(-study.runs // study.shard)} shards of {study.shard} runs are there")
-    return _told(folder) if shards else 0
+    return _print_status(folder) if shards else 0
 
 
 @app.command
@@ -100,7 +100,7 @@ def report(folder: Path) -> int:
     return 0
 
 
-def _told(folder: Path) -> int:
+def _print_status(folder: Path) -> int:
     from adaptctl.sweeps.report import SweepReport
 
     print(SweepReport.of(folder).text())
@@ -114,8 +114,8 @@ def _search(study: SweepStudy, minimise: str, trials: int, out: Path) -> int:
 
     if out.exists() and any(out.iterdir()):
         raise InputError(f"{out}: is not empty: choose another --out")
-    with interruptible() as interruption, shown_progress() as told:
-        heeded = interruption.heeded(told)
+    with interruptible() as interruption, shown_progress() as progress:
+        heeded = interruption.heeded(progress)
         found = search(study, minimise, trials, lambda share: heeded(f"{trials} runs", share))
     out.mkdir(parents=True, exist_ok=True)
     write_settings(out / "best.toml", study, found)
@@ -127,7 +127,7 @@ def _search(study: SweepStudy, minimise: str, trials: int, out: Path) -> int:
 
 
 def _require_few(count: int, yes: bool) -> None:
-    """Ask before a grid that may have been meant smaller; refuse it where nobody can answer."""
+    """Ask before a large grid that may have been meant smaller; refuse it where no terminal can answer."""
     if count <= MANY or yes:
         return
     if sys.stdin.isatty():

@@ -1,4 +1,4 @@
-"""To the robot: a controller as C that needs nothing else, or as WebAssembly.
+"""Export of a controller to the robot: as C that needs nothing else, or as WebAssembly.
 
 Both are written from the graph of the law that Python runs (`adaptctl.compilation`); neither needs a compiler here.
 """

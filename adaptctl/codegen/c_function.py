@@ -59,10 +59,15 @@ class CStatements:
         """A number to its place."""
         self.lines.append(f"{place} = {self.operand(value)};")
 
+    def copy_where(self, condition: Expression, runs: Iterable[tuple[str, str, int]]) -> None:
+        """Numbers side by side, so many each, to one place from another, where a condition holds."""
+        copies = [f"    (void)memcpy(&{to}, &{of}, {n}u * sizeof({self._prefix}_real));" for to, of, n in runs]
+        self.lines += [f"if ({self.operand(condition)}) {{", *copies, "}"]
+
     def operand(self, x: Expression | float) -> str:
         """The text of a number."""
         if not isinstance(x, Expression):
-            return self._number.told(x)
+            return self._number.text(x)
         if x.index not in self._text:
             self._text[x.index] = self._place(x) or f"passed[{self._found[x.index]}]"
         return self._text[x.index]
@@ -109,7 +114,7 @@ class CStatements:
         return name
 
     def _place(self, x: Expression) -> str | None:
-        """Where an expression is in memory already."""
+        """C's text of an expression that is in memory already; None for others."""
         if x.index in self._found:
             return f"passed[{self._found[x.index]}]"
         if x.op is Op.INPUT:

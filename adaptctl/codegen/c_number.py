@@ -14,7 +14,7 @@ Kind: TypeAlias = Literal["double", "float"]
 
 @dataclass(frozen=True)
 class CNumber:
-    """One of C's two kinds of number, and `names`: what constants stand for, by magnitude, to be told beside them."""
+    """One of C's two kinds of number, and `names`: the meanings of constants by magnitude, written beside them."""
 
     kind: Kind
     names: Mapping[float, str]
@@ -26,7 +26,7 @@ class CNumber:
 
     @property
     def suffix(self) -> str:
-        """What constants and the functions of math.h end in."""
+        """Suffix of constants and of math.h's functions."""
         return "" if self.kind == "double" else "f"
 
     def rounded(self, x: float) -> float:
@@ -48,7 +48,7 @@ class CNumber:
         text = f"{repr(rounded) if short else rounded.hex()}{self.suffix}"
         return f"({text})" if text.startswith("-") else text
 
-    def told(self, x: float) -> str:
+    def text(self, x: float) -> str:
         """C's text for a number within the law, with what it stands for in a comment."""
         name = self.names.get(abs(x))
         return f"{self.constant(x)} /* {name} */" if name else self.constant(x)

@@ -97,7 +97,7 @@ LONGEST_NAME = 40
 
 @dataclass(frozen=True)
 class Exported:
-    """What was exported: where, under which name, its files, and its manifest."""
+    """An exported controller: its folder, its name, its files, and its manifest."""
 
     directory: Path
     name: str
@@ -198,7 +198,7 @@ def _written(
 
 
 def _manifest(interface: Interface, name: str, facts: dict[str, Any]) -> dict[str, Any]:
-    """What is known of the code, in JSON's types."""
+    """Contents of the manifest, in JSON's types."""
     mechanism, model, law = interface.mechanism, interface.model, interface.controller
     gains = {field.name: _jsonable(field.values) for field in interface.all_gains}
     columns = list(model.names) if model is not None else None

@@ -1,14 +1,14 @@
-"""What a controller takes, keeps and returns, by name: the part of the code that people read."""
+"""Interface of exported code: a controller's arguments, memory and results, by name."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, per_joint
 from adaptctl.caching import cached_property
 from adaptctl.compilation.graph import Op
 from adaptctl.compilation.routine import Routine, trace
@@ -48,8 +48,17 @@ class Field:
         return self.name + "".join(f"[{int(i)}]" for i in where)
 
     def label(self, k: int) -> str:
-        """What the k-th number is called."""
+        """Name of the k-th number; empty without names."""
         return self.labels[k % len(self.labels)] if self.labels else ""
+
+
+class Brake(NamedTuple):
+    """How guards brake an arm whose law has no torque to give: -damping v, within limits."""
+
+    damping: Array
+    """(r,) N m s/rad"""
+    limit: Array
+    """(r,) N m, finite"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,8 +84,17 @@ class Interface:
 
     @property
     def guarded(self) -> bool:
-        """Whether guards stand before the motors."""
+        """True if guards stand before the motors."""
         return isinstance(self.controller, Guarded)
+
+    @cached_property
+    def brake(self) -> Brake | None:
+        """The guards' brake; nothing without guards."""
+        law = self.controller
+        if not isinstance(law, Guarded):
+            return None
+        damping, limit = (per_joint(x, law.dof, "brake") for x in (law.stop_damping, law.torque_limits))
+        return Brake(damping, np.minimum(limit, np.finfo(np.float64).max))
 
     @cached_property
     def model(self) -> ReducedModel | None:
@@ -97,7 +115,7 @@ class Interface:
 
     @property
     def follows_joints(self) -> bool:
-        """Whether reference points are positions of the joints."""
+        """True if reference points are positions of the joints."""
         law = self.innermost
         if isinstance(law, TaskSpaceSlotineLi):
             return law.reference_in_joints
@@ -140,7 +158,7 @@ class Interface:
 
     @cached_property
     def marks(self) -> tuple[str, ...]:
-        """What the guards tell of a tick."""
+        """Names of the guards' marks of a tick."""
         return tuple(getattr(guards(self.controller._blank), "_fields", ()))
 
     def memory_of(self, state: Any) -> list[Array]:
@@ -148,7 +166,7 @@ class Interface:
         return [np.asarray(x, dtype=np.float64) for x in leaves(state)]
 
     def names_of_constants(self) -> dict[float, str]:
-        """What constants of the law stand for, by magnitude: parameters that are compiled in."""
+        """Names of parameters that are compiled into the law, by magnitude."""
         values = getattr(self.innermost, "parameters", None)
         if self.mechanism is None or isinstance(values, Column) or values is None:
             return {}
@@ -171,7 +189,7 @@ class Interface:
             first += field.size
 
     def _labels(self, name: str, size: int) -> tuple[str, ...]:
-        """What numbers are called by their count: parameters or joints; tree joints where there are loops."""
+        """Names of numbers by their count: parameters or joints; tree joints where there are loops."""
         if self.model is not None and size == len(self.model.names) and "q" not in name.split("_"):
             return tuple(self.model.names)
         if size == len(self.joints):

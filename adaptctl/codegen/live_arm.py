@@ -105,7 +105,7 @@ def live_arm(
 
 
 def _obstacle(plant: Plant, controller: Controller[Any], reference: Reference) -> str:
-    """Why a loop cannot be shown live; nothing when it can."""
+    """The reason why a loop cannot be shown live; empty when it can."""
     if plant.effects:
         names = ", ".join(type(effect).__name__ for effect in plant.effects)
         return f"what stands between controller and joints ({names}) is not part of a live arm"
@@ -158,7 +158,7 @@ def _groups(controller: Controller[Any]) -> Iterator[dict[str, Any]]:
 
 
 def _load(plant: Plant, parameters: Array) -> list[float]:
-    """What a kilogram in the origin of the last body adds to the parameters (P,); nothing where they are related."""
+    """Change of the parameters (P,) by a kilogram in the origin of the last body; empty where they are related."""
     description = plant.mechanism.description
     if len(parameters) < len(description.inertial_parameters):
         return []

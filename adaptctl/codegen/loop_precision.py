@@ -1,4 +1,4 @@
-"""Whether single precision keeps a mechanism's loops closed."""
+"""Check that single precision keeps a mechanism's loops closed."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ from adaptctl.compilation.sine import FARTHEST
 
 
 def readme(package: CPackage) -> str:
-    """What somebody who uses the code must know, in Markdown."""
+    """Instructions for users of the code, in Markdown."""
     return package.filled(
         "README.md",
         flops=package.interface.law.operations.flops,

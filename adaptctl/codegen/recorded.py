@@ -25,7 +25,7 @@ MARGIN = 0.15
 
 @dataclass(frozen=True)
 class RecordedTick:
-    """What went into a tick in Python, and what came out."""
+    """Arguments and results of a tick in Python."""
 
     p: Array
     v: Array

@@ -38,7 +38,7 @@ class Walk:
 
 @dataclass(frozen=True)
 class Start:
-    """How a memory begins: `fields` by index that are the configuration (n,), and those that `more` computes of it."""
+    """Start of a memory: `fields` by index that are the configuration (n,), and those that `more` computes of it."""
 
     configurations: tuple[int, ...]
     computed: tuple[int, ...]
@@ -48,7 +48,7 @@ class Start:
 
 
 def start_of(interface: Interface, open_by: float) -> Start:
-    """How a controller's memory begins, its loops left open by at most `open_by` (m or rad).
+    """The start of a controller's memory, its loops left open by at most `open_by` (m or rad).
 
     Raises `InputError` where it depends on positions in another way.
     """

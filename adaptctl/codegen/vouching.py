@@ -23,7 +23,7 @@ STRETCH = 10_000
 
 
 def vouched(interface: Interface, reference: Reference, duration: float = DURATION) -> dict[str, Any]:
-    """What a run on the mechanism as described says, in JSON's types.
+    """Outcome of a run on the mechanism as described, for `duration` s, in JSON's types.
 
     Raises `InputError` where the run is not finite, or guards stop it, and where there is no mechanism to run on.
     """
@@ -50,14 +50,14 @@ def vouched(interface: Interface, reference: Reference, duration: float = DURATI
     last = round(min(10.0, duration) / period)
     return {
         "duration": duration,
-        "reference": told(reference),
+        "reference": stated(reference),
         "finite": True,
         "rms_error_first_10_s": float(np.sqrt((errors[:last] ** 2).mean())) if squares else None,
         "rms_error_last_10_s": float(np.sqrt((errors[-last:] ** 2).mean())) if squares else None,
     }
 
 
-def told(reference: Reference) -> dict[str, Any]:
+def stated(reference: Reference) -> dict[str, Any]:
     """A reference in JSON's types."""
     if not isinstance(reference, Sinusoids):
         return {"kind": type(reference).__name__}
@@ -66,7 +66,7 @@ def told(reference: Reference) -> dict[str, Any]:
 
 
 def _first(interface: Interface, reference: Reference) -> Array:
-    """Where the run begins: on the reference where it is one of joints, else at home."""
+    """Positions (r,) at which the run begins: on the reference where it is one of joints, else at home."""
     point = np.asarray(reference(0.0).p, dtype=np.float64)
     return point if interface.follows_joints else np.asarray(interface.controller.home)
 

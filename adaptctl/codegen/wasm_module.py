@@ -19,7 +19,7 @@ FIRST = 64
 
 @dataclass(frozen=True)
 class WasmPlaces:
-    """Where a function's arguments and results are: the first byte of each in the module's memory."""
+    """Addresses of a function's arguments and results: the first byte of each in the module's memory."""
 
     inputs: tuple[int, ...]
     outputs: tuple[int, ...]

@@ -1,4 +1,4 @@
-"""From equations over scalars to native code. Knows nothing of robots."""
+"""Compilation of equations over scalars to native code. Knows nothing of robots."""
 
 from adaptctl.compilation.graph import Op
 from adaptctl.compilation.kernel import Kernel, compile_function

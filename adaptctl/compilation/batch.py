@@ -54,7 +54,7 @@ def _entry(name: str, kind: str, table: str, k: int) -> str:
 
 
 def _check(sizes: Mapping[str, int], lanes: Lanes) -> list[str]:
-    """Whether all is finite still."""
+    """LLVM lines that set `%still.sound`: true while every number so far is finite."""
     lines, sound = [], "%sound"
     for name, n in sizes.items():
         lines.append(f"%{name}.finite = call i1 @finite(ptr %{name}, i64 {n * lanes.count})")

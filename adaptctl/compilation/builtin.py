@@ -22,7 +22,7 @@ from adaptctl.compilation.native import NativeCode, define
 from adaptctl.compilation.routine import Routine
 
 Finite: TypeAlias = bool | Literal["results"]
-"""Whether NaN and infinity are refused: nowhere, everywhere, or in what is computed."""
+"""Check for NaN and infinity: nowhere, everywhere, or in what is computed."""
 
 _ENTRY = "call"
 _FASTCALL = 0x80  # METH_FASTCALL: an array of arguments and their number
@@ -31,7 +31,7 @@ _PYTHON = ("PyObject_Vectorcall", "PyTuple_New", "PyType_GenericAlloc", "PyFloat
 
 
 class Place(NamedTuple):
-    """Where a column comes from: the number of an argument and, if that is a tuple, of the item in it."""
+    """The source of a column: the number of an argument and, if that is a tuple, of the item in it."""
 
     argument: int | None
     """None for what the function has been bound to"""
@@ -39,7 +39,8 @@ class Place(NamedTuple):
 
 
 class Form(NamedTuple):
-    """How a routine's columns come from a function's arguments and go back.
+    """The calling convention of a built-in function: which arguments a routine's columns come from, and what is
+    returned.
 
     `places` has where each column comes from. `tuples` has the arguments that are tuples, and how many items each has;
     its type is known when the function is made, as is what it is bound to. The results that `wrapped` names become the
@@ -62,16 +63,16 @@ class Form(NamedTuple):
 
     @property
     def types(self) -> dict[int, int]:
-        """Where the function has the types of those that are tuples, among what it keeps."""
+        """Indices of the types of arguments that are tuples, among the objects that the function keeps."""
         return {argument: 1 + k for k, argument in enumerate(self.tuples)}
 
     def bound(self, column: int) -> int:
-        """Where the function has a column that it is bound to, among what it keeps."""
+        """Index of a bound column among the objects that the function keeps."""
         return 1 + len(self.tuples) + sum(place.argument is None for place in self.places[:column])
 
 
 class _Array(ctypes.Structure):
-    """How an array begins (numpy/ndarraytypes.h)."""
+    """The first fields of NumPy's array object (numpy/ndarraytypes.h)."""
 
     _fields_ = (
         ("references", ctypes.c_ssize_t),
@@ -99,7 +100,8 @@ class _Definition(ctypes.Structure):
 
 @functools.cache
 def has_builtins() -> bool:
-    """Whether this Python keeps arrays as is expected here. If so, native code is told where it finds what it needs."""
+    """True if this Python lays out arrays and tuples as expected here. If so, native code is given the addresses it
+    needs."""
     if sys.implementation.name != "cpython" or object.__basicsize__ != _Array.data.offset:
         return False
     items = (object(),)
@@ -177,7 +179,7 @@ def _found(form: Form, inputs: Mapping[int, int]) -> list[str]:
 
 
 def _packed(form: Form, numbers: Sequence[int], count: int, *, in_tuple: bool) -> list[str]:
-    """What is returned: the only result, or a tuple of all."""
+    """LLVM lines that return the only result, or a tuple of all."""
     boxed = [_BOXED.format(k) for k in numbers]
     if not in_tuple:
         return [*boxed, "ret ptr %result0"]

@@ -41,7 +41,7 @@ class OnFloats:
 
     @property
     def call(self) -> OnFloats:
-        """Itself: a kernel has a faster `call`, this has not."""
+        """The object itself: on floats there is no faster call, as a kernel has one."""
         return self
 
 

@@ -120,7 +120,8 @@ class FunctionBody:
         return name
 
     def _place(self, x: Expression) -> tuple[str, int] | None:
-        """Where an expression is in memory already, as a pointer and a number of places after it."""
+        """The place of an expression that is in memory already: a pointer and a number of places after it. None for
+        others."""
         if x.index in self._found:
             return "%passed", self._found[x.index]
         if x.op is Op.INPUT:

@@ -47,14 +47,16 @@ class LaneArray:
         part[...] = rows.reshape(part.shape)
 
     def view(self, name: str) -> Array:
-        """A column (..., n) of the only member, as it is in memory."""
+        """A column (..., n) of the only member, as it is in memory. Raises `InputError` where there are more members or
+        lanes."""
         if self.members != 1 or self.lanes != 1:
             raise InputError(f"view: expected one member in one lane, got {self.members} in {self.lanes}")
         column: Array = self.blocks[..., 0, self._place(name), 0]
         return column
 
     def put(self, name: str, members: ArrayLike, values: ArrayLike) -> None:
-        """Assign to some members, by number (k,), what broadcasts to (k, n)."""
+        """Assign to some members, by number (k,), what broadcasts to (k, n). Raises `InputError` for numbers that no
+        member has."""
         chosen = np.asarray(members)
         if chosen.dtype.kind not in "iu" or chosen.ndim != 1 or np.any((chosen < 0) | (chosen >= self.members)):
             raise InputError(f"members: expected numbers from 0 to {self.members - 1}, got {chosen.tolist()}")

@@ -1,4 +1,4 @@
-"""Numbers side by side: what LLVM calls them, and what it is told of them."""
+"""LLVM types and attributes for numbers side by side in SIMD lanes."""
 
 from __future__ import annotations
 
@@ -47,7 +47,8 @@ class Lanes:
 
     @property
     def attributes(self) -> str:
-        """What every function on them says: spilled vectors must not straddle cache lines."""
+        """LLVM attributes of every function on lanes: the stack is aligned so that no spilled vector straddles a cache
+        line."""
         return "nounwind" if self.count == 1 else f'nounwind "stackrealign" alignstack({self.alignment})'
 
     def constant(self, x: float) -> str:

@@ -1,4 +1,4 @@
-"""How scalars make up the arguments and the result of an equation."""
+"""Layouts: the scalars that make up the arguments and the result of an equation."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Layout:
 
     @property
     def places(self) -> tuple[slice, ...]:
-        """Each part's place among all scalars."""
+        """Index of each part among all scalars."""
         return tuple(slice(end - size, end) for size, end in zip(self.sizes, accumulate(self.sizes), strict=True))
 
     @property
@@ -46,7 +46,7 @@ class Layout:
 
 
 def numbered(sizes: Iterable[int]) -> list[tuple[int, int]]:
-    """For parts of these sizes: which part each scalar belongs to, and which one of the part it is."""
+    """For each scalar of parts of these sizes, the index of its part and its index within the part."""
     return [(part, k) for part, size in enumerate(sizes) for k in range(size)]
 
 

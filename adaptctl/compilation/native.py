@@ -1,4 +1,4 @@
-"""From LLVM IR to machine code in memory, compiled once for a processor and kept for other processes."""
+"""Machine code in memory from LLVM IR, compiled once for a processor and kept for other processes."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def load(text: str, processor: Processor | None = None) -> NativeCode:
 
 
 def define(addresses: Mapping[str, int]) -> None:
-    """Tell code loaded from now on where the functions and objects it names are."""
+    """Register the addresses of functions and objects that code loaded from now on names."""
     with _compiler():
         for name, address in addresses.items():
             llvm.add_symbol(name, address)

@@ -27,8 +27,8 @@ log = logging.getLogger(__name__)
 
 
 def cache_folder() -> Path | None:
-    """Where objects are kept: `ADAPTCTL_CACHE`, or else `adaptctl` in `XDG_CACHE_HOME` or `~/.cache`; None where
-    `ADAPTCTL_CACHE` is `off`, and where no home is known."""
+    """The folder of compiled objects: `ADAPTCTL_CACHE`, or else `adaptctl` in `XDG_CACHE_HOME` or `~/.cache`; None
+    where `ADAPTCTL_CACHE` is `off`, and where no home is known."""
     chosen, caches = os.environ.get("ADAPTCTL_CACHE", ""), Path(os.environ.get("XDG_CACHE_HOME", ""))
     if chosen == "off":
         return None
@@ -49,7 +49,7 @@ class ObjectCache:
     limit: int = LIMIT
 
     def get(self, key: bytes) -> bytes | None:
-        """The object kept under this key, if it is there, whole, and nobody else's."""
+        """The object kept under this key, or None if it is absent, damaged or written by another user."""
         try:
             _require_own(self.folder.stat())
             content = _read(self._path(key))
@@ -111,7 +111,7 @@ def _read(path: Path) -> bytes:
 
 
 def _write(path: Path, content: bytes) -> None:
-    """Beside its place and then into it, so that nobody ever sees half of it."""
+    """Write a file beside its place and then move it there, so that no other process reads half of it."""
     beside = path.with_name(f".{secrets.token_hex(8)}{SUFFIX}")
     try:
         with os.fdopen(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:

@@ -64,13 +64,13 @@ def _with_truths(part: Sequence[Expression]) -> Sequence[Expression]:
 
 
 def _operands(part: Iterable[Expression]) -> set[Expression]:
-    """The numbers that are computed somewhere and used here."""
+    """Operands of a piece that are computed anywhere: neither inputs nor calls."""
     used = (y for x in part for y in x.operands if isinstance(y, Expression))
     return {y for y in used if y.op not in (Op.INPUT, Op.CALL, *_TRUTHS)}
 
 
 def _places(homes: dict[int, int], needed: Sequence[set[int]]) -> dict[int, int]:
-    """Places in memory of all that passes from piece to piece; one is used again when nobody needs it any more."""
+    """Index in memory of every value that passes between pieces; an index is used again after its value's last use."""
     last = {i: k for k, wanted in enumerate(needed) for i in wanted}
     places: dict[int, int] = {}
     free: list[int] = []

@@ -11,7 +11,7 @@ import llvmlite.binding as llvm
 from adaptctl.errors import InputError
 
 _WIDEST = {"avx512f": 8, "avx": 4, "sse2": 2, "neon": 2}
-"""How many doubles a register holds, by the instructions that use it; the first that the processor has counts."""
+"""Number of doubles in a register, by the instructions that use it; the first that the processor has counts."""
 
 _AVX2 = ("sse2", "avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")
 _AVX512 = (*_AVX2, "avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl")
@@ -36,7 +36,8 @@ class Processor:
         return _whole() if level in ("", "native") else _whole().limited(level)
 
     def limited(self, level: str) -> Processor:
-        """A processor that has of this one only what belongs to a level: "sse2", "avx2" or "avx512"."""
+        """A processor that has of this one only what belongs to a level: "sse2", "avx2" or "avx512". Raises
+        `InputError` for an unknown level, and for one that the processor lacks."""
         if level not in _LEVELS:
             known = ", ".join(("native", *_LEVELS))
             raise InputError(f"ADAPTCTL_PROCESSOR: expected one of {known}, got {level!r}")
@@ -49,12 +50,12 @@ class Processor:
 
     @property
     def lanes(self) -> int:
-        """How many doubles one instruction works on: 8, 4 or 2, and 1 where nothing is known."""
+        """Number of doubles in one instruction: 8, 4 or 2, and 1 where the processor is not known."""
         has = self.features.split(",")
         return next((lanes for feature, lanes in _WIDEST.items() if f"+{feature}" in has), 1)
 
     def machine(self) -> llvm.TargetMachine:
-        """What makes code for it, to be run in this process."""
+        """LLVM's target machine, which makes code for this processor, to be run in this process."""
         target = llvm.Target.from_default_triple()
         return target.create_target_machine(cpu=self.name, features=self.features, opt=2, jit=True)
 

@@ -1,4 +1,4 @@
-"""Why an equation cannot be traced, and where."""
+"""Refusals of equations that cannot be traced: the reason, and the line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From a function over scalars to the expressions of its result; calls that are not unrolled."""
+"""Routines: the expressions of a function's result, and calls of them that are not unrolled."""
 
 from __future__ import annotations
 

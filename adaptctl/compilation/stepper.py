@@ -37,10 +37,10 @@ def compile_step(
     """Native code that takes `step` again and again, for `lanes` members at once: as many as suit the processor, which
     is this one, unless given.
 
-    `step` is called once with Columns by keyword: `state`, which each member has and each step replaces; `held`,
-    which each member has and keeps; `shared`, other in each step and the same for all members; `driven`, other in
-    each step and for each member. It returns a tuple: the new state, in the order of `state`, and after it any
-    outputs, Columns, lists of Columns or scalars.
+    `step` is called once with Columns by keyword: `state`, which each member has and each step replaces; `held`, which
+    each member has and keeps; `shared`, other in each step and the same for all members; `driven`, other in each step
+    and for each member. It returns a tuple: the new state, in the order of `state`, and after it any outputs, Columns,
+    lists of Columns or scalars. Raises `InputError` for columns of the same name.
     """
     columns = {Source.STATE: state, Source.HELD: held, Source.SHARED: shared, Source.DRIVEN: driven}
     arguments = {name: length for part in columns.values() for name, length in part.items()}
@@ -107,7 +107,8 @@ class Ensemble:
         (steps, members, ...) each.
 
         `signals` are the shared columns (steps, n) and the driven ones (steps, members, n). Other Python threads run
-        meanwhile. Using more than one thread here pays from milliseconds on: to start one takes some 50 us.
+        meanwhile. Using more than one thread here pays from milliseconds on: to start one takes some 50 us. Raises
+        `InputError` for a number of steps below 0, and for signals of the wrong shape.
         """
         if steps < 0 or steps != int(steps):
             raise InputError(f"steps: expected a whole number of at least 0, got {steps}")
@@ -124,7 +125,8 @@ class Ensemble:
         return self._array(self._outputs, steps)
 
     def record_into(self, room: LaneArray, first: int, steps: int, signals: Mapping[str, ArrayLike]) -> None:
-        """Take a number of steps as `run` does, and put their outputs where there is room for them from a step on."""
+        """Take a number of steps as `run` does, and put their outputs into `room` from step `first` on. Raises
+        `InputError` where they do not fit into it."""
         if not 0 <= first <= first + steps <= len(room.blocks):
             raise InputError(f"record: expected steps from 0 to {len(room.blocks)}, got {first} to {first + steps}")
         shared, driven = self._signals(steps, signals)
@@ -138,7 +140,7 @@ class Ensemble:
         return self._recorded
 
     def _run(self, threads: int, *work: Any) -> None:
-        """All blocks, the first share of them in this thread."""
+        """Run all blocks, the first share of them in this thread."""
         blocks, count = len(self.state.blocks), max(1, threads)
         shares = [(blocks * k // count, blocks * (k + 1) // count, *work) for k in range(count)]
         others = [Thread(target=self._take, args=share) for share in shares[1:]]
@@ -177,7 +179,7 @@ class Ensemble:
 
 
 def _wait_for(threads: Sequence[Thread]) -> None:
-    """Let threads end before Ctrl-C is heard: what they write to is looked at afterwards."""
+    """Wait for threads to end before an interruption is raised: what they write to is read afterwards."""
     interrupt: KeyboardInterrupt | None = None
     for thread in threads:
         while thread.is_alive():

@@ -44,6 +44,11 @@ class AdaptiveState(NamedTuple):
     more: Any
     """the control law's own memory besides"""
 
+    @property
+    def recorded(self) -> Any:
+        """Part of the adaptation law's memory that a run keeps, where it keeps any."""
+        return self.learning.recorded
+
 
 class AdaptiveController(Controller[AdaptiveState]):
     """A control law on a model's k parameters, and an adaptation law chosen apart from it.
@@ -91,7 +96,7 @@ class AdaptiveController(Controller[AdaptiveState]):
 
     @property
     def home(self) -> Array:
-        """Positions (r,) where loops, if any, are known to close."""
+        """Positions (r,), rad or m, where loops, if any, are known to close."""
         return self.model.mechanism.home
 
     def start(self, p: Array, v: Array) -> AdaptiveState:
@@ -137,5 +142,5 @@ class AdaptiveController(Controller[AdaptiveState]):
         return Column(kept), Column((length,))
 
     def _parameters(self, estimate: Column) -> Column:
-        """All P parameters of an estimate."""
+        """The P parameters of the mechanism that an estimate stands for."""
         return spread(estimate, self.model.columns, self.model.mechanism.equations.parameters)

@@ -66,7 +66,7 @@ class AdaptiveComputedTorque(AdaptiveController):
     def law(
         self, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> tuple[Column, AdaptiveState]:
-        """One tick: learn from the period that has passed, then act."""
+        """The torque (r,) N m of one tick, and the memory after learning from the period that has passed."""
         equations, bandwidth = self.model.mechanism.equations, column(self.bandwidth)
         q = equations.closed(p, memory.q)
         e, e_rate = p - reference.p, v - reference.v
@@ -76,8 +76,8 @@ class AdaptiveComputedTorque(AdaptiveController):
             before: Column = memory.motion
             acceleration = (1.0 / self.period) * (v - before)
             inertia = equations.mass_matrix(memory.q, self._parameters(memory.estimate))
-            felt = solve_symmetric(inertia, column(self.weight) * sliding)
-            return equations.motion(memory.q, before, before, acceleration).powers(felt, self.model.columns)
+            weighted = solve_symmetric(inertia, column(self.weight) * sliding)
+            return equations.motion(memory.q, before, before, acceleration).powers(weighted, self.model.columns)
 
         damping = column(self.weight) * bandwidth
         passed = Period(gradient, memory.s, s, memory.torque, q, v, self.period, memory.elapsed[0], damping)
@@ -88,7 +88,7 @@ class AdaptiveComputedTorque(AdaptiveController):
 
     @property
     def _motion_size(self) -> int:
-        """r: velocities are remembered, as accelerations are known at the next tick only."""
+        """Number of remembered velocities, r: accelerations are known at the next tick only."""
         return self.dof
 
     def _require_bandwidth(self) -> None:

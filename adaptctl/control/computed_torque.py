@@ -45,11 +45,12 @@ class ComputedTorque(ModelBased):
     def on(
         cls, model: ReducedModel, bandwidth: ArrayLike, damping_ratio: float = 1.0, parameters: ArrayLike | None = None
     ) -> ComputedTorque:
-        """This law with the parameters (k,) of a model, the true ones unless given."""
+        """The computed-torque law on a model with parameters (k,), the true ones unless given. Gains in 1/s, one number
+        or one a joint. Raises `InputError` for numbers of the wrong shape, not finite or not positive."""
         return cls(model.mechanism, np.asarray(bandwidth), damping_ratio, embedded_parameters(model, parameters))
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: BranchState) -> tuple[Column, BranchState]:
-        """One tick: the torque of the acceleration that brings the error back."""
+        """The torque (r,) N m of one tick: that of the acceleration which brings the error back; and no memory."""
         omega = column(self.bandwidth)
         rate, stiffness = (2.0 * self.damping_ratio) * omega, omega * omega
         q = self.mechanism.equations.closed(p, memory.q)

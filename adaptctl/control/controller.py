@@ -57,7 +57,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
     """
 
     finite: ClassVar[Finite] = "results"
-    """Whether a tick looks only at what it computes for NaN and infinity, or also (True) at all that it is given."""
+    """True if a tick checks its arguments for NaN and infinity, not only its results."""
 
     @property
     @abstractmethod
@@ -66,7 +66,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @property
     def home(self) -> Array:
-        """Positions (r,) where the law can start and is compiled: zero, unless loops do not close there."""
+        """Positions (r,), rad or m, where the law can start and is compiled: zero, unless loops do not close there."""
         return np.zeros(self.dof)
 
     @property
@@ -81,7 +81,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @abstractmethod
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: Memory) -> tuple[Column, Memory]:
-        """One tick: the torque, in N m, and the memory after it."""
+        """The torque (r,) N m of one tick, and the memory after it."""
 
     def init(self, p: ArrayLike, v: ArrayLike, gains: Mapping[str, Array] | None = None) -> Memory:
         """The state before the first tick, from measured positions and velocities (..., r).
@@ -101,6 +101,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
         """The state of many arms with some of them, a mask (...), before their first tick again.
 
         These are arms whose episode has begun anew, at p and v (..., r): nothing of the last one is to be remembered.
+        Raises `InputError` for another mask.
         """
         chosen, p, v = np.asarray(arms), np.asarray(p), np.asarray(v)
         if chosen.dtype != np.bool_ or not chosen.shape == p.shape[:-1] == v.shape[:-1]:
@@ -115,12 +116,12 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @replaced_by("_step_one")
     def step(self, state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint) -> tuple[Array, Memory]:
-        """One tick on arrays: the torque (..., r) and the next state.
+        """The torque (..., r) N m of one tick on arrays, and the next state.
 
         Leading axes of p are arms, which are worked on in SIMD lanes; v and the reference may be the same for all.
-        Raises `InputError` on a wrong shape and `NonFiniteError` when a measurement, a reference or the
-        outcome is not finite, of any arm: nothing non-finite leaves a controller. The state given is as it was, so
-        the arm that is named can be dealt with, or all arms wrapped in `Guarded`, which brakes that one alone.
+        Raises `InputError` on a wrong shape and `NonFiniteError` when a measurement, a reference or the outcome is not
+        finite, of any arm: nothing non-finite leaves a controller. The state given is as it was, so the arm that is
+        named can be dealt with, or all arms wrapped in `Guarded`, which brakes that one alone.
         """
         return self._step_one(state, p, v, reference)
 
@@ -137,7 +138,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @cached_property
     def _step_one(self) -> Callable[..., tuple[Array, Memory]]:
-        """A tick: native code, which calls `_step_any` with what is not usual."""
+        """One tick of one arm in native code, which calls `_step_any` with unusual arguments."""
         return self._native(self._step_any) if self._has_native else self._step_any
 
     def _step_any(self, state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint) -> tuple[Array, Memory]:
@@ -184,7 +185,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
         return memory
 
     def _array_of(self, memory: tuple[Any, ...], arms: tuple[int, ...]) -> Array:
-        """The columns of a memory in one array (..., n), for so many arms (...)."""
+        """Columns of a memory as one array (..., n), for arms (...)."""
         if type(memory) is self._kind:
             return _row_each(memory._array, arms, "state")
         if arms:
@@ -283,7 +284,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @property
     def _form(self) -> Form:
-        """How a tick of one arm is called: state, p, v, reference; it is bound to the gains."""
+        """Calling convention of one arm's tick: state, p, v, reference; the gains are bound to it."""
         reference = (Place(3, 0), Place(3, 1), Place(3, 2))
         gains = (Place(None),) * len(self.gain_sizes)
         return Form((Place(1), Place(2), *reference, Place(0, 0), *gains), {0: 1, 3: 3}, {1: 0})
@@ -315,7 +316,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
 
 def _ticked(law: Any, *given: Any) -> Any:
-    """What a law returns, an error of NumPy's told as one of the law."""
+    """The result of a law; NumPy's error about columns is raised as a `TraceError` that names the law."""
     try:
         return law.law(*given)
     except TypeError as error:
@@ -328,7 +329,8 @@ def _ticked(law: Any, *given: Any) -> Any:
 
 
 def require_tick(law: Any, returned: Any) -> tuple[Column, Any]:
-    """What a law returned, refused (`InputError`) where it is not a torque of r scalars and the memory after it."""
+    """The torque (r,) and the memory that a law returned. Raises `InputError` unless they are a `Column` of r scalars
+    and a memory of the sizes that `start` gives."""
     what = f"{type(law).__name__}.law: expected it to return the torque, a Column of {law.dof}, and the memory after it"
     if not isinstance(returned, tuple) or len(returned) != 2:
         raise InputError(f"{what}, got {type(returned).__name__}")

@@ -58,6 +58,11 @@ class GuardedState(NamedTuple):
         """The law's estimate, where it has one."""
         return self.of.estimate
 
+    @property
+    def recorded(self) -> Any:
+        """Part of the adaptation law's memory that a run keeps, where it keeps any."""
+        return self.of.recorded
+
 
 @dataclass(frozen=True, eq=False)
 class Guarded(Controller[GuardedState]):
@@ -122,7 +127,7 @@ class Guarded(Controller[GuardedState]):
 
     @property
     def home(self) -> Array:
-        """Positions (r,) where the law can start."""
+        """Positions (r,), rad or m, where the law can start."""
         return self.of.home
 
     @property
@@ -136,7 +141,8 @@ class Guarded(Controller[GuardedState]):
         return GuardedState(self.of.start(p, v), np.zeros(self.dof), np.zeros(1), Ringing.silent(self.dof), marks)
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: GuardedState) -> tuple[Column, GuardedState]:
-        """One tick: the law's on finite numbers only, and as much of its torque as the limits allow."""
+        """The torque (r,) N m of one tick within the limits, and the memory after it; the law sees finite numbers
+        only."""
         given = (p, v, *reference)
         clean = [Column(where(_finite(x), x, 0.0) for x in part) for part in given]
         torque, after = self.of.law(clean[0], clean[1], ReferencePoint(*clean[2:]), memory.of)
@@ -152,7 +158,7 @@ class Guarded(Controller[GuardedState]):
         applied = self._within_reach(limited, memory)
         beyond, too_fast = _differ(torque, limited), _differ(limited, applied)
         frozen = maximum(beyond, too_fast) if self.freeze else 0.0
-        after = _told(after, applied)
+        after = _with_applied_torque(after, applied)
         after = _without_learning(frozen > 0.5, after) if self.freeze else after
         marks = Marks(*(Column((mark,)) for mark in (beyond, too_fast, frozen, bounded, heard.alarm, stopped)))
         return applied, GuardedState(after, applied, Column((1.0,)), heard, marks)
@@ -265,7 +271,7 @@ def _chosen(condition: Condition, yes: Parts, no: Parts) -> Parts:
     return type(no)(*(_chosen(condition, a, b) if isinstance(a, tuple) else _either(condition, a, b) for a, b in pairs))
 
 
-def _told(memory: Parts, applied: Column) -> Parts:
+def _with_applied_torque(memory: Parts, applied: Column) -> Parts:
     """The memory of a law that remembers its torque, with the one that is applied."""
     if "torque" not in getattr(memory, "_fields", ()):
         return memory

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import control
 
 SIGNALS = ("p", "v", "reference_p", "reference_v", "reference_a")
-"""What a controller is told, r numbers each."""
+"""Signals that a controller receives, r numbers each."""
 ERRORS = {"error": ("reference_p", "p"), "error_rate": ("reference_v", "v")}
 """Signals made of two, the second subtracted from the first."""
 _LABEL = re.compile(r"(\w+)\[(\d+)\]")
@@ -60,7 +60,9 @@ class LinearController(Controller[LinearState]):
 
     @classmethod
     def state_feedback(cls, gain: ArrayLike, feedforward: Mechanism | None = None) -> LinearController:
-        """torque = -K (p - p_d, v - v_d), with K (r, 2 r) as `control.lqr` and `control.dlqr` return it."""
+        """The state feedback torque = -K (p - p_d, v - v_d), with K (r, 2 r) in N m/rad and N m s/rad, as `control.lqr`
+        and `control.dlqr` return it. `feedforward` adds a mechanism's torque on the reference. Raises `InputError` for
+        another shape."""
         K = np.atleast_2d(np.asarray(gain, dtype=np.float64))
         r = len(K)
         if K.shape != (r, 2 * r):
@@ -102,7 +104,7 @@ class LinearController(Controller[LinearState]):
         return LinearState(np.zeros(len(self.A)))
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: LinearState) -> tuple[Column, LinearState]:
-        """One tick."""
+        """The torque (r,) N m of one tick, and the system's state after it."""
         z = Column([*p, *v, *reference.p, *reference.v, *reference.a])
         torque = _sum(self.C, memory.x, self.D, z)
         mechanism = self.feedforward
@@ -118,7 +120,8 @@ def _sum(first: Array, x: Column, second: Array, z: Column) -> Column:
 
 
 def _choice(labels: list[str], r: int) -> Array:
-    """The matrix (m, 5 r) that makes a system's inputs of what a controller is told."""
+    """The matrix (m, 5 r) from a controller's signals to a system's inputs, by their labels. Raises `InputError` for an
+    unknown label."""
     choice = np.zeros((len(labels), 5 * r))
     for row, label in zip(choice, labels, strict=True):
         found = _LABEL.fullmatch(label)

@@ -11,9 +11,15 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 
 
+def has_sliding_variable(controller: object) -> bool:
+    """True for Slotine and Li's law, whose s = e' + Lambda e; its relatives' is another one."""
+    own = SlotineLi.reference_velocity
+    return isinstance(controller, SlotineLi) and type(controller).reference_velocity is own
+
+
 def sliding_variable(controller: SlotineLi, run: TrackedRun) -> Array:
     """s = e' + Lambda e (T, r). Raises `InputError` for the law's relatives, whose s is another one."""
-    if type(controller).reference_velocity is not SlotineLi.reference_velocity:
+    if not has_sliding_variable(controller):
         law = type(controller).__name__
         raise InputError(f"sliding variable: that of {law} depends on more than the errors, which are all a run keeps")
     return run.v - run.reference_v + controller.bandwidth * (run.p - run.reference_p)

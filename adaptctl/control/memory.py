@@ -69,7 +69,7 @@ class InOneArray(tuple[Any, ...]):
 
     @property
     def _array(self) -> Array:
-        """All columns (..., n), one after the other."""
+        """Columns (..., n) of the memory, one after the other."""
         array: Array = tuple.__getitem__(self, 0)
         return array
 

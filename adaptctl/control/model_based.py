@@ -40,7 +40,7 @@ class ModelBased(Controller[BranchState]):
 
     @property
     def home(self) -> Array:
-        """Positions (r,) where loops, if any, are known to close."""
+        """Positions (r,), rad or m, where loops, if any, are known to close."""
         return self.mechanism.home
 
     def start(self, p: Array, v: Array) -> BranchState:
@@ -53,6 +53,6 @@ class ModelBased(Controller[BranchState]):
 
 
 def embedded_parameters(model: ReducedModel, parameters: ArrayLike | None) -> Array:
-    """All P parameters with the torques of fundamental ones (k,), the true ones unless given: zero where removed,
-    so that what they would have cost is never computed."""
+    """Parameters (P,) with the torques of fundamental ones (k,), the true ones unless given: zero where removed, so
+    that what they would have cost is never computed."""
     return model.embed(model.fundamental_parameters if parameters is None else parameters)

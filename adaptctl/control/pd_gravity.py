@@ -51,11 +51,13 @@ class PDGravity(ModelBased):
     def on(
         cls, model: ReducedModel, stiffness: ArrayLike, damping: ArrayLike, parameters: ArrayLike | None = None
     ) -> PDGravity:
-        """This law with the parameters (k,) of a model, the true ones unless given."""
+        """PD control with gravity compensation on a model with parameters (k,), the true ones unless given. Stiffness
+        in N m/rad and damping in N m s/rad, one number or one a joint. Raises `InputError` for numbers of the wrong
+        shape, not finite or not positive."""
         return cls(model.mechanism, np.asarray(stiffness), np.asarray(damping), embedded_parameters(model, parameters))
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: BranchState) -> tuple[Column, BranchState]:
-        """One tick: gravity, a spring and a damper."""
+        """The torque (r,) N m of one tick, gravity, a spring and a damper; and no memory."""
         equations, rest = self.mechanism.equations, Column.zeros(self.dof)
         q = equations.closed(p, memory.q)
         gravity = equations.inverse_dynamics(q, rest, rest, rest, self._parameters)

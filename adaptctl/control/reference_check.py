@@ -35,11 +35,11 @@ def warn_of_derivatives(reference: Reference, names: Sequence[str], duration: fl
     before, now, after = points = [reference(time + shift) for shift in (-STEP, 0.0, STEP)]
     for point in points:
         require_point(point)
-    for what, of, told, low, high in (
+    for what, of, stated, low, high in (
         ("velocity", "position", now.v, before.p, after.p),
         ("acceleration", "velocity", now.a, before.v, after.v),
     ):
-        wrong = _wrong(np.asarray(told), (np.asarray(high) - np.asarray(low)) / (2.0 * STEP))
+        wrong = _wrong(np.asarray(stated), (np.asarray(high) - np.asarray(low)) / (2.0 * STEP))
         if wrong:
             joints = ", ".join(names[j] if j < len(names) else f"{j}" for j in wrong)
             warnings.warn(
@@ -51,7 +51,7 @@ def warn_of_derivatives(reference: Reference, names: Sequence[str], duration: fl
             return
 
 
-def _wrong(told: Array, slope: Array) -> list[int]:
-    """The joints whose derivatives (T, r), as told, miss those by differences."""
-    scale = np.maximum(np.abs(told), np.abs(slope)).max(axis=0)
-    return np.flatnonzero(np.median(np.abs(told - slope), axis=0) > ALLOWED * scale + 1e-6).tolist()
+def _wrong(stated: Array, slope: Array) -> list[int]:
+    """Indices of the joints whose stated derivatives (T, r) differ from those by finite differences."""
+    scale = np.maximum(np.abs(stated), np.abs(slope)).max(axis=0)
+    return np.flatnonzero(np.median(np.abs(stated - slope), axis=0) > ALLOWED * scale + 1e-6).tolist()

@@ -167,7 +167,7 @@ class Sinusoids:
 
     @property
     def numbers(self) -> SinusoidNumbers:
-        """Its numbers as arrays, for `sinusoids_at`."""
+        """The sinusoids' numbers as flat arrays, for `sinusoids_at`."""
         phase = np.zeros_like(self.amplitude) if self.phase is None else self.phase
         amplitude, frequency, phase = (np.ravel(values) for values in (self.amplitude, self.frequency, phase))
         return SinusoidNumbers(self.center, amplitude, frequency, phase, np.array([self.start_time]))
@@ -220,7 +220,7 @@ class Spline:
 
     @cached_property
     def _pieces(self) -> tuple[list[float], Array]:
-        """Where each polynomial starts, s, and its coefficients (m, 6 r), the highest power of all joints first."""
+        """Start time (s) of each polynomial, and its coefficients (m, 6 r), the highest power of all joints first."""
         spline = self._curves[0]
         starts = np.unique(spline.t)[:-1]
         rows = [spline.derivative(k)(starts) / math.factorial(k) for k in range(DEGREE, -1, -1)]
@@ -238,10 +238,10 @@ class Spline:
 
 @dataclass(frozen=True, eq=False)
 class MinimumJerk:
-    """From rest to rest through waypoints, each stretch a quintic of least jerk (Flash and Hogan 1985).
+    """Reference from rest to rest through waypoints, each stretch a quintic of least jerk (Flash and Hogan 1985).
 
-    `waypoints` (w, r) with w of at least 2, `times` (w,) in s, increasing. Before the first time and after
-    the last the arm rests.
+    `waypoints` (w, r) with w of at least 2, `times` (w,) in s, increasing. Before the first time and after the last the
+    arm rests.
     """
 
     waypoints: Array
@@ -281,7 +281,8 @@ class MinimumJerk:
 
 @dataclass(frozen=True, eq=False)
 class Halted:
-    """Another reference up to a time `stop` (s), then along its path to rest within `over` s, and there for good.
+    """A reference that another one is up to a time `stop` (s), and that then follows its path to rest within `over` s,
+    and stays there.
 
     Its time runs as 1 - quintic step, so that positions, velocities and accelerations stay continuous: motion that
     excites for an interval, and no longer.

@@ -57,7 +57,7 @@ class Ringing(NamedTuple):
 
 
 def correlation(product: Column, square: Column) -> Column:
-    """rho (r,): how s follows from itself a tick ago, 1 - h in a free loop of hold number h; towards 0 where s is
+    """Correlation rho (r,) of s with itself a tick ago: 1 - h in a free loop of hold number h; towards 0 where s is
     FAINT."""
     return Column(x / (y + FAINT * FAINT) for x, y in zip(product, square, strict=True))
 

@@ -12,12 +12,12 @@ class TrackedRun(Protocol):
 
     @property
     def p(self) -> Array:
-        """Positions (T, r)."""
+        """Positions (T, r), rad or m."""
         ...
 
     @property
     def v(self) -> Array:
-        """Velocities (T, r)."""
+        """Velocities (T, r), rad/s or m/s."""
         ...
 
     @property
@@ -36,7 +36,7 @@ class SampledRun(TrackedRun, Protocol):
 
     @property
     def reference_a(self) -> Array:
-        """The reference's accelerations (T, r)."""
+        """Accelerations (T, r) of the reference, rad/s^2 or m/s^2."""
         ...
 
     @property

@@ -81,7 +81,7 @@ class SlotineLi(AdaptiveController):
     def law(
         self, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> tuple[Column, AdaptiveState]:
-        """One tick: learn from the period that has passed, then act."""
+        """The torque (r,) N m of one tick, and the memory after learning from the period that has passed."""
         equations, damping = self.model.mechanism.equations, column(self.damping)
         q = equations.closed(p, memory.q)
         v_r, a_r, more = self.reference_velocity(q, p, v, reference, memory)
@@ -127,7 +127,7 @@ class SlotineLi(AdaptiveController):
 
     @property
     def _velocity_feedback(self) -> Array:
-        """What a_r feeds back of the joints' velocities (r,), 1/s."""
+        """Gain (r,) in 1/s by which a_r feeds back the joints' velocities."""
         return self.bandwidth
 
     @property

@@ -128,7 +128,7 @@ class TaskSpaceSlotineLi(SlotineLi):
         return position, Column(row @ velocity for row in rows), Goal(q)
 
     def _velocity(self, q: Column, p: Column, goal: Column, rate: Column) -> Column:
-        """v_r (r,)."""
+        """The reference velocity v_r (r,)."""
         position, rows = self.point(q)
         home = column(np.asarray(self.posture))
         free = -(self.posture_rate * (p - home)) if len(self.axes) < self.dof else Column.zeros(self.dof)

@@ -1,4 +1,4 @@
-"""What a run says of its loop's stability: the numbers by which sampled adaptive loops come to ring."""
+"""Numbers that tell of a loop's stability during a run, by which sampled adaptive loops come to ring."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What moves, as data: links, joints, parameters and their names, and the readers of files."""
+"""Mechanisms as data: links, joints, parameters and their names, and the readers of files."""
 
 from adaptctl.lazily import imported_lazily
 

@@ -1,4 +1,4 @@
-"""What moves, as data: a tree of links, each behind one joint."""
+"""A mechanism as data: a tree of links, each behind one joint."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.arrays import Array, frozen_array
-from adaptctl.caching import cached_property
+from adaptctl.caching import cached_property, sent_as_made
 from adaptctl.description.drive import Drive, DriveParameter
 from adaptctl.description.inertia import is_physically_consistent, parameter_names
 from adaptctl.description.loops import Loops
@@ -60,6 +60,7 @@ class Limits:
             raise InputError(f"limits: expected positive velocity and effort, got {self.velocity}, {self.effort}")
 
 
+@sent_as_made
 @dataclass(frozen=True, eq=False)
 class Joint:
     """A joint with one coordinate, about or along `axis` (3,), a unit vector in the joint's frame."""
@@ -81,13 +82,14 @@ class Joint:
         object.__setattr__(self, "axis", frozen_array(unit, (3,), "axis"))
 
 
+@sent_as_made
 @dataclass(frozen=True, eq=False)
 class Link:
     """A rigid body behind one joint.
 
     `near` is the joint's frame in the parent link's frame at zero, `far` the link's frame in the joint's
     moved frame: the identity for URDF, a Denavit-Hartenberg step for frames at the far end.
-    `inertia` holds the ten of `mechanism.inertia.PARAMETERS` in the link's frame. A `massless` link only joins two
+    `inertia` holds the ten of `description.inertia.PARAMETERS` in the link's frame. A `massless` link only joins two
     joints, like the first five of a floating base: its ten are zero for good and no parameters of the mechanism.
     """
 
@@ -224,7 +226,7 @@ class Description:
 
     @property
     def inertial_parameters(self) -> Array:
-        """The P parameters' values, read-only."""
+        """The inertial parameters (P,) in SI units, read-only."""
         driven = [self.links[i].joint.drive.value(kind) for i, kind in self.drive_parameters]
         tens = [self.links[i].inertia for i in self.bodies]
         stacked = np.concatenate([*tens, np.array(driven, dtype=np.float64)])
@@ -254,7 +256,8 @@ class Description:
         return replace(self, links=tuple(links))
 
     def with_drives(self, drives: Drive | Sequence[Drive]) -> Description:
-        """The same mechanism with other rotors and friction in its tree's joints, one drive for all or one each."""
+        """The same mechanism with other rotors and friction in its tree's joints, one drive for all or one each. Raises
+        `InputError` for another number of drives."""
         each = [drives] * len(self.links) if isinstance(drives, Drive) else list(drives)
         if len(each) != len(self.links):
             raise InputError(f"{self.name}: expected one drive for each of {len(self.links)} joints, got {len(each)}")
@@ -304,7 +307,8 @@ class Description:
 
 
 def depth_first(links: Iterable[Link]) -> tuple[Link, ...]:
-    """The same tree with every subtree contiguous and parents before children; siblings keep their order."""
+    """The same tree with every subtree contiguous and parents before children; siblings keep their order. Raises
+    `InputError` for a link that does not hang on the ground through its parents."""
     given = tuple(links)
     order: list[int] = []
     pending = [i for i, link in enumerate(given) if link.parent == GROUND][::-1]

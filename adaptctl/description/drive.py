@@ -1,4 +1,4 @@
-"""What sits in a joint besides its links: a geared rotor, and friction."""
+"""Drives: the geared rotor and the friction of a joint."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ class DriveParameter(Enum):
 
 
 MAY_BE_NEGATIVE = frozenset({DriveParameter.SQUARE_ROOT, DriveParameter.STRIBECK, DriveParameter.OFFSET})
-"""What only bends a friction curve, or has no direction of its own."""
+"""Terms that only bend a friction curve, or have no direction of their own."""
 
 
 @dataclass(frozen=True)
 class Drive:
-    """What a joint's drive adds at its shaft's speed s, rad/s or, for a prismatic joint, m/s.
+    """Rotor inertia and friction of a joint at its shaft's speed s, rad/s or, for a prismatic joint, m/s.
 
     `rotor_inertia` (kg m^2, or kg) counts through the gears. The friction torque (N m, or N) is
 
@@ -69,11 +69,11 @@ class Drive:
                 raise InputError(f"turns_with: {name}: expected a finite ratio other than 0, got {ratio}")
 
     def with_terms(self, terms: Mapping[DriveParameter, float | None]) -> Drive:
-        """With some of the terms changed."""
+        """A copy of this drive with some of its terms changed; None removes a term."""
         values: dict[str, Any] = {kind.value: value for kind, value in terms.items()}
         return replace(self, **values)
 
     def value(self, kind: DriveParameter) -> float | None:
-        """The value of one parameter."""
+        """The value of one parameter in SI units; None where it is not modelled."""
         value: float | None = getattr(self, kind.value)
         return value

@@ -29,7 +29,8 @@ def from_tensor(mass: float, first_moment: ArrayLike, tensor: ArrayLike) -> Arra
 
 
 def from_center_of_mass(mass: float, center: ArrayLike, tensor_at_center: ArrayLike) -> Array:
-    """The ten from a mass, its centre (3,) and the tensor (3, 3) about that centre (Huygens and Steiner)."""
+    """The ten (10,) from a mass (kg), its centre (3,) in m and the tensor (3, 3) in kg m^2 about that centre (Huygens
+    and Steiner)."""
     c = np.asarray(center, dtype=np.float64)
     shift = mass * (np.dot(c, c) * np.eye(3) - np.outer(c, c))
     return from_tensor(mass, mass * c, np.asarray(tensor_at_center, dtype=np.float64) + shift)
@@ -51,14 +52,14 @@ UNIT_PSEUDO_INERTIAS = np.stack([pseudo_inertia(unit) for unit in np.eye(len(PAR
 
 
 def from_pseudo_inertia(matrix: ArrayLike) -> Array:
-    """The ten of a pseudo-inertia matrix (4, 4)."""
+    """The ten (10,) of a pseudo-inertia matrix (4, 4)."""
     values = np.asarray(matrix, dtype=np.float64)
     second_moments = values[:3, :3]
     return from_tensor(values[3, 3], values[:3, 3], np.trace(second_moments) * np.eye(3) - second_moments)
 
 
 def transformed(ten: ArrayLike, pose: Pose) -> Array:
-    """The ten in a parent frame of a body whose ten are given in the frame that stands there at `pose`."""
+    """The ten (10,) in a parent frame of a body whose ten are given in the frame that stands there at `pose`."""
     homogeneous = np.eye(4)
     homogeneous[:3, :3], homogeneous[:3, 3] = pose.rotation, pose.translation
     return from_pseudo_inertia(homogeneous @ pseudo_inertia(ten) @ homogeneous.T)

@@ -1,4 +1,4 @@
-"""What closes a tree into loops: coinciding frames, and joints that follow others."""
+"""Loop closures: coinciding frames, and joints that follow others."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ class Loops:
                     raise NotFoundError(f"{where}: there is no {what} {name!r}; there are {', '.join(sorted(known))}")
 
     def plain(self) -> list[object]:
-        """Everything that moves, in JSON's types, for hashing."""
+        """Contents that bear on motion, in JSON's types, for hashing."""
         closures = [
             [c.name, c.first, c.second, _plain(c.first_frame), _plain(c.second_frame), c.kind.value]
             for c in self.closures

@@ -9,7 +9,7 @@ from adaptctl.description.pose import Pose
 
 
 class FrameKind(Enum):
-    """What a frame stands for."""
+    """The kind of a named frame, as Pinocchio has it."""
 
     OPERATIONAL = "operational"
     FIXED_JOINT = "fixed joint"

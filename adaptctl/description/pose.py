@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array
+from adaptctl.caching import sent_as_made
 from adaptctl.errors import InputError
 
 LARGEST_LENGTH = 1e9
@@ -39,6 +40,7 @@ def roll_pitch_yaw(angles: ArrayLike) -> Array:
     return exact_right_angles(product)
 
 
+@sent_as_made
 @dataclass(frozen=True, eq=False)
 class Pose:
     """A child frame in a parent frame: `rotation` (3, 3) turns child coordinates into the parent's,

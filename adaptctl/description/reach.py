@@ -29,7 +29,7 @@ def link_end(link: Link) -> Array:
 
 
 def attachments(description: Description) -> list[list[Array]]:
-    """Points (3,) of every link, in its frame, where others hang on it or meet it in a loop; its end without any."""
+    """Points (3,) of every link, m in its frame, where others hang on it or meet it in a loop; its end without any."""
     points: list[list[Array]] = [[] for _ in description.links]
     for link in description.links:
         if link.parent != GROUND:
@@ -64,7 +64,7 @@ def chain_reach(links: Sequence[Link], index: int) -> float:
 
 
 def reach_behind(links: Sequence[Link]) -> Array:
-    """From every link's joint to the farthest end behind it, joint by joint (N,), m."""
+    """Distance from every link's joint to the farthest end behind it, summed joint by joint (N,), m."""
     longest = np.array([_length(link) for link in links])
     for i in reversed(range(len(links))):
         if (parent := links[i].parent) != GROUND:
@@ -77,5 +77,5 @@ def _length(link: Link) -> float:
 
 
 def _step(links: Sequence[Link], index: int) -> float:
-    """From the parent's joint to a link's own."""
+    """Distance from the parent's joint to a link's own, m."""
     return float(np.linalg.norm(links[index].near.translation - joint_line(links[links[index].parent])[0]))

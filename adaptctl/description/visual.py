@@ -1,4 +1,4 @@
-"""What links look like: meshes and plain solids, fixed to them. Nothing of it moves anything."""
+"""Shapes of links for drawing: meshes and plain solids, fixed to them. Nothing of it moves anything."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a body fixed to a link changes: its projection on the essential space, and what that costs."""
+"""Costs of a body fixed to a link: its projection on the essential space, and the cost of the motion with it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from adaptctl.errors import InputError
 from adaptctl.simulation.effects import Payload
 
 PERCENT = 1.0
-"""Energy error (%) at which components are counted, unless told otherwise."""
+"""Energy error (%) at which components are counted, unless given."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,12 +30,12 @@ class AddedMass:
 
     @cached_property
     def change(self) -> Array:
-        """The change of the inertial parameters (P,)."""
+        """The change of the inertial parameters (P,), SI units."""
         return change_of(self.task, self.link, self.body)
 
     @cached_property
     def parameters(self) -> Array:
-        """The inertial parameters (P,) with the body."""
+        """The inertial parameters (P,) with the body, SI units."""
         return self.task.parameters + self.change
 
     @cached_property
@@ -105,7 +105,7 @@ def added_mass(
 
 
 def change_of(task: DesignTask, link: str, body: Payload) -> Array:
-    """The change of inertial parameters (P,) that a body makes on a link."""
+    """The change (P,) of inertial parameters by a body on a link. Raises `InputError` where a number overflows."""
     change, place = np.zeros(len(task.parameters)), 10 * task.link(link)
     change[place : place + 10] = from_center_of_mass(body.mass, body.center, body.inertia)
     if not np.isfinite(change).all():

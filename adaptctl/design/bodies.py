@@ -19,13 +19,14 @@ def point(mass: float, place: ArrayLike = (0.0, 0.0, 0.0)) -> Payload:
 
 
 def sphere(mass: float, place: ArrayLike = (0.0, 0.0, 0.0), *, density: float = STEEL) -> Payload:
-    """A solid ball of a density (kg/m^3). Raises `InputError`."""
+    """A solid ball of a density (kg/m^3). Raises `InputError` unless all numbers are positive and finite."""
     _require(density=density, mass=mass)
     return Payload(mass, frozen_array(place, (3,), "place"), ball_moment(mass, density) * np.eye(3))
 
 
 def box(mass: float, size: ArrayLike, place: ArrayLike = (0.0, 0.0, 0.0)) -> Payload:
-    """A solid box whose edges, of these lengths (3,) in m, lie along the link's axes. Raises `InputError`."""
+    """A solid box whose edges, of these lengths (3,) in m, lie along the link's axes. Raises `InputError` unless all
+    numbers are positive and finite."""
     x, y, z = frozen_array(size, (3,), "size").tolist()
     _require(x=x, y=y, z=z)
     tensor = mass / 12.0 * np.diag([y * y + z * z, x * x + z * z, x * x + y * y])
@@ -40,7 +41,8 @@ def cylinder(
     *,
     axis: ArrayLike = (0.0, 0.0, 1.0),
 ) -> Payload:
-    """A solid cylinder of a radius and a length (m) about an axis (3,) in the link's frame. Raises `InputError`."""
+    """A solid cylinder of a radius and a length (m) about an axis (3,) in the link's frame. Raises `InputError` unless
+    all numbers are positive and finite."""
     _require(radius=radius, length=length)
     along = frozen_array(axis, (3,), "axis")
     size = float(np.linalg.norm(along))

@@ -1,4 +1,4 @@
-"""What a point mass costs at every place of an arm."""
+"""Map of the cost of a point mass at every place of an arm."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ class Counterweights:
 
     @cached_property
     def parameters(self) -> Array:
-        """The inertial parameters (P,) with the counterweights."""
+        """The inertial parameters (P,) with the counterweights, SI units."""
         D = np.array(self.task.parameters)
         for weight in self.weights:
             first = 10 * self.task.link(weight.link)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array
+from adaptctl.caching import sent_as_made
 from adaptctl.description.reach import attachments, joint_line
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
@@ -21,6 +22,7 @@ SLACK = 1e-9
 """m beyond a box within which a place is in it still"""
 
 
+@sent_as_made
 @dataclass(frozen=True, eq=False)
 class PlaceBounds:
     """The box of places (3,) from `lower` to `upper`, m in a link's frame, and the mass (kg) that fits there at most.
@@ -68,7 +70,7 @@ class PlaceBounds:
             raise InputError(f"{self.link}: the place {x.tolist()} is outside the bounds {low} to {high} m")
 
     def grid(self, each: int) -> Array:
-        """PlaceBounds (each^3, 3) evenly over the box."""
+        """Places (each^3, 3) in m, evenly over the box."""
         axes = [np.linspace(a, b, each) for a, b in zip(self.lower, self.upper, strict=True)]
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
 

@@ -25,7 +25,7 @@ MIRRORED = {
     "y": ("mc_y", "I_xy", "I_yz"),
     "z": ("mc_z", "I_xz", "I_yz"),
 }
-"""What vanishes where a link is its own mirror image along an axis of its frame."""
+"""Parameters that vanish where a link is its own mirror image along an axis of its frame."""
 ROUND_OFF = 1e-11
 """Size of coefficients that are zero."""
 EACH = 13
@@ -67,7 +67,7 @@ class Removal:
 
     @property
     def words(self) -> str:
-        """What is to be done, or is so already and need only be relied on."""
+        """Phrase for the change to make, or for the property that holds already and need only be relied on."""
         if not self.link:
             return "rely on every symmetry that links have already"
         if self.place is None:
@@ -86,7 +86,7 @@ class Removal:
 
     @cached_property
     def after(self) -> tuple[str, ...]:
-        """What stands in their place."""
+        """Equations that replace the removed parameters."""
         own = set(self.basis.equations())
         return (*(f"{name}* = 0" for name in self.zero), *(equation for equation in self._left if equation not in own))
 

@@ -31,7 +31,7 @@ SHOWN = 6
 
 @dataclass(frozen=True, eq=False)
 class DesignStudy:
-    """What a mechanism's design can gain over a task."""
+    """Results of a design study: added masses, counterweights and removable parameters of a mechanism over a task."""
 
     task: DesignTask
     body: Payload
@@ -43,7 +43,7 @@ class DesignStudy:
 
     @cached_property
     def map(self) -> CostMap:
-        """What a point of the body's mass costs."""
+        """Map of the costs of a point of the body's mass at every place of the arm."""
         return cost_map(self.task, self.body.mass)
 
     @cached_property
@@ -86,7 +86,7 @@ def design_study(
     """The study of a body, by itself, by name or as a point's mass in kg, and of counterweights on some links.
 
     Where no links are named, the heaviest six carry some, but for those that turn about the vertical on the ground.
-    Raises `InputError`.
+    Raises `InputError` as `named_body` and `PlaceBounds` do.
     """
     carried = named_body(body)
     every = bounds(task.mechanism, task.mechanism.description.body_names, share, beyond)
@@ -96,7 +96,8 @@ def design_study(
 
 
 def named_body(body: Payload | str | float) -> Payload:
-    """A body by name, or a point by its mass in kg, above zero. Raises `InputError`."""
+    """A body by name, or a point by its mass in kg, above zero. Raises `InputError` for a mass that is not positive,
+    `NotFoundError` for an unknown name."""
     if isinstance(body, str):
         if body not in CATALOGUE:
             raise NotFoundError(f"there is no body {body!r}; bodies: {', '.join(CATALOGUE)}, or a mass in kg")
@@ -116,7 +117,7 @@ def _heaviest(mechanism: Mechanism, every: tuple[PlaceBounds, ...]) -> tuple[str
 
 
 def _lifts_nothing(link: Link, gravity: Array) -> bool:
-    """Whether a link turns on the ground about an axis along gravity."""
+    """True if a link turns on the ground about an axis along gravity, so that it lifts no mass."""
     axis = link.near.rotation @ link.joint.axis
     upright = float(np.linalg.norm(np.cross(axis, gravity))) <= UPRIGHT * float(np.linalg.norm(gravity))
     return link.parent == GROUND and link.joint.kind.turns and upright

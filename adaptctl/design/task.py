@@ -75,7 +75,7 @@ class DesignTask:
 
         Accelerations are normal about the square of that. At a `speed` of 1 kinetic and potential energy weigh alike;
         an arm at work moves at about a quarter of it. With loops, positions are on the reference's branch. Raises
-        `InputError`.
+        `InputError` for another number of samples or a negative speed.
         """
         if not 2 <= samples <= MOST or not 0.0 <= speed < np.inf:
             raise InputError(f"task: expected 2 to {MOST} samples and a speed of at least 0, got {samples} and {speed}")
@@ -89,7 +89,8 @@ class DesignTask:
 
     @classmethod
     def along(cls, mechanism: Mechanism, reference: Reference, duration: float, samples: int = SAMPLES) -> DesignTask:
-        """The states of a reference at evenly spaced times from 0 to a duration (s)."""
+        """The states of a reference at evenly spaced times from 0 to a duration (s). Raises `InputError` for another
+        number of samples or a duration that is not positive."""
         if not 2 <= samples <= MOST or not 0.0 < duration < np.inf:
             raise InputError(
                 f"task: expected 2 to {MOST} samples and a positive duration, got {samples} and {duration}"
@@ -119,7 +120,7 @@ class DesignTask:
         return finite_torque_limits(self.mechanism)
 
     def require_energy(self) -> None:
-        """Raise `InputError` where the energy is the same in all states, so that no share of it can be told."""
+        """Raise `InputError` where the energy is the same in all states, so that no share of it can be computed."""
         whole = float(np.linalg.norm(self.mechanism.energy(self.p, self.v))) / np.sqrt(len(self.p))
         if self.cost("energy") <= NO_ENERGY * whole:
             raise InputError(
@@ -129,9 +130,10 @@ class DesignTask:
     def matrix(self, objective: str) -> Array:
         """M (n, P) of an objective's cost |M D|: "energy" in J, "torque" as share of the limits, "coupling" in kg m^2.
 
-        Each is a root of a mean of squares over the states: of energies about their mean, which is half the mean
-        square of their differences among all pairs (Sheu and Walker 1991, equation 8); of the joints' torques, which
-        add up; of the mass matrix's entries off the diagonal. "components" has the energy's, its rows S V1'.
+        Each is a root of a mean of squares over the states: of energies about their mean, which is half the mean square
+        of their differences among all pairs (Sheu and Walker 1991, equation 8); of the joints' torques, which add up;
+        of the mass matrix's entries off the diagonal. "components" has the energy's, its rows S V1'. Raises
+        `InputError` for another objective.
         """
         rows: dict[str, Callable[[], Array]] = {
             "energy": lambda: self._energy,

@@ -67,7 +67,7 @@ class ArrayEquation:
         self.call: Callable[..., Array] = self._generally
 
     def into(self, out: Array, *arguments: ArrayLike) -> Array:
-        """The result, put into an array of its shape, which is returned."""
+        """The result, put into `out`, an array of its shape (..., *shape), which is returned."""
         return self._generally(*arguments, out=out)
 
     def _generally(self, *arguments: ArrayLike, out: Array | None = None) -> Array:

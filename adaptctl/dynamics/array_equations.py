@@ -15,19 +15,19 @@ from adaptctl.scalars import Column
 
 
 class ArrayMechanism(Protocol):
-    """What the equations on arrays ask of a `Mechanism`."""
+    """Protocol of a `Mechanism` as the equations on arrays need it."""
 
     @property
     def description(self) -> Description:
-        """What it is made of."""
+        """The description that the mechanism is made of."""
 
     @property
     def equations(self) -> Equations:
-        """Its equations over scalars of any kind."""
+        """The mechanism's equations over scalars of any kind."""
 
     @property
     def name(self) -> str:
-        """Its name."""
+        """The mechanism's name."""
 
     @property
     def dof(self) -> int:

@@ -24,7 +24,7 @@ class ConstrainedMotion(Motion):
         return self.whole.torque(self.equations.expanded(parameters))
 
     def regressor(self, columns: Sequence[int]) -> list[Column]:
-        """Rows of Y N, the asked columns only."""
+        """Rows (r,) of Y N, each with the asked columns only."""
         needed = self.equations.needed(columns)
         rows = self.whole.regressor(needed)
         return [self.equations.combined(dict(zip(needed, row, strict=True)), columns) for row in rows]
@@ -36,7 +36,7 @@ class ConstrainedMotion(Motion):
 
     @property
     def numbers(self) -> Column:
-        """The whole motion's numbers."""
+        """Numbers (n,) of the motion without constraints."""
         return self.whole.numbers
 
 
@@ -75,11 +75,11 @@ class ConstrainedEquations(Equations):
         return any(self.known)
 
     def closed(self, p: Column, guess: Column) -> Column:
-        """q = U(p), from a nearby configuration."""
+        """The configuration q = U(p) (n,) for positions p (r,), from a nearby configuration."""
         return self.whole.closed(p, guess)
 
     def projected(self, q: Column) -> Column:
-        """One Newton step of the dependent joints."""
+        """The configuration (n,) after one Newton step of the dependent joints."""
         return self.whole.projected(q)
 
     def rates(self, q: Column, v: Column) -> Column:
@@ -87,11 +87,11 @@ class ConstrainedEquations(Equations):
         return self.whole.rates(q, v)
 
     def energy_regressor(self, q: Column, v: Column) -> Column:
-        """N' E: the energy of the free parameters, per unit of each."""
+        """Energy regressor N' E (Z,) of the free parameters: J per unit of each."""
         return self._gathered(self.whole.energy_regressor(q, v).of)
 
     def potential_regressor(self, q: Column) -> Column:
-        """The potential part of N' E."""
+        """Potential part (Z,) of N' E."""
         return self._gathered(self.whole.potential_regressor(q).of)
 
     def motion(self, q: Column, v: Column, v_r: Column, a_r: Column) -> ConstrainedMotion:
@@ -116,11 +116,11 @@ class ConstrainedEquations(Equations):
         return replace(self, whole=self.whole.weightless())
 
     def mass_matrix(self, q: Column, parameters: Column) -> list[list[Scalar]]:
-        """Rows of M(p)."""
+        """Rows (r,) of the mass matrix M(p), kg m^2."""
         return self.whole.mass_matrix(q, self.expanded(parameters))
 
     def damping(self, q: Column, v: Column, parameters: Column) -> list[list[Scalar]]:
-        """Rows of B."""
+        """Rows (r,) of the damping B, N m s/rad: derivatives of friction by velocities."""
         return self.whole.damping(q, v, self.expanded(parameters))
 
     def expanded(self, parameters: Column) -> Column:

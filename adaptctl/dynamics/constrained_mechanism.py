@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array
-from adaptctl.caching import cached_property
+from adaptctl.caching import cached_property, sent_as_made
 from adaptctl.dynamics.constrained_equations import ConstrainedEquations
 from adaptctl.dynamics.mechanism import Mechanism
 from adaptctl.errors import InputError
@@ -20,9 +20,10 @@ if TYPE_CHECKING:
     from adaptctl.dynamics.loops.continuation import Continuation
 
 
+@sent_as_made
 @dataclass(frozen=True, eq=False)
 class Parametrisation:
-    """All P parameters from the Z free ones, which are some of them: D = known + matrix z."""
+    """Affine map from the Z free parameters, which are some of the P, to all P: D = known + matrix z."""
 
     left: tuple[int, ...]
     """which of D the free parameters z are, rising"""
@@ -32,7 +33,7 @@ class Parametrisation:
     """D0 (P,)"""
 
     def expanded(self, z: ArrayLike) -> Array:
-        """D (P,) of z (Z,)."""
+        """All parameters D (P,) of the free ones z (Z,)."""
         return self.known + self.matrix @ frozen_array(z, (len(self.left),), "parameters")
 
 
@@ -61,7 +62,7 @@ class ConstrainedMechanism(Mechanism):
 
     @property
     def is_plain_tree(self) -> bool:
-        """False: the parameters are fewer than ten a link."""
+        """False, since the parameters are fewer than ten a link."""
         return False
 
     @property
@@ -113,6 +114,6 @@ class ConstrainedMechanism(Mechanism):
         return Mechanism(self.description).energy(p, v)
 
     def known_torque(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
-        """The torque (..., r) of the known values, which regressors times free parameters leave out."""
+        """The torque (..., r) N m of the known values, which regressors times free parameters leave out."""
         known = self.whole.with_parameters(self.parametrisation.known)
         return known.inverse_dynamics(p, v, a)

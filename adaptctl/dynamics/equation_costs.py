@@ -1,4 +1,4 @@
-"""What the equations of a mechanism cost in native code."""
+"""Costs of a mechanism's equations in native code: floating-point operations."""
 
 from __future__ import annotations
 

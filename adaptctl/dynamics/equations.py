@@ -33,7 +33,7 @@ class Motion(ABC):
     @property
     @abstractmethod
     def numbers(self) -> Column:
-        """The `motion_size` numbers from which `Equations.remembered` makes the same motion again."""
+        """The numbers (motion_size,) from which `Equations.remembered` makes the same motion again."""
 
 
 class Equations(ABC):
@@ -86,7 +86,7 @@ class Equations(ABC):
 
     @abstractmethod
     def energy_regressor(self, q: Column, v: Column) -> Column:
-        """E (P,): kinetic plus potential energy is E' D, in J."""
+        """Energy regressor E (P,): kinetic plus potential energy is E' D, in J."""
 
     @abstractmethod
     def potential_regressor(self, q: Column) -> Column:

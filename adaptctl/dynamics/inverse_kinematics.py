@@ -1,4 +1,4 @@
-"""Where the joints must be for a point of a link to be somewhere: inverse kinematics."""
+"""Inverse kinematics: joint positions that bring a point of a link to a place in the world."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array, stacked, stacked_rows
+from adaptctl.caching import sent_as_made
 from adaptctl.dynamics.mechanism import Mechanism
 from adaptctl.dynamics.recursion.jacobian import moving_point
 from adaptctl.errors import InputError, SingularityError
@@ -23,6 +24,7 @@ REACHED = 1e-9
 """m"""
 
 
+@sent_as_made
 @dataclass(frozen=True, eq=False)
 class Tip:
     """A point of a link: `offset` (3,) in the frame of the link of that name, m."""

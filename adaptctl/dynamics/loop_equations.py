@@ -32,18 +32,18 @@ class LoopMotion(Motion):
         return self.following.primary(self.tree.torque(parameters))
 
     def regressor(self, columns: Sequence[int]) -> list[Column]:
-        """Rows of Y = J' Y_tree, the asked columns only."""
+        """Rows (r,) of Y = J' Y_tree, each with the asked columns only."""
         rows = self.tree.regressor(columns)
         by_column = [self.following.primary([row[k] for row in rows]) for k in range(len(columns))]
         return [Column(column[i] for column in by_column) for i in range(len(self.following.slopes))]
 
     def powers(self, s: Column, columns: Sequence[int]) -> Column:
-        """Y' s = Y_tree' J s on the asked columns, without forming Y."""
+        """Powers Y' s = Y_tree' J s on the asked columns (c,), without forming Y."""
         return self.tree.powers(self.following.tree(s), columns)
 
     @property
     def numbers(self) -> Column:
-        """The dependent joints' slopes, then the tree's numbers."""
+        """Slopes of the dependent joints, then the tree's numbers (n,)."""
         return Column((*(x for slope in self.following.slopes for x in slope), *self.tree.numbers))
 
 
@@ -83,7 +83,7 @@ class LoopEquations(Equations):
         return q
 
     def projected(self, q: Column) -> Column:
-        """One Newton step of the dependent joints."""
+        """The configuration (n,) after one Newton step of the dependent joints."""
         places = placements(self.tree.segments, q)
         columns = self.closing.jacobian(places)
         factor = factored([columns[d] for d in self.closing.dependent])
@@ -92,7 +92,7 @@ class LoopEquations(Equations):
         return Column(x - moved[i] if i in moved else x for i, x in enumerate(q))
 
     def residual(self, q: Column) -> Column:
-        """The loops' gaps, in m or rad, independent rows only: zero at a closed configuration."""
+        """Gaps (m,) of the loops, in m or rad, independent rows only: zero at a closed configuration."""
         return self.closing.residual(placements(self.tree.segments, q), q)
 
     def posture(self, q: Column) -> Posture:
@@ -100,7 +100,7 @@ class LoopEquations(Equations):
         return Posture(self.closing, placements(self.tree.segments, q))
 
     def dependent_block(self, q: Column) -> list[Column]:
-        """The columns of the residual's Jacobian under the dependent joints: singular where the loop locks."""
+        """Columns of the residual's Jacobian (m, m) by the dependent joints: singular where the loop locks."""
         columns = self.closing.jacobian(placements(self.tree.segments, q))
         return [columns[d] for d in self.closing.dependent]
 
@@ -109,7 +109,7 @@ class LoopEquations(Equations):
         return self.posture(q).tree(v)
 
     def energy_regressor(self, q: Column, v: Column) -> Column:
-        """E (P,): total energy is E' D, in J."""
+        """Energy regressor E (P,): total energy is E' D, in J."""
         return self.tree.energy_regressor(q, self.posture(q).tree(v))
 
     def potential_regressor(self, q: Column) -> Column:

@@ -48,7 +48,7 @@ class Mechanism:
         return f"<Mechanism {self.name!r}: {len(self.links)} links, {self.dof} degrees of freedom>"
 
     def _repr_html_(self) -> str:
-        """How a notebook shows the mechanism: a row a link."""
+        """Notebook's view of the mechanism: a table with a row a link."""
         heads = ("link", "parent", "joint", "kind", "limits", "effort", "mass [kg]")
         links = self.links
         rows = [
@@ -135,7 +135,7 @@ class Mechanism:
 
     @cached_property
     def inertial_parameters(self) -> Array:
-        """The P inertial parameters D, read-only."""
+        """The inertial parameters D (P,) in SI units, read-only."""
         return self.description.inertial_parameters
 
     @property
@@ -150,7 +150,8 @@ class Mechanism:
 
     @property
     def free_directions(self) -> Array:
-        """How the parameters of `unconstrained` change with each of these (P, Z): the identity without constraints."""
+        """Derivatives (P, Z) of the parameters of `unconstrained` by each of this mechanism's: the identity without
+        constraints."""
         return np.eye(len(self.parameter_names))
 
     @property

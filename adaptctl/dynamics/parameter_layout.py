@@ -1,4 +1,4 @@
-"""Which column of a tree's parameters belongs to which body and which drive."""
+"""Layout of a tree's parameters: the columns of each body and of each drive."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ class TreeMotion(Motion):
         return Column(total)
 
     def regressor(self, columns: Sequence[int]) -> list[Column]:
-        """Rows of Y, the asked columns only: Y D is the torque."""
+        """Rows (r,) of Y, each with the asked columns only: Y D is the torque."""
         of_bodies, of_drives = self.layout.sorted_out(columns)
         rows = torque_regressor(self.places, self.links, list(of_bodies.values()))
         by_column = [dict(zip(of_bodies, row, strict=True)) for row in rows]
@@ -59,7 +59,7 @@ class TreeMotion(Motion):
         return [Column(row.get(column, 0.0) for column in columns) for row in by_column]
 
     def powers(self, s: Column, columns: Sequence[int]) -> Column:
-        """Y' s on the asked columns, without forming Y."""
+        """Powers Y' s on the asked columns (c,), without forming Y."""
         of_bodies, of_drives = self.layout.sorted_out(columns)
         found = dict(zip(of_bodies, powers(self.places, self.links, s, list(of_bodies.values())), strict=True))
         found |= {column: self.layout.drives[k].speed(s) * self.drives[k] for column, k in of_drives.items()}
@@ -67,7 +67,7 @@ class TreeMotion(Motion):
 
     @property
     def numbers(self) -> Column:
-        """Every link's coordinates, then every link's twelve, then the drives'."""
+        """Coordinates of every link, then twelve numbers of each, then the drives' (n,)."""
         placed = (x for place in self.places for x in place.coordinates)
         return Column((*placed, *(x for link in self.links for x in link.numbers), *self.drives))
 
@@ -103,19 +103,19 @@ class TreeEquations(Equations):
         return self.layout.size
 
     def closed(self, p: Column, guess: Column) -> Column:
-        """p itself."""
+        """The configuration q (n,) of primary positions: p itself."""
         return p
 
     def projected(self, q: Column) -> Column:
-        """q itself, there being no loop."""
+        """The configuration q (n,) itself, there being no loop."""
         return q
 
     def rates(self, q: Column, v: Column) -> Column:
-        """v itself."""
+        """The rates of q (n,) at velocities v: v itself."""
         return v
 
     def energy_regressor(self, p: Column, v: Column) -> Column:
-        """E (P,): total energy is E' D, in J."""
+        """Energy regressor E (P,): total energy is E' D, in J."""
         return self.energies(energy.energy_regressor(self.segments, p, v, self.gravity), v)
 
     def energies(self, tens: Column, v: Column) -> Column:

@@ -147,7 +147,7 @@ class CertifiedNullSpace(NamedTuple):
     energies: Callable[[], Array]
     """The triangle R of energy differences at random states."""
     states: str
-    """Where these states come from, in words."""
+    """Source of these states, in words."""
 
 
 def certified_by_decomposition(
@@ -227,7 +227,7 @@ def certified_by_transfers(
 
 
 def _far_from_round_off(mechanism: Mechanism, evidence: TransferEvidence) -> tuple[Leftover, ...]:
-    """What the worst joint feels of bodies that its geometry hides from it, where that refuses the rank."""
+    """The largest relative energy change by an unobservable body and the link it is on, where that refuses the rank."""
     if evidence.leftover <= LARGEST_LEFTOVER:
         return ()
     return (Leftover(evidence.leftover, (f"bodies on {mechanism.links[evidence.worst].name}",)),)
@@ -260,7 +260,7 @@ def _dominant(vector: Array, names: Sequence[str], most: int = 4) -> tuple[str, 
 
 
 def _listing(relative: Array, rank: int) -> str:
-    """All values, or those about the gap where there are very many."""
+    """Text of all values, or of those about the gap where there are very many."""
     if len(relative) <= LISTED:
         return " ".join(f"{x:.1e}" for x in relative)
     first = max(0, rank - LISTED // 2)

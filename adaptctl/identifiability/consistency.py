@@ -42,7 +42,7 @@ class Lift:
 
     @property
     def realisable(self) -> bool:
-        """Whether rigid bodies have the fundamental parameters asked for."""
+        """True if rigid bodies have the fundamental parameters asked for."""
         return self.distance < REALISABLE
 
 
@@ -94,7 +94,8 @@ class _Bodies:
         return self._solved(away, [])
 
     def likeliest(self, wanted: Array, within: float | None) -> Array:
-        """Of the parameters with these fundamental ones, or as near as `within`, the nearest to the prior."""
+        """The consistent parameters nearest to the prior among those with these fundamental ones, exactly or to a
+        relative distance of `within`."""
         cp = self._cp
         away = (self._regrouping @ self._parameters - wanted) / _size(wanted)
         divergence = sum(cp.trace(X) - cp.log_det(X) for X in self._relative)
@@ -135,7 +136,7 @@ def _tens(model: ReducedModel) -> int:
 
 
 def _roots(model: ReducedModel, prior: Array) -> list[Array]:
-    """Each link's Cholesky factor G (4, 4) of the prior's pseudo-inertia."""
+    """Cholesky factor G (4, 4) of each link's pseudo-inertia in the prior."""
     roots: list[Array] = []
     for i, body in enumerate(model.mechanism.description.bodies):
         matrix = pseudo_inertia(prior[10 * i : 10 * i + 10])

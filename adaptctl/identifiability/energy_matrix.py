@@ -59,7 +59,8 @@ class EnergyFactor:
 
     @classmethod
     def of(cls, blocks: Iterable[Array], before: EnergyFactor | None = None) -> EnergyFactor:
-        """The factor of energies (samples, P) of successive states in blocks, after those that `before` holds."""
+        """The factor of energies (samples, P) of successive states in blocks, after those that `before` holds. Raises
+        ValueError without a state."""
         factor = before
         for block in blocks:
             factor = cls._begun(block) if factor is None else factor.followed_by(block)
@@ -72,7 +73,7 @@ class EnergyFactor:
         return cls(triangle(np.diff(energies, axis=0)), np.square(energies).sum(axis=0), energies[-1:])
 
     def followed_by(self, energies: Array) -> EnergyFactor:
-        """This factor with the energies (samples, P) of the states that follow."""
+        """This factor with the energies (samples, P) of more states appended."""
         rows = np.diff(energies, axis=0, prepend=self.last)
         squares = self.square_sums + np.square(energies).sum(axis=0)
         return EnergyFactor(triangle(np.vstack([self.triangle, rows])), squares, energies[-1:])

@@ -35,7 +35,7 @@ LONG = 100
 
 
 CERTIFIED = ("rank_energy", "rank_doubled", "gap", "relative_smallest", "samples", "null_residual")
-"""What a notebook shows of a certificate."""
+"""Entries of a certificate in a notebook's view."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ class EssentialSpace:
     null_space: NullSpace
     certificate: Certificate
     states: str
-    """Where the states behind `singular_values` and `basis` come from, in words."""
+    """Source of the states behind `singular_values` and `basis`, in words."""
     energies: Callable[[], Array]
     """The triangle R of these states' energy differences H = Q R."""
     proof: ExactEnergies | None = None
@@ -112,13 +112,14 @@ class EssentialSpace:
         return frozen_array(V1, (len(self.parameter_names), self.rank), "basis")
 
     def _repr_html_(self) -> str:
-        """How a notebook shows the space: its rank, and how sure that is."""
+        """Notebook's view of the space: its rank, and its certificate."""
         rows = [(name.replace("_", " "), f"{getattr(self.certificate, name):.4g}") for name in CERTIFIED]
         text = f"rank {self.rank} of {len(self.parameter_names)} parameters of {self.mechanism_name}"
         return titled("EssentialSpace", text) + table(("certificate", ""), rows)
 
     def project(self, parameters: ArrayLike) -> Array:
-        """Essential parameters D_E = V1 V1' D (..., P) of inertial parameters D (..., P). Raises `InputError`."""
+        """Essential parameters D_E = V1 V1' D (..., P) of inertial parameters D (..., P). Raises `InputError` on a
+        wrong shape."""
         return (checked(parameters, len(self.parameter_names), "parameters") @ self.basis) @ self.basis.T
 
     @cached_property

@@ -35,7 +35,7 @@ def singular_values(matrix: Array) -> Array:
 
 
 def right_vectors(matrix: Array) -> Array:
-    """All right singular vectors (n, n) of a matrix (m, n), a vector a column, however few its rows."""
+    """Matrix (n, n) whose columns are the right singular vectors of a matrix (m, n), also where m is below n."""
     with one_thread():
         return np.asarray(np.linalg.svd(triangle(matrix))[2].T, dtype=np.float64)
 

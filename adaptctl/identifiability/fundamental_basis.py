@@ -78,7 +78,8 @@ class FundamentalBasis:
         return tuple(self.parameter_names[j] for j in self.columns)
 
     def fundamental_parameters(self, parameters: ArrayLike) -> Array:
-        """Fundamental parameters beta = K D (..., k) of inertial parameters D (..., P). Raises `InputError`."""
+        """Fundamental parameters beta = K D (..., k) of inertial parameters D (..., P). Raises `InputError` on a wrong
+        shape."""
         return checked(parameters, len(self.parameter_names), "parameters") @ self.regrouping.T
 
     def equations(self) -> tuple[str, ...]:
@@ -86,13 +87,13 @@ class FundamentalBasis:
         return regrouping_equations(self.regrouping, self.columns, self.parameter_names)
 
     def _repr_html_(self) -> str:
-        """How a notebook shows the basis: the parameters that are kept, and what is regrouped into them."""
+        """Notebook's view of the basis: the kept parameters, and those regrouped into them."""
         text = f"{len(self.names)} parameters are kept; a star marks one into which others are regrouped"
         rows = [equation.partition(" = ")[::2] for equation in map(str, self.equations())]
         return titled("FundamentalBasis", text) + table(("kept", "is"), rows)
 
     def save(self, path: str | Path) -> None:
-        """Write the basis as JSON, whole or not at all. Raises `FileError`."""
+        """Write the basis as JSON, whole or not at all. Raises `FileError` where it cannot be written."""
         BasisFile(
             schema="adaptctl/fundamental-basis/1",
             robot=Robot(self.mechanism_name, self.geometry_sha256),

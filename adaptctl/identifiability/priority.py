@@ -75,7 +75,7 @@ class Priority:
         return priority
 
     def indices(self, parameter_names: Sequence[str]) -> tuple[int, ...]:
-        """All parameters (P,) as indices, the one to be removed first coming first.
+        """Indices (P,) of the parameters in the order of removal.
 
         Raises `InputError` for names that are unknown or given twice.
         """

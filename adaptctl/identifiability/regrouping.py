@@ -41,7 +41,8 @@ class Regrouping:
 
     @property
     def determined(self) -> bool:
-        """Whether the removed parameters determine the kept ones well enough."""
+        """True if the condition number, or its bound, is at most LARGEST_CONDITION: the null vectors determine the
+        coefficients well enough."""
         return self.bound <= LARGEST_CONDITION or self.condition <= LARGEST_CONDITION
 
     @cached_property
@@ -51,7 +52,7 @@ class Regrouping:
         return float(np.sqrt(1.0 + sizes.sum(axis=0).max(initial=0.0) * sizes.sum(axis=1).max(initial=0.0)))
 
     def leaves_more_than(self, tolerance: float, order: Sequence[int]) -> bool:
-        """Whether each removed parameter's row of an orthonormal null basis leaves more than a tolerance beside those
+        """True if each removed parameter's row of an orthonormal null basis leaves more than a tolerance beside those
         removed before it in the order (P,).
 
         With the null vectors [-C; 1] = Z B, the removed rows of Z are A = B^-1, and A A' = L L' = (1 + C'C)^-1: what is

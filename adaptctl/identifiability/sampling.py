@@ -50,7 +50,7 @@ class States:
 def characteristic_length(mechanism: Mechanism) -> float:
     """L (m): the largest offset from a joint to the next, or from a joint to its link's frame; 1 m where there is none.
 
-    Far frames count, since bodies are told in them: a frame 0.25 m from its joint carries inertias of (0.25 m)^2.
+    Far frames count, since inertias are given in them: a frame 0.25 m from its joint carries inertias of (0.25 m)^2.
     """
     links = mechanism.links
     offsets = [_offset(links[k.parent].far, k.near) for k in links if k.parent != GROUND]

@@ -1,4 +1,4 @@
-"""From a robot's logs to its parameters: reading, preparation, estimators, uncertainty, validation."""
+"""Identification of a robot's parameters from its logs: reading, preparation, estimators, uncertainty, validation."""
 
 from adaptctl.lazily import imported_lazily
 

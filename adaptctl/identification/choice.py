@@ -1,4 +1,4 @@
-"""What a fit has to choose, chosen inside the training logs: by predicting blocks of time left out."""
+"""Choice of a fit's settings inside the training logs: by predicting blocks of time left out."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def predicted_rms(evidence: LogEvidence, settings: FitSettings) -> float:
 
 
 def is_allowed(evidence: LogEvidence, settings: FitSettings) -> bool:
-    """Whether the consistent estimate fits the training rows nearly as well as least squares does."""
+    """True if the consistent estimate fits the training rows nearly as well as least squares does."""
     return misfit_ratio(evidence, evidence.fit(settings, range(evidence.blocks))) <= ALLOWED_MISFIT
 
 

@@ -1,4 +1,4 @@
-"""Which columns of a log belong to which joint, where no drives file says it."""
+"""Assignment of a log's columns to joints, where no drives file states it."""
 
 from __future__ import annotations
 
@@ -73,7 +73,8 @@ def _named(pattern: str, joints: list[str]) -> list[str]:
 
 
 def _pattern(log: LogTable, joints: list[str], given: dict[str, str]) -> dict[str, str]:
-    """Of position, torque and perhaps velocity: as given, completed by the first known naming that the log has."""
+    """Names of the columns of position, torque and perhaps velocity: as given, completed by the first known naming that
+    the log has. Raises `InputError` naming what is missing."""
     for known in KNOWN:
         whole = known | {name: text for name, text in given.items() if name != "time"}
         if all(name in log.columns for what in ("position", "torque") for name in _named(whole[what], joints)):
@@ -98,7 +99,8 @@ def _require(log: LogTable, what: str, names: list[str]) -> None:
 
 
 def _units(log: LogTable, names: Mapping[str, list[str]], stated: dict[str, str]) -> Units:
-    """As stated, by the caller or by the log itself. Raises `InputError` naming all that are not."""
+    """Units as stated, by the caller or by the log itself. Raises `InputError` naming all that are not. Raises
+    `InputError` naming all that are not."""
     units = dict(stated)
     for what, columns in names.items():
         own = {log.units.get(name, "") for name in columns}

@@ -15,7 +15,7 @@ from adaptctl.identification.least_squares import least_squares
 
 
 class Alternative(NamedTuple):
-    """Another way to the parameters of all columns, in words."""
+    """An alternative estimate of the parameters of all columns, and its name."""
 
     name: str
     x: Array

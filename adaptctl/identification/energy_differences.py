@@ -68,6 +68,6 @@ def _torque(motion: SmoothMotion) -> Array:
 
 
 def _integral(values: Array, rate: float) -> Array:
-    """From the first sample to each, (n, c)."""
+    """Integral (n, c) of samples (n, c) from the first to each, by the trapezium rule; `rate` in Hz."""
     steps = 0.5 * (values[1:] + values[:-1]) / rate
     return np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(steps, axis=0)])

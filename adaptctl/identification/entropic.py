@@ -37,7 +37,7 @@ RIDGE = 1e-11
 
 @dataclass(frozen=True, eq=False)
 class EntropicPrior:
-    """What is expected of N links and of positive parameters, before any log is read.
+    """Prior of N links and of positive parameters, before any log is read.
 
     `tens` (N, 10) are consistent links, the first 10N columns; `positive` are columns, and `scales` their rough sizes.
     """
@@ -64,7 +64,7 @@ class EntropicPrior:
         return x
 
     def divergence(self, x: Array, weight: float) -> float:
-        """Of x from the prior, weighted; infinite where no body can have x."""
+        """Weighted divergence of parameters x (P,) from the prior; infinite where no rigid bodies have x."""
         matrices = self._matrices(x)
         sign, determinants = np.linalg.slogdet(matrices)
         ratios = x[self.positive] / self.scales
@@ -79,7 +79,7 @@ class EntropicPrior:
         return float(np.sum(self.inverses * self._matrices(x)) - np.sum(logarithms) - 4 * len(self.tens))
 
     def gradient(self, x: Array, weight: float) -> Array:
-        """Of the divergence (P,)."""
+        """Gradient (P,) of the divergence at x (P,)."""
         out = np.zeros_like(x)
         slopes = self.inverses - np.linalg.inv(self._matrices(x))
         out[: self.tens.size] = weight * np.einsum("kij,nij->nk", UNITS, slopes).ravel()
@@ -121,7 +121,8 @@ def consistent_estimate(A: Array, b: Array, prior: EntropicPrior, weight: float,
 
 
 def _newton(A: Array, b: Array, prior: EntropicPrior, weight: float, times: float, x: Array) -> tuple[Array, bool]:
-    """Damped, with the divergence so many times as heavy; where it got to, and whether that is the minimum."""
+    """Minimum by damped Newton steps, with the divergence weighted; the point reached, and whether it is the
+    minimum."""
     own = np.diag(A)
     absent = own == 0.0
     absent[: prior.tens.size] = False
@@ -142,7 +143,8 @@ def _newton(A: Array, b: Array, prior: EntropicPrior, weight: float, times: floa
 
 
 def _solved(curvature: Array, gradient: Array) -> Array:
-    """Of a positive definite matrix, made more so where round-off has spoilt that: any descent will do."""
+    """Newton step of a positive definite curvature, whose diagonal grows where round-off has made it indefinite: any
+    descent will do."""
     scale = 1.0 / np.sqrt(np.diag(curvature))
     scaled = curvature * np.outer(scale, scale)
     for more in (0.0, 1e-10, 1e-8, 1e-6):
@@ -158,7 +160,8 @@ def _value(A: Array, b: Array, prior: EntropicPrior, weight: float, times: float
 def _stepped(
     objective: Callable[[Array], float], x: Array, value: float, step: Array, decrement: float
 ) -> tuple[Array, float]:
-    """As far along a Newton step as the objective falls enough, by halves (Armijo)."""
+    """The point along a Newton step where the objective falls enough, found by halving (Armijo), and the objective
+    there."""
     share = 1.0
     while share > 1e-14:
         there = x + share * step

@@ -79,7 +79,7 @@ class SmoothMotion:
 
     @property
     def rate(self) -> float:
-        """Hz."""
+        """Sampling rate, Hz."""
         return self.log.rate / self.every
 
     @classmethod
@@ -100,7 +100,8 @@ class SmoothMotion:
         return filtered(self.velocity, derivative(np.ones(1), self.rate))
 
     def rows(self, mechanism: Mechanism, cutoffs: Sequence[float]) -> list[Rows]:
-        """The filtered equations at each cut-off (Hz) where the arm moves, on all P columns."""
+        """The filtered equations at each cut-off (Hz) where the arm moves, on all P columns. Raises `InputError` where
+        too few samples are left to filter."""
         filters = [RowFilter.of(self, cutoff) for cutoff in cutoffs]
         found: list[list[Array]] = [[] for _ in filters]
         widest = max(f.taps for f in filters)
@@ -131,12 +132,12 @@ class RowFilter:
 
     @property
     def taps(self) -> int:
-        """Its length, in samples of the motion."""
+        """Length of the filter, in samples of the motion."""
         return len(self.kernel)
 
     @classmethod
     def of(cls, motion: SmoothMotion, cutoff: float) -> RowFilter:
-        """At a cut-off (Hz)."""
+        """The low-pass filter with a cut-off (Hz) for a motion."""
         kernel = low_pass(cutoff, motion.rate)
         every = max(1, int(motion.rate / (ROWS * cutoff)))
         return cls(cutoff, padded(kernel), derivative(kernel, motion.rate), every)
@@ -155,7 +156,8 @@ class RowFilter:
         return filtered(values, self.kernel, self.every)
 
     def rows(self, motion: SmoothMotion, regressor: Array) -> Rows:
-        """With the torques, filtered alike at the log's own rate, where the arm moves."""
+        """Rows of a filtered regressor with the torques, which are filtered alike at the log's own rate, where the arm
+        moves."""
         log, n = motion.log, len(regressor)
         at = self._centers(motion, n)
         own = low_pass(self.cutoff, log.rate)
@@ -164,7 +166,7 @@ class RowFilter:
         return Rows(self.cutoff, log.time[at], regressor, torque, velocity, number).chosen(self.moving(motion))
 
     def moving(self, motion: SmoothMotion) -> NDArray[np.bool_]:
-        """Which of the rows are kept: those that the filter makes of motion alone, not of rest before or after it."""
+        """Mask (n,) of the rows that the filter makes of motion alone, not of rest before or after it."""
         at = self._centers(motion, len(range(0, len(motion.position) - self.taps + 1, self.every)))
         around, moving = motion.every * (self.taps // 2), motion.log.moving
         return np.asarray(moving[at - around] & moving[at] & moving[at + around])
@@ -175,7 +177,7 @@ class RowFilter:
 
 
 def rows_of(motions: Sequence[SmoothMotion], mechanism: Mechanism, cutoffs: Sequence[float]) -> list[Rows]:
-    """All logs' rows at each cut-off."""
+    """Rows of all logs at each cut-off (Hz)."""
     each = [motion.rows(mechanism, cutoffs) for motion in motions]
     return [Rows.joined(parts) for parts in zip(*each, strict=True)]
 

@@ -22,7 +22,7 @@ def low_pass(cutoff: float, rate: float) -> Array:
 
 
 def padded(kernel: Array) -> Array:
-    """The kernel with zeros around it, as long as that of its derivative."""
+    """The kernel (t,) with zeros around it, as long as that of its derivative."""
     return np.pad(kernel, AROUND)
 
 

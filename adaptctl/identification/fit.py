@@ -26,7 +26,7 @@ ROTOR, LOAD = 0.1, 0.1
 
 @dataclass(frozen=True)
 class FitSettings:
-    """What a fit has to choose: friction, the prior's weight, and the rows' cut-off (Hz)."""
+    """Settings of a fit: friction, the prior's weight, and the rows' cut-off (Hz)."""
 
     friction: FrictionModel
     weight: float
@@ -48,7 +48,7 @@ class Fit:
 
 @dataclass(frozen=True, eq=False)
 class LogEvidence:
-    """Everything that fits are made from: rows at each cut-off, summed by blocks of time."""
+    """Evidence that fits are made from: rows at each cut-off, summed by blocks of time."""
 
     mechanism: Mechanism
     """with all kinds of friction"""
@@ -62,14 +62,14 @@ class LogEvidence:
     """which of the motions' rows these are, where not all"""
 
     def part(self, blocks: Sequence[int]) -> LogEvidence:
-        """Of some of the blocks alone."""
+        """The evidence of some of the blocks alone."""
         kept = {cutoff: np.isin(block, blocks) for cutoff, block in self._block.items()}
         rows = {cutoff: rows.chosen(kept[cutoff]) for cutoff, rows in self.rows.items()}
         return replace(self, rows=rows, edges=[self.edges[b] for b in blocks], kept=kept)
 
     @cached_property
     def _plain(self) -> dict[float, NormalEquations]:
-        """At each cut-off, without load-dependent friction."""
+        """Normal equations by cut-off (Hz), without load-dependent friction."""
         return {cutoff: NormalEquations.of(rows, self._block[cutoff]) for cutoff, rows in self.rows.items()}
 
     @cached_property
@@ -78,7 +78,7 @@ class LogEvidence:
 
     @property
     def blocks(self) -> int:
-        """Their number B."""
+        """Number of blocks, B."""
         return len(self.edges)
 
     def load(self, cutoff: float, x: Array) -> Array:
@@ -87,7 +87,8 @@ class LogEvidence:
         return columns if self.kept is None else columns[self.kept[cutoff]]
 
     def equations(self, cutoff: float, blocks: Sequence[int], load: Array | None = None) -> NormalEquations:
-        """Of some blocks, summed, on P + r columns; those of load-dependent friction are zero unless given."""
+        """Normal equations of some blocks, summed, on P + r columns; those of load-dependent friction are zero unless
+        given."""
         plain = self._plain[cutoff].over(blocks)
         if load is None:
             return plain.with_blank_columns(self.mechanism.dof)
@@ -95,11 +96,11 @@ class LogEvidence:
         return plain.with_columns(self.rows[cutoff].chosen(here), load[here])
 
     def mask(self, friction: FrictionModel) -> Array:
-        """Which of the P + r columns a friction model has, as 0 and 1."""
+        """Mask (P + r,) of 0 and 1: the columns that a friction model has."""
         return np.concatenate([friction.columns(self.mechanism), np.full(self.mechanism.dof, float(friction.load))])
 
     def independent(self, friction: FrictionModel) -> NDArray[np.int64]:
-        """The columns that least squares is made on: the fundamental ones, and friction's."""
+        """Indices (c,) of the columns that least squares is made on: the fundamental ones, and friction's."""
         energetic = self.mechanism.energetic
         others = [c for c in np.flatnonzero(self.mask(friction)).tolist() if c >= energetic]
         return np.array([*self.basis.columns, *others])
@@ -116,8 +117,8 @@ class LogEvidence:
         return {}
 
     def load_from(self, settings: FitSettings, blocks: Sequence[int], cutoff: float | None = None) -> Array | None:
-        """Load-dependent friction's columns at a cut-off, the settings' own by default, as far as some blocks tell:
-        at the rigid torques of a fit to them without it. None where it is not modelled."""
+        """Columns (n, r, r) of load-dependent friction at a cut-off, the settings' own by default, from some blocks: at
+        the rigid torques of a fit to them without it. None where it is not modelled."""
         if not settings.friction.load:
             return None
         at = settings.cutoff if cutoff is None else cutoff
@@ -153,7 +154,8 @@ class LogEvidence:
         return Fit(x, deviations, A, settings)
 
     def prior_of(self, friction: FrictionModel) -> EntropicPrior:
-        """With the shares of load-dependent friction among what must be positive, where it is modelled."""
+        """The prior for a friction model: the shares of load-dependent friction are positive too, where it is
+        modelled."""
         r, P = self.mechanism.dof, len(self.mechanism.parameter_names)
         kept = self.mask(friction)[self.prior.positive] > 0.0
         loads = np.arange(P, P + r) if friction.load else np.arange(0)
@@ -167,14 +169,14 @@ class LogEvidence:
 
 
 def _begun(start: Array, prior: EntropicPrior, mask: Array) -> Array:
-    """Where a search can begin: what is new among the positive at its scale."""
+    """Start of a search: parameters that must be positive and are not begin at their scale."""
     x = start * mask
     x[prior.positive] = np.where(x[prior.positive] > 0.0, x[prior.positive], prior.scales)
     return x
 
 
 def positive_columns(mechanism: Mechanism, tens: Array) -> tuple[NDArray[np.int64], Array]:
-    """The columns of drives that must be positive, and their rough sizes."""
+    """Indices (c,) of the drives' columns that must be positive, and their rough sizes (c,)."""
     first = 10 * len(mechanism.description.bodies)
     drives = mechanism.description.drive_parameters
     own = [first + k for k, (_, kind) in enumerate(drives) if kind not in MAY_BE_NEGATIVE]

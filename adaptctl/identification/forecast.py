@@ -1,4 +1,4 @@
-"""What a motion will tell of a robot's parameters, before it is run."""
+"""Forecast of the parameters' uncertainty from a motion, before it is run."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from adaptctl.identification.unexcited import Combination, combinations
 RATE = 50.0
 """Hz: rows a second that count as independent."""
 NOISE = 0.02
-"""Of the largest torque of the motion: what residuals are expected to be, unless told."""
+"""Of the largest torque of the motion: what residuals are expected to be, unless given."""
 
 LEAST = 0.01
 """Of the largest joint's torque: what any joint's is taken to be at least."""
@@ -42,7 +42,7 @@ class Forecast:
 
 
 def forecast(mechanism: Mechanism, motion: RobotMotion, noise: ArrayLike | None = None) -> Forecast:
-    """Of least squares on a motion's rows, with torque residuals of `noise` N m, one number or one a joint."""
+    """Forecast of least squares on a motion's rows, with torque residuals of `noise` N m, one number or one a joint."""
     model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))
     _, p, v, a, _ = motion.sampled(RATE)
     largest = np.abs(mechanism.inverse_dynamics(p, v, a)).max(axis=0)

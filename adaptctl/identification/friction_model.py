@@ -1,4 +1,4 @@
-"""Which friction a robot's drives are said to have: candidates that an inner validation chooses from."""
+"""Friction models of a robot's drives: candidates that an inner validation chooses from."""
 
 from __future__ import annotations
 
@@ -34,12 +34,13 @@ class FrictionModel:
 
     @property
     def words(self) -> str:
-        """Its terms' names."""
+        """Names of the model's terms, separated by commas."""
         return ", ".join([*(kind.value for kind in self.kinds), *(["load"] if self.load else [])])
 
     @classmethod
     def named(cls, words: str) -> FrictionModel:
-        """By its terms' names, separated by commas. Raises `InputError`."""
+        """The friction model with these terms, named and separated by commas. Raises `InputError` for an unknown
+        name."""
         names = [name.strip() for name in words.split(",") if name.strip()]
         known = {kind.value: kind for kind in DriveParameter if kind.is_friction}
         if unknown := [name for name in names if name not in (*known, "load")]:
@@ -48,7 +49,7 @@ class FrictionModel:
         return cls(kinds, "load" in names)
 
     def columns(self, mechanism: Mechanism) -> Array:
-        """Which of the parameters of a mechanism that has all kinds belong to the model: (P,) of 0 and 1."""
+        """Mask (P,) of 0 and 1: the parameters of a mechanism with all kinds of friction that belong to the model."""
         drives = mechanism.description.drive_parameters
         kept = [float(kind in (*self.kinds, DriveParameter.ROTOR_INERTIA)) for _, kind in drives]
         return np.concatenate([np.ones(len(mechanism.parameter_names) - len(drives)), np.array(kept)])
@@ -80,7 +81,8 @@ def load_columns(
 
 
 def _unfiltered(motion: SmoothMotion, rigid: Mechanism, drives: Drives) -> Array:
-    """(m, r, r): |rigid torque| sign(shaft's speed), on the joints that the shaft turns with."""
+    """Regressor (m, r, r) of load-dependent friction: |rigid torque| sign(shaft's speed), on the joints that the shaft
+    turns with."""
     inner = slice(AROUND, -AROUND)
     p, v = motion.position[inner], motion.velocity[inner]
     torque = np.abs(rigid.inverse_dynamics(p, v, motion.acceleration()))

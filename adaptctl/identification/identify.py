@@ -1,4 +1,4 @@
-"""From logs to a robot: the whole way, step by step."""
+"""Identification of a robot from its logs, step by step."""
 
 from __future__ import annotations
 
@@ -78,12 +78,12 @@ class Identification:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the fundamental parameters."""
+        """Names (k,) of the fundamental parameters."""
         return self.model.names
 
     @property
     def inflation(self) -> float:
-        """How many times the deviations are those of white residuals, at the median."""
+        """Median ratio of the deviations to those that white residuals would have."""
         known = self.nominal_deviations > 0.0
         return float(np.median(self.deviations[known] / self.nominal_deviations[known]))
 
@@ -206,7 +206,8 @@ def gathered(
     skip: Collection[str] = (),
     cutoff: float | None = None,
 ) -> tuple[LogEvidence, tuple[PreparationStep, ...], tuple[str, ...]]:
-    """What fits are made from, and what was done to the logs and to the prior, in words."""
+    """The evidence that fits are made from, the steps of preparation, and remarks in words on the logs and the prior.
+    `cutoff` in Hz."""
     prepared = [prepare(log, mechanism, skip) for log in logs]
     pieces = [piece for found, _ in prepared for piece in found]
     steps = tuple(dict.fromkeys(step for _, own in prepared for step in own))
@@ -227,7 +228,8 @@ def gathered(
 
 
 def freed_of_noise(evidence: LogEvidence) -> LogEvidence:
-    """With regressors by instrumental variables: even samples' on odd samples'."""
+    """The evidence with regressors by instrumental variables: even samples' on odd samples'. Raises `InputError` where
+    the log is too slow to be split."""
     pairs = [halves(motion.log) for motion in evidence.motions]
     cutoffs = [cutoff for cutoff in evidence.rows if cutoff <= 0.1 * min(log.rate for log, _ in pairs)]
     if not cutoffs:
@@ -303,7 +305,7 @@ def _result(
 
 
 def identified_mechanism(evidence: LogEvidence, fit: Fit) -> Mechanism:
-    """With the drives' terms that a fit has, and its parameters."""
+    """The mechanism with a fit's parameters, and with the drives' terms that the fit has."""
     full = evidence.mechanism
     mask = evidence.mask(fit.settings.friction)
     names = [name for name, kept in zip(full.parameter_names, mask, strict=False) if kept]
@@ -319,7 +321,8 @@ def _with_terms(drive: Drive, joint: str, names: Sequence[str]) -> Drive:
 
 
 def _states(mechanism: Mechanism, evidence: LogEvidence) -> tuple[Mechanism, Array, Array]:
-    """At most so many of the logs' positions and velocities as tell their energy."""
+    """The mechanism and a thinned selection of the logs' positions and velocities (about a thousand, r), for their
+    energy."""
     p = np.concatenate([motion.position for motion in evidence.motions])
     v = np.concatenate([motion.velocity for motion in evidence.motions])
     every = max(1, len(p) // 1000)

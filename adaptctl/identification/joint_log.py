@@ -1,4 +1,4 @@
-"""What a log says of the joints: their positions and torques, in SI units."""
+"""Logs of joints: their positions and torques, in SI units."""
 
 from __future__ import annotations
 
@@ -95,5 +95,5 @@ def _require_change(log: LogTable, names: list[str], values: Array, meaning: str
 
 
 def same_place(first: str | Path, second: str | Path) -> bool:
-    """Whether two names mean one log: the same file, or the same file's name."""
+    """True if two names mean one log: the same file, or the same file's name."""
     return Path(first) == Path(second) or Path(first).name == Path(second).name

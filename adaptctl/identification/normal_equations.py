@@ -14,7 +14,7 @@ from adaptctl.identification.filtered_dynamics import Rows
 
 @dataclass(frozen=True, eq=False)
 class NormalEquations:
-    """Of B blocks of rows, joint by joint: Y'Y, Y'tau, tau'tau, and how many rows they sum."""
+    """Normal equations of B blocks of rows, joint by joint: Y'Y, Y'tau, tau'tau, and the number of rows."""
 
     normal: Array
     """(B, r, P, P)"""
@@ -27,18 +27,18 @@ class NormalEquations:
 
     @classmethod
     def of(cls, rows: Rows, block: NDArray[np.int64]) -> NormalEquations:
-        """Of rows that belong to blocks (n,) numbered from 0."""
+        """Normal equations of rows that belong to blocks (n,) numbered from 0."""
         parts = [_sums(rows.regressor[block == b], rows.torque[block == b]) for b in range(int(block.max()) + 1)]
         return cls(*(np.stack(part) for part in zip(*parts, strict=True)))
 
     def over(self, blocks: NDArray[np.int64] | Sequence[int]) -> NormalEquations:
-        """Of some of the blocks, summed: a block of its own."""
+        """The sum over some of the blocks, as a single block."""
         which = np.asarray(blocks, dtype=np.int64)
         parts = (self.normal, self.moment, self.square, self.count)
         return NormalEquations(*(part[which].sum(axis=0, keepdims=True) for part in parts))
 
     def with_columns(self, rows: Rows, more: Array) -> NormalEquations:
-        """Of a single block, whose rows are given, with more columns (n, r, c)."""
+        """These equations of a single block, whose rows are given, with more columns (n, r, c)."""
         Y, L = rows.regressor.transpose(1, 0, 2), more.transpose(1, 0, 2)
         across, own = Y.mT @ L, L.mT @ L
         moment = np.concatenate([self.moment[0], (L.mT @ rows.torque.T[..., None])[..., 0]], axis=-1)
@@ -46,7 +46,7 @@ class NormalEquations:
         return NormalEquations(normal[None], moment[None], self.square, self.count)
 
     def with_blank_columns(self, count: int) -> NormalEquations:
-        """With columns that are zero."""
+        """These equations with `count` more columns that are zero."""
         wider = (0, count)
         normal = np.pad(self.normal, ((0, 0), (0, 0), wider, wider))
         return NormalEquations(normal, np.pad(self.moment, ((0, 0), (0, 0), wider)), self.square, self.count)
@@ -57,7 +57,7 @@ class NormalEquations:
         return np.einsum("brij,r->ij", self.normal, weight), np.einsum("bri,r->i", self.moment, weight)
 
     def misfit(self, x: Array) -> Array:
-        """(r,): summed squares of the residuals tau - Y x, of all blocks."""
+        """Squares (r,) of the residuals tau - Y x, summed over all blocks."""
         normal, moment = self.normal.sum(axis=0), self.moment.sum(axis=0)
         return np.maximum(self.square.sum(axis=0) - 2.0 * moment @ x + (normal @ x) @ x, 0.0)
 
@@ -67,14 +67,14 @@ class NormalEquations:
 
 
 def _sums(Y: Array, torque: Array) -> tuple[Array, Array, Array, Array]:
-    """Of rows' regressors (n, r, P) and torques (n, r)."""
+    """Y'Y (r, P, P), Y'tau (r, P), tau'tau (r,) and the number of rows, of regressors (n, r, P) and torques (n, r)."""
     joints = Y.transpose(1, 0, 2)
     moment = (joints.mT @ torque.T[..., None])[..., 0]
     return joints.mT @ joints, moment, np.square(torque).sum(axis=0), np.asarray(float(len(Y)))
 
 
 def block_edges(rows: Rows, count: int) -> list[tuple[int, float]]:
-    """Where blocks of about equally many rows begin, each within one log."""
+    """Log and time (s) at the beginning of each of about `count` blocks of equally many rows, each within one log."""
     starts = [int(start) for start in np.linspace(0, len(rows), count, endpoint=False)]
     firsts = np.flatnonzero(np.diff(rows.log, prepend=-1)).tolist()
     return [(int(rows.log[i]), float(rows.time[i])) for i in sorted({*starts, *firsts})]

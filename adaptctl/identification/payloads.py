@@ -17,7 +17,8 @@ from adaptctl.identification.joint_log import same_place
 
 
 def payload_torques(rows: Rows, motions: Sequence[SmoothMotion], mechanism: Mechanism, drives: Drives) -> Array:
-    """The torques (n, r) that known payloads take of the rows' torques. Raises `InputError` for links without names."""
+    """The torques (n, r) N m that known payloads take of the rows' torques. Raises `InputError` for links without
+    names."""
     out = np.zeros_like(rows.torque)
     for payload in drives.payloads:
         columns, ten = _columns(payload, mechanism), _ten(payload)

@@ -1,4 +1,4 @@
-"""What a log cannot be: friction that drives, and equations that explain nothing."""
+"""Checks of what a log cannot be: friction that drives, and equations that explain nothing."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def require_plausible(evidence: LogEvidence, source: str, cutoff: float) -> None
 
 
 def _is_needed(evidence: LogEvidence, equations: NormalEquations, joint: str, deviations: Array) -> bool:
-    """Whether the rows are fitted much worse without a joint's friction; else it may be anything."""
+    """True if the rows are fitted much worse without a joint's friction; else its values may be anything."""
     names, columns = evidence.mechanism.parameter_names, evidence.independent(FrictionModel())
     energetic = evidence.mechanism.energetic
     others = np.array([c for c in columns.tolist() if c < energetic or not names[c].startswith(joint)])

@@ -19,7 +19,7 @@ from adaptctl.identification.joint_log import JointLog
 JITTER, GAP = 0.01, 8.0
 """Of a sampling period: what stamps may be off and still count as even, and what counts as a hole in the log."""
 AGREEMENT = 0.1
-"""How far logged velocities may differ from differentiated positions, as a share."""
+"""Largest relative difference of logged velocities from differentiated positions."""
 REST, SLOW, AT_REST = 0.01, 1e-3, 0.1
 """A joint slower than this share of its greatest speed, or so many rad/s (m/s), rests; when all do for so many s, the
 arm is at rest."""
@@ -28,7 +28,7 @@ TOO_FAST, TOO_FAR = 3.0, 0.25
 SLOWEST, FASTEST = 20.0, 1e5
 """Hz, between which logs of arms are sampled."""
 STEPS = ("resample", "unwrap", "velocities", "limits", "standstill")
-"""What can be skipped, by name."""
+"""Names of the steps that can be skipped."""
 
 
 class PreparationStep(NamedTuple):
@@ -113,7 +113,7 @@ def _prepared(piece: JointLog, moving: NDArray[np.bool_]) -> PreparedLog:
 
 
 def _pieces(log: JointLog) -> Iterator[JointLog]:
-    """Between holes; pieces too short to be filtered are left out."""
+    """Pieces of a log between holes; those too short to be filtered are left out."""
     steps = np.diff(log.time)
     holes = np.flatnonzero(steps > GAP * np.median(steps)) + 1
     ends = [0, *holes.tolist(), len(log)]
@@ -220,7 +220,8 @@ def _within_limits(source: str, logs: list[JointLog], speeds: list[Array], mecha
 
 
 def _moving(logs: list[JointLog], speeds: list[Array]) -> list[NDArray[np.bool_]]:
-    """Where any joint is faster than a share of its greatest speed, rests shorter than AT_REST counted as motion."""
+    """Masks of motion, one a log: any joint is faster than a share of its greatest speed; rests shorter than AT_REST
+    count as motion."""
     fastest = np.max([np.abs(v).max(axis=0) for v in speeds], axis=0)
     slow = np.maximum(REST * fastest, SLOW)
     return [_bridged((np.abs(v) > slow).any(axis=1), log.time) for log, v in zip(logs, speeds, strict=True)]

@@ -1,4 +1,4 @@
-"""What is expected of the links before any log is read: what the robot's file says, made consistent."""
+"""Prior links: the robot's file, made physically consistent, before any log is read."""
 
 from __future__ import annotations
 

@@ -23,12 +23,12 @@ RATE = 250.0
 SLOWEST = 100.0
 HALVINGS = 12
 Allowed = Callable[[Array], bool]
-"""Whether all of the positions (n, r) are allowed."""
+"""A test that is true if all positions (n, r) are allowed."""
 
 
 @dataclass(frozen=True, eq=False)
 class RobotLimits:
-    """What a motion may use: (r,) each, infinite where nothing limits."""
+    """Limits that a motion must keep: (r,) each in SI units, infinite where there is none."""
 
     velocity: Array
     acceleration: Array
@@ -67,7 +67,7 @@ class RobotMotion:
 
     @property
     def duration(self) -> float:
-        """s in all."""
+        """Duration in all, s."""
         return self.slower * (self.period + 2.0 * self.fade)
 
     def at(self, time: ArrayLike) -> tuple[Array, Array, Array, Array]:
@@ -85,7 +85,7 @@ class RobotMotion:
         return pose + p, v, a, jerk
 
     def sampled(self, rate: float = RATE) -> tuple[Array, Array, Array, Array, Array]:
-        """Times and what `at` tells, evenly to the end."""
+        """Times (n,) in s, evenly to the end, and the motion there as `at` has it, (n, r) each."""
         time = np.linspace(0.0, self.duration, max(2, round(self.duration * rate)) + 1)
         return time, *self.at(time)
 
@@ -161,7 +161,8 @@ def _require_poses(
 
 
 def _smaller(motion: RobotMotion, allowed: Allowed | None) -> RobotMotion:
-    """With as much of the reference's swing about the start as is allowed."""
+    """The motion with the reference's swing about the start shrunk until it is allowed. Raises `InputError` if none
+    is."""
     if allowed is None or allowed(motion.sampled(50.0)[1]):
         return motion
     share = 1.0
@@ -182,7 +183,7 @@ def _smaller(motion: RobotMotion, allowed: Allowed | None) -> RobotMotion:
 
 
 def _slowed(motion: RobotMotion, mechanism: Mechanism, limits: RobotLimits) -> RobotMotion:
-    """As fast as the limits allow, at most as fast as it is."""
+    """The motion slowed down until the limits allow it; unchanged if they do. Raises `InputError` beyond SLOWEST."""
     if _use(motion, mechanism, limits) <= 1.0:
         return motion
     slow, fast = 1.0, 1.0
@@ -199,7 +200,7 @@ def _slowed(motion: RobotMotion, mechanism: Mechanism, limits: RobotLimits) -> R
 
 
 def at_pace(motion: RobotMotion, slower: float) -> RobotMotion:
-    """The same path, so many times slower."""
+    """The motion on the same path, slower by a factor."""
     return RobotMotion(motion.reference, motion.start, motion.end, motion.period, motion.fade, slower)
 
 

@@ -30,7 +30,8 @@ DISTINCT = 1.5
 def torque_constants(evidence: LogEvidence, cutoff: float) -> tuple[Array, str]:
     """Constants (r,) of all motors, N m for a unit of their columns, and in words how far they are known.
 
-    The evidence's torques are of constants of 1 where they are unknown, its payloads not taken off.
+    The evidence's torques are of constants of 1 where they are unknown, its payloads not taken off. Raises `InputError`
+    where one is not positive.
     """
     drives, rows = evidence.drives, evidence.rows[cutoff]
     unknown = np.flatnonzero(np.isnan(drives.constants))
@@ -112,7 +113,7 @@ def _direction(Y: Array, W: Array, names: str) -> Array:
 
 
 def _scale(evidence: LogEvidence, rows: Rows, torque: Array) -> float:
-    """By which torques become those of the prior's links, friction and rotors free."""
+    """Factor that turns the torques into those of the prior's links; friction and rotors are fitted along."""
     tens = evidence.prior.tens.ravel()
     drives = evidence.mask(FrictionModel())[: rows.regressor.shape[-1]].copy()
     drives[: tens.size] = 0.0

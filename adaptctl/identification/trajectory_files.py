@@ -39,14 +39,15 @@ def joint_trajectory(motion: RobotMotion, joints: Sequence[str], rate: float) ->
 
 
 def write_trajectory(path: str | Path, motion: RobotMotion, joints: Sequence[str], rate: float) -> None:
-    """As JSON, or by the suffix .yaml as YAML, which `ros2 topic pub` takes."""
+    """Write a motion's trajectory as JSON, or by the suffix .yaml as YAML, which `ros2 topic pub` takes; `rate` in
+    Hz."""
     content = joint_trajectory(motion, joints, rate)
     as_json = Path(path).suffix == ".json"
     write_text(path, json.dumps(content, indent=1) + "\n" if as_json else _yaml(content))
 
 
 def _yaml(content: dict[str, Any]) -> str:
-    """Of a message's fields: its points in YAML's flow style, which is JSON."""
+    """YAML of a message's fields, with its points in the flow style, which is JSON."""
     head = {name: content[name] for name in ("header", "joint_names")}
     lines = [f"{name}: {json.dumps(value)}" for name, value in head.items()]
     return "\n".join([*lines, "points:", *(f"- {json.dumps(point)}" for point in content["points"])]) + "\n"

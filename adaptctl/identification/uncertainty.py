@@ -1,4 +1,4 @@
-"""How far the estimates may be off: deviations that residuals which are not white do not flatter."""
+"""Uncertainty of the estimates: deviations that stay true where residuals are not white."""
 
 from __future__ import annotations
 
@@ -26,12 +26,13 @@ class Uncertainty:
         return np.sqrt(np.maximum(np.einsum("ki,ij,kj->k", combinations, self.covariance, combinations), 0.0))
 
     def nominal_of(self, combinations: Array) -> Array:
-        """The same of white residuals."""
+        """Standard deviations (k,) of combinations (k, P + r) as if residuals were white."""
         return np.sqrt(np.maximum(np.einsum("ki,ij,kj->k", combinations, self.nominal, combinations), 0.0))
 
 
 def uncertainty(evidence: LogEvidence, fit: Fit) -> Uncertainty:
-    """By the block jackknife (Kuensch 1989): the fit without each block of time in turn, a Newton step away.
+    """Uncertainty of a fit by the block jackknife (Kuensch 1989): the fit without each block of time in turn, a Newton
+    step away.
 
     The step is as if nothing had to be positive, so that an estimate at the edge of that is not taken for certain. The
     jackknife sees what the log's noise does, not how far the prior holds the estimate back. With the prior's curvature
@@ -49,13 +50,13 @@ def uncertainty(evidence: LogEvidence, fit: Fit) -> Uncertainty:
     steps = [_inverse(H - A, kept) @ score for A, score in _blocks(evidence, fit)]
     spread = np.array(steps) - np.mean(steps, axis=0)
     sampling = (len(steps) - 1) / len(steps) * spread.T @ spread
-    told = float(np.trace((inverse @ fit.curvature)[:links, :links]))
-    moved = 2.0 * prior.distance(fit.x) / max(told, 1.0)
+    determined = float(np.trace((inverse @ fit.curvature)[:links, :links]))
+    moved = 2.0 * prior.distance(fit.x) / max(determined, 1.0)
     return Uncertainty(sampling + weight * moved * inverse @ pull @ inverse, inverse)
 
 
 def _blocks(evidence: LogEvidence, fit: Fit) -> Iterator[tuple[Array, Array]]:
-    """Each block's share of the whitened squares' curvature, and of their slope."""
+    """Curvature and slope of the whitened squares in each block."""
     settings, mask = fit.settings, evidence.mask(fit.settings.friction)
     load = evidence.load_from(settings, range(evidence.blocks))
     for b in range(evidence.blocks):
@@ -65,7 +66,7 @@ def _blocks(evidence: LogEvidence, fit: Fit) -> Iterator[tuple[Array, Array]]:
 
 
 def _inverse(matrix: Array, kept: NDArray[np.int64]) -> Array:
-    """Of the rows and columns that are kept, zero elsewhere."""
+    """Inverse of the kept rows and columns of a matrix, zero elsewhere."""
     own = matrix[np.ix_(kept, kept)]
     scale = 1.0 / np.sqrt(np.maximum(np.diag(own), 1e-300))
     out = np.zeros_like(matrix)

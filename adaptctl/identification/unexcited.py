@@ -1,4 +1,4 @@
-"""What a log does not excite, in words: combinations of parameters that its torques leave open."""
+"""Combinations of parameters that a log's torques do not excite, in words."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Combination(NamedTuple):
 
 
 def combinations(curvature: Array, names: Sequence[str], ranges: PriorRanges | None = None) -> list[Combination]:
-    """All directions, the least excited first, of a whitened normal matrix (k, k)."""
+    """Directions of a whitened normal matrix (k, k) as combinations of parameters, the least excited first."""
     scale = (ranges or PriorRanges()).of(tuple(names))
     values, vectors = np.linalg.eigh(curvature * np.outer(scale, scale))
     return [
@@ -39,7 +39,8 @@ def combinations(curvature: Array, names: Sequence[str], ranges: PriorRanges | N
 
 
 def unexcited(found: Sequence[Combination], inflation: float) -> list[Combination]:
-    """Those that the log leaves about as open as they were; `inflation` is how far white deviations flatter."""
+    """The combinations that the log leaves about as uncertain as they were; `inflation` is the factor by which white
+    deviations are too small."""
     return [c for c in found if c.strength < WEAK * inflation]
 
 

@@ -12,7 +12,7 @@ POSITION = {"rad": 1.0, "deg": math.pi / 180.0, "rev": 2.0 * math.pi, "m": 1.0, 
 VELOCITY = {"rad/s": 1.0, "deg/s": math.pi / 180.0, "rpm": math.pi / 30.0, "m/s": 1.0, "mm/s": 1e-3}
 TORQUE = {"N m": 1.0, "mN m": 1e-3, "N": 1.0}
 OTHER_TORQUE = ("A", "mA", "%", "1")
-"""What is only proportional to a torque."""
+"""Units of quantities that are only proportional to a torque."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Units:
 
     @classmethod
     def checked(cls, time: str, position: str, torque: str, velocity: str | None = None) -> Units:
-        """By their symbols. Raises `InputError`, which lists those that are known."""
+        """Units by their symbols. Raises `InputError`, which lists those that are known."""
         return cls(
             _factor("time", time, TIME),
             _factor("position", position, POSITION),

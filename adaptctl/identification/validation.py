@@ -31,17 +31,17 @@ class Validation:
 
     @property
     def relative_error(self) -> float:
-        """The errors' root of summed squares over that of the measured torques."""
+        """The root of the errors' summed squares over that of the measured torques."""
         return float(np.linalg.norm(self.error) / np.linalg.norm(self.measured))
 
     @property
     def joint_rms_errors(self) -> Array:
-        """(r,) N m."""
+        """RMS torque error of each joint (r,), N m."""
         return np.sqrt(np.mean(np.square(self.error), axis=0))
 
     @property
     def joint_relative_errors(self) -> Array:
-        """(r,)"""
+        """RMS torque error of each joint (r,) over its RMS torque."""
         return np.linalg.norm(self.error, axis=0) / np.linalg.norm(self.measured, axis=0)
 
     @cached_property
@@ -58,7 +58,7 @@ class Validation:
 
 
 def predicted_torques(rows: Rows, x: Array, load: Array | None) -> Array:
-    """Torques (n, r) of parameters x (P + r,), the last of load-dependent friction with its columns (n, r, r)."""
+    """Torques (n, r) N m of parameters x (P + r,), the last of load-dependent friction with its columns (n, r, r)."""
     P = rows.regressor.shape[-1]
     rigid = rows.regressor @ x[:P]
     return rigid if load is None else rigid + load @ x[P:]

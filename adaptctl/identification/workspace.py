@@ -1,4 +1,4 @@
-"""Where a robot may be: free of collisions with itself, as far as its geometry is known, and within a box."""
+"""Reachable space of a robot: free of collisions with itself, as far as its geometry is known, and within a box."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class ReachableSpace:
     """of one configuration (r,); None where no geometry is known"""
 
     def allows(self, p: Array) -> bool:
-        """Whether all of the positions (n, r) are inside and free of collisions."""
+        """True if all positions (n, r), rad or m, are inside the box and free of collisions."""
         places = link_poses(self.mechanism, p).translations
         if np.any(places < self.lower) or np.any(places > self.upper):
             return False
@@ -37,7 +37,8 @@ class ReachableSpace:
 def workspace(
     mechanism: Mechanism, robot: str | Path, lower: Array | None = None, upper: Array | None = None
 ) -> ReachableSpace:
-    """Of a robot's file: the <collision> geometry of URDF, as far as its meshes are found; no box unless given.
+    """Reachable space of a robot's file, by the <collision> geometry of URDF as far as its meshes are found; no box
+    unless given, its corners (3,) in m.
 
     Pairs of links that touch at the middle of the joints' ranges, neighbours above all, are taken as made so. Warns
     (SimplificationWarning) where no geometry is known, so that nothing is checked.
@@ -68,7 +69,7 @@ def _self_collision(mechanism: Mechanism, robot: str | Path) -> Callable[[Array]
 
 
 def _folders(path: Path) -> list[str]:
-    """Where `package://` may begin."""
+    """Folders that may stand for `package://`."""
     return [str(folder) for folder in path.resolve().parents[:4]]
 
 

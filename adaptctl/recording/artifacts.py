@@ -7,7 +7,7 @@ from pathlib import Path
 from adaptctl.recording.comparison import Comparison
 from adaptctl.recording.judgement import judged
 from adaptctl.recording.result import Progress, Result, silent
-from adaptctl.recording.wording import facts, headline, told
+from adaptctl.recording.wording import facts, headline, outcome_words
 
 RECORDING, SUMMARY, TRACE, REPORT, FIGURES = (
     "recording.rrd",
@@ -22,7 +22,7 @@ def shown(comparison: Comparison) -> Result:
     """A comparison as an experiment's result."""
     return Result(
         complete=comparison.complete,
-        headline=headline(told(comparison), comparison.complete),
+        headline=headline(outcome_words(comparison), comparison.complete),
         facts=tuple(facts(comparison)),
         verdict=judged(comparison),
         write=lambda folder, progress: write_artifacts(folder, comparison, progress),
@@ -32,8 +32,8 @@ def shown(comparison: Comparison) -> Result:
 def write_artifacts(folder: str | Path, comparison: Comparison, progress: Progress = silent) -> Path:
     """Write recording, summary, trace, figures and report into a folder, made where it is missing; returns it.
 
-    Every file is written whole or not at all. `progress` is called with what is being written, and the share
-    of this that is done. Raises FileError.
+    Every file is written whole or not at all. `progress` is called with what is being written, and the share of this
+    that is done. Raises FileError where it cannot be written.
     """
     from adaptctl.recording.figures import write_figures
     from adaptctl.recording.report import write_report

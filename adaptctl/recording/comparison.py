@@ -67,13 +67,13 @@ class ControllerRun:
         return self.rollout.duration
 
     def rms_error(self, start: float = 0.0, stop: float = np.inf, joints: Joints = ALL) -> float | None:
-        """Root mean square of the tracking errors of joints over a stretch of time; None without samples."""
+        """Root mean square (rad or m) of the tracking errors of joints between two times (s); None without samples."""
         inside = (self.rollout.time >= start) & (self.rollout.time < stop)
         return float(np.sqrt(np.mean(self.rollout.error[inside][:, joints] ** 2))) if inside.any() else None
 
     @property
     def first_rms_error(self) -> float | None:
-        """`rms_error` over the first second; None where the run is shorter."""
+        """`rms_error` (rad or m) over the first second; None where the run is shorter."""
         return self.first_rms_error_of(ALL)
 
     @property
@@ -82,15 +82,15 @@ class ControllerRun:
         return self.final_rms_error_of(ALL)
 
     def first_rms_error_of(self, joints: Joints) -> float | None:
-        """`first_rms_error` of some joints."""
+        """`first_rms_error` (rad or m) of some joints."""
         return self.rms_error(stop=BEGINNING, joints=joints) if self._lasts(BEGINNING) else None
 
     def final_rms_error_of(self, joints: Joints) -> float | None:
-        """`final_rms_error` of some joints."""
+        """`final_rms_error` (rad or m) of some joints."""
         return self.rms_error(start=self.duration - SETTLED, joints=joints) if self._lasts(SETTLED) else None
 
     def _lasts(self, length: float) -> bool:
-        """Whether the run has that many seconds, to half a sample."""
+        """True if the run lasts that many seconds, to half a sample."""
         return self.duration > length - 0.5 * self.rollout.spacing
 
     def moving_rms_error(self, window: float) -> Array:
@@ -144,6 +144,13 @@ class Leading:
     errors: Mapping[str, Array]
     """(T,) by the name of the run"""
 
+    def final_rms(self, run: ControllerRun) -> float | None:
+        """Root mean square over the last two seconds that were run; None where the run is shorter."""
+        if run.final_rms_error is None:
+            return None
+        late = run.rollout.time >= run.duration - SETTLED
+        return float(np.sqrt(np.mean(np.square(self.errors[run.name][late]))))
+
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
@@ -185,7 +192,7 @@ class Comparison:
             raise InputError(f"{self.experiment}: nothing was run, so there is nothing to show")
 
     def _repr_html_(self) -> str:
-        """How a notebook shows the comparison: a row a run."""
+        """Notebook's view of the comparison: a table with a row a run."""
         heads = ("controller", "knows", f"first second [{self.error_unit}]", f"last 2 s [{self.error_unit}]", "seconds")
         rows = [
             (run.label, run.knows, _thousandths(run.first_rms_error), _thousandths(run.final_rms_error), run.duration)

@@ -110,7 +110,7 @@ def joint_errors(comparison: Comparison) -> Figure:
 
 
 def lyapunov(comparison: Comparison) -> Figure:
-    """Figure of the Lyapunov function, and of its fall at every step."""
+    """Figure of the Lyapunov function, and of its fall at every step. Raises ValueError for a run without one."""
     values, time = comparison.subject.lyapunov, comparison.subject.rollout.time
     if values is None:
         raise ValueError("this run has no Lyapunov function")

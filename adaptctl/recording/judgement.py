@@ -43,7 +43,8 @@ def _last_error(comparison: Comparison) -> float:
 
 
 def _beats_adaptation_off(comparison: Comparison) -> bool:
-    """Whether the subject ends better than adaptation off, which one that fell has not; True where nothing tells."""
+    """True if the subject's final error is clearly smaller than that with adaptation off, or if there are not two to
+    compare."""
     baseline, final = comparison.baseline, comparison.subject.final_rms_error
     if baseline is None or baseline is comparison.subject or baseline.rollout.terminated:
         return True

@@ -30,7 +30,7 @@ PATIENCE, WRITING = 10.0, 60.0
 """s to wait for a viewer that was started, or to end; and for a file to be whole"""
 
 CURRENT: ContextVar[str | None] = ContextVar("live", default=None)
-"""Where experiments stream to while they run: an address, or nowhere."""
+"""Address that experiments stream to while they run, or None."""
 
 
 class Live:
@@ -85,7 +85,7 @@ class Live:
             self._lose(f"{type(error).__name__}: {error}")
 
     def close(self) -> None:
-        """Let what was handed on be drawn, and end."""
+        """Wait until what was handed on is drawn, and end the process."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None
@@ -132,7 +132,7 @@ class Live:
         self._socket = here
 
     def _lose(self, why: str) -> None:
-        """Go on unseen."""
+        """Close the connection with a warning, and go on without the live view."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None

@@ -57,7 +57,7 @@ class _Rows:
         self._samples, self._width, self._over = samples, width, False
 
     def next(self) -> Array | None:
-        """What has come in a while; None at the end."""
+        """Numbers received within a short while; None at the end."""
         rows: list[Array] = []
         deadline = time.monotonic() + TOGETHER
         while not self._over and (not rows or time.monotonic() < deadline):

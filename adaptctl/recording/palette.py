@@ -28,7 +28,7 @@ PAPER = Color(255, 255, 255)
 DARK = Color(13, 13, 13)
 """The background of curves in a recording."""
 MUTED = Color(120, 129, 146)
-"""What is there for comparison only."""
+"""Colour of what is there for comparison only."""
 
 RUNS = (
     Color(27, 108, 214),
@@ -61,7 +61,7 @@ GOAL = Color(60, 200, 170)
 BODY = Color(226, 230, 238)
 """The arm's links."""
 BASE = Color(96, 104, 120)
-"""What stands still."""
+"""Colour of what stands still."""
 
 
 def run_color(index: int) -> Color:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from adaptctl.codegen.live_arm import LiveArm
 from adaptctl.description.inertia import PARAMETERS
 from adaptctl.files import write_text
 from adaptctl.recording.comparison import Comparison, ControllerRun, Finding
@@ -25,12 +26,12 @@ from adaptctl.recording.wording import (
     first_error,
     number,
     outcome,
-    told,
+    outcome_words,
 )
 
 
 def write_report(path: str | Path, comparison: Comparison, figures: Mapping[str, Path]) -> None:
-    """Write the page with the figures, given as files by name, inside. Raises FileError."""
+    """Write the page with the figures, given as files by name, inside. Raises FileError where it cannot be written."""
     write_text(path, report(comparison, figures))
 
 
@@ -41,7 +42,7 @@ def report(comparison: Comparison, figures: Mapping[str, Path]) -> str:
     return rendered(
         "report.html",
         comparison=comparison,
-        verdict=told(comparison),
+        verdict=outcome_words(comparison),
         incomplete=INCOMPLETE,
         convergence=CONVERGENCE if comparison.truth_known else TRUTH_UNKNOWN,
         facts=list(facts(comparison)),
@@ -56,17 +57,16 @@ def report(comparison: Comparison, figures: Mapping[str, Path]) -> str:
         robot_source=comparison.mechanism.description.source,
         inconsistent=comparison.mechanism.description.inconsistent_links,
         figures=embedded(drawings(comparison), figures),
-        live=live_content(comparison),
+        live=live_content(comparison.live, comparison.runs[0].label),
         no_live=comparison.live if isinstance(comparison.live, str) else "",
     )
 
 
-def live_content(comparison: Comparison) -> dict[str, Any] | None:
-    """What a page shows of a live arm; None where there is none."""
-    if isinstance(comparison.live, str):
+def live_content(live: LiveArm | str, label: str) -> dict[str, Any] | None:
+    """Contents of a page's live arm, in JSON's types; None without one."""
+    if isinstance(live, str):
         return None
-    binary = base64.b64encode(comparison.live.binary).decode("ascii")
-    return {"binary": binary, "facts": comparison.live.facts, "label": comparison.runs[0].label}
+    return {"binary": base64.b64encode(live.binary).decode("ascii"), "facts": live.facts, "label": label}
 
 
 class Measured(NamedTuple):

@@ -35,7 +35,7 @@ AVERAGE = 0.25
 
 
 def write_recording(path: str | Path, comparison: Comparison) -> None:
-    """Write a comparison's recording whole or not at all. Raises FileError."""
+    """Write a comparison's recording whole or not at all. Raises FileError where it cannot be written."""
     positions = np.ascontiguousarray(comparison.subject.rollout.p).tobytes()
     with saved_stream(path, comparison, positions, blueprint(_contents(comparison))) as recording:
         log_markdown(recording, "summary", summary_markdown(comparison))

@@ -124,7 +124,8 @@ def log_base(
 
 
 def _stands(mechanism: Mechanism, feet: Array, radius: float) -> NDArray[np.bool_]:
-    """Which feet (n,) a pedestal may stand under: none of a body that hangs, as a humanoid's hips above its legs do."""
+    """Mask of the feet (n,) that a pedestal may stand under: none of a body that hangs, as a humanoid's hips above its
+    legs do."""
     if mechanism.description.loops is not None:  # linkages stand, and may not close with all joints at zero
         return np.ones(len(feet), dtype=np.bool_)
     origins = link_poses(mechanism, np.zeros(len(mechanism.primary_joints))).translations

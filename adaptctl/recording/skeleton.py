@@ -38,7 +38,7 @@ class Shape:
 
     @property
     def length(self) -> float:
-        """Distance from start to end."""
+        """Distance from start to end, m."""
         return float(np.linalg.norm(self.end - self.start))
 
 

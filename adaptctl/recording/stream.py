@@ -18,7 +18,7 @@ from adaptctl.files import replacing
 
 
 class Recorded(Protocol):
-    """What names a recording: the experiment it shows, its title and seed, and whether it ran to its end."""
+    """Protocol of what a recording shows: the experiment, its title and seed, and whether it ran to its end."""
 
     @property
     def experiment(self) -> str:

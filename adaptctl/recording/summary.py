@@ -14,7 +14,7 @@ SCHEMA = "adaptctl/summary/1"
 
 
 def write_summary(path: str | Path, comparison: Comparison) -> None:
-    """Write `summary` as JSON, whole or not at all. Raises FileError."""
+    """Write `summary` as JSON, whole or not at all. Raises FileError where it cannot be written."""
     write_json(path, summary(comparison))
 
 

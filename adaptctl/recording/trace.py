@@ -25,7 +25,7 @@ MARKS = {
     "bounded": ("1", "1 where an estimate was brought back to its bounds"),
     "stopped": ("1", "1 from where the arm is braked"),
 }
-"""What marks are measured in, and mean, of the plants and guards here."""
+"""Units and meanings of the marks of plants and guards."""
 
 
 class Quantity(NamedTuple):
@@ -38,7 +38,7 @@ class Quantity(NamedTuple):
 
 
 def write_trace(path: str | Path, comparison: Comparison) -> None:
-    """Write every sample of a comparison's subject, losslessly compressed. Raises FileError."""
+    """Write every sample of a comparison's subject, lossless. Raises FileError where it cannot be written."""
     about = {
         "schema": SCHEMA,
         "experiment": comparison.experiment,

@@ -28,7 +28,7 @@ class Fault:
     """Failure of a controller in a run."""
 
     failure: Failure
-    told: str
+    sentence: str
     """a sentence"""
     expected: str | None = None
     """why the experiment expects it; None where it does not"""
@@ -44,7 +44,7 @@ class Verdict:
     def of(cls, found: Iterable[tuple[Failure, str]], expected: Mapping[Failure, str] | None = None) -> Verdict:
         """Verdict from failures with a sentence each, and from why some of them are expected."""
         reasons = expected or {}
-        return cls(tuple(Fault(failure, told, reasons.get(failure)) for failure, told in found))
+        return cls(tuple(Fault(failure, sentence, reasons.get(failure)) for failure, sentence in found))
 
     @classmethod
     def together(cls, verdicts: Iterable[Verdict]) -> Verdict:
@@ -57,14 +57,15 @@ class Verdict:
         return all(fault.expected is not None for fault in self.faults)
 
     def before(self, answer: str) -> str:
-        """An experiment's answer, what failed said first, and what was expected to fail last."""
-        failed = [fault.told for fault in self.faults if fault.expected is None]
-        expected = [f"As expected ({fault.expected}): {fault.told}" for fault in self.faults if fault.expected]
+        """An experiment's answer with its faults: unexpected ones before it, expected ones after it."""
+        failed = [fault.sentence for fault in self.faults if fault.expected is None]
+        expected = [f"As expected ({fault.expected}): {fault.sentence}" for fault in self.faults if fault.expected]
         return " ".join([*(["Failed:", *failed] if failed else []), answer, *expected])
 
     def as_builtins(self) -> dict[str, Any]:
         """The verdict in JSON's types."""
         faults = [
-            {"failure": fault.failure.value, "told": fault.told, "expected": fault.expected} for fault in self.faults
+            {"failure": fault.failure.value, "sentence": fault.sentence, "expected": fault.expected}
+            for fault in self.faults
         ]
         return {"passed": self.passed, "faults": faults}

@@ -43,14 +43,14 @@ def _in_each_unit(comparison: Comparison, of: Callable[[Joints], float | None]) 
     return " and ".join(error(of(joints), f"m{unit}") for unit, joints in comparison.joints_by_unit.items())
 
 
-def told(comparison: Comparison) -> str:
+def outcome_words(comparison: Comparison) -> str:
     """Outcome of a comparison: what failed first, then its own answer, or what adaptation is worth."""
     answer = _worth(comparison) if comparison.answer is None else comparison.answer
     return judged(comparison).before(answer)
 
 
 def _worth(comparison: Comparison) -> str:
-    """What adaptation is worth, in a sentence or two."""
+    """A sentence or two on the subject's error with adaptation."""
     subject = comparison.subject
     first, final = subject.first_rms_error, subject.final_rms_error
     knowing = f"Knowing {subject.knows} of its inertial parameters, the arm" if subject.knows else "The arm"
@@ -65,7 +65,7 @@ def _worth(comparison: Comparison) -> str:
 
 
 def _without_adaptation(comparison: Comparison, final: float) -> Iterator[str]:
-    """What becomes of the same controller with adaptation off, beside the subject's final error (rad or m)."""
+    """Sentences on the same controller with adaptation off, beside the subject's final error (rad or m)."""
     baseline = comparison.baseline
     if baseline is None:
         return
@@ -76,9 +76,9 @@ def _without_adaptation(comparison: Comparison, final: float) -> Iterator[str]:
         yield f"The same controller with adaptation off stays at {final_error(comparison, baseline)}{times}."
 
 
-def headline(told: str, complete: bool) -> str:
+def headline(outcome_words: str, complete: bool) -> str:
     """An outcome, after a line of warning where the experiment is incomplete."""
-    return told if complete else f"{INCOMPLETE}\n{told}"
+    return outcome_words if complete else f"{INCOMPLETE}\n{outcome_words}"
 
 
 def outcome(run: ControllerRun) -> str:
@@ -92,9 +92,12 @@ def outcome(run: ControllerRun) -> str:
 
 def facts(comparison: Comparison) -> Iterator[tuple[str, str]]:
     """Questions that a person asks first, and the answers."""
-    subject = comparison.subject
-    yield "RMS error, first second", first_error(comparison, subject)
-    yield "RMS error, last 2 s", final_error(comparison, subject)
+    subject, leading = comparison.subject, comparison.leading
+    if leading is not None:
+        yield leading.meaning, f"{error(leading.final_rms(subject), leading.unit)} in the last 2 s (RMS)"
+    whose = "RMS error" if leading is None else "Joints' RMS error"
+    yield f"{whose}, first second", first_error(comparison, subject)
+    yield f"{whose}, last 2 s", final_error(comparison, subject)
     if comparison.baseline:
         baseline = comparison.baseline
         fell = baseline.rollout.terminated
@@ -110,7 +113,7 @@ def facts(comparison: Comparison) -> Iterator[tuple[str, str]]:
 
 
 def lyapunov_words(rise: float) -> str:
-    """What a Lyapunov function does whose largest rise in a control period is `rise` (J); in theory it never rises."""
+    """Words for a Lyapunov function whose largest rise in a control period is `rise` (J); in theory it never rises."""
     return "never rises" if rise == 0.0 else f"rises by at most {number(rise)} J a step"
 
 

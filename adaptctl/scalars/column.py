@@ -21,7 +21,7 @@ class Column:
 
     @classmethod
     def zeros(cls, n: int) -> Column:
-        """n zeros."""
+        """Column (n,) of zeros."""
         return cls((0.0,) * n)
 
     def __add__(self, other: Column) -> Column:
@@ -62,7 +62,8 @@ def combined(columns: Sequence[Column], weights: Column) -> Column:
 
 
 def column(array: Any) -> Column:
-    """The entries along the last axis: floats for one sample, arrays of samples otherwise. A column as it is."""
+    """The entries (n,) along an array's last axis: floats for one sample, arrays of samples otherwise. A column as it
+    is."""
     if isinstance(array, Column):
         return array
     if array.ndim == 1:
@@ -71,7 +72,7 @@ def column(array: Any) -> Column:
 
 
 def each(values: Any, n: int) -> Column:
-    """n scalars, from one for all or from n: a column, or numbers."""
+    """Column (n,) from one scalar for all or from n: a column, or numbers."""
     if isinstance(values, Column):
         return values
     if isinstance(values, np.ndarray | list | tuple):
@@ -80,7 +81,8 @@ def each(values: Any, n: int) -> Column:
 
 
 def spread(values: Column, columns: Sequence[int], size: int) -> Column:
-    """Values at their columns, exact zeros elsewhere, so that the rest is never computed once traced."""
+    """Column (size,) with the values at their columns and exact zeros elsewhere, so that the rest is never computed
+    once traced."""
     entries: list[Any] = [0.0] * size
     for column, value in zip(columns, values, strict=True):
         entries[column] = value

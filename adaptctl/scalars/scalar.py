@@ -1,8 +1,8 @@
-"""What an equation may do with a number, whatever kind of number it is.
+"""Scalars: the operations that equations may use, on numbers of any kind.
 
-Equations are written once, over scalars: a float, a NumPy array of samples, a dual number, a node of an
-expression graph. Elementary functions dispatch by NumPy's own protocols (NEP 13 and NEP 18), so a kind of
-scalar joins by implementing ``__array_ufunc__`` and ``__array_function__``; nothing here knows the kinds.
+Equations are written once, over scalars: a float, a NumPy array of samples, a dual number, a node of an expression
+graph. Elementary functions dispatch by NumPy's own protocols (NEP 13 and NEP 18), so a kind of scalar joins by
+implementing ``__array_ufunc__`` and ``__array_function__``; nothing here knows the kinds.
 """
 
 from __future__ import annotations

@@ -59,7 +59,7 @@ class Tunable:
 
     @cached_property
     def numbers(self) -> dict[str, Array]:
-        """The numbers that may change by name, a part's after its own, as in ``adaptation.gain``."""
+        """Arrays (...) that may change, by name, a part's after its own, as in ``adaptation.gain``."""
         given = {name: getattr(self, name) for name in self.tunable}
         own = {name: np.asarray(value, dtype=np.float64) for name, value in given.items() if value is not None}
         parts = self.tunable_parts.items()
@@ -71,7 +71,7 @@ class Tunable:
         return np.concatenate([np.zeros(0), *(array.ravel() for array in self.numbers.values())])
 
     def substituted(self, packed: Column) -> Self:
-        """These settings with other numbers (g,), scalars of any kind, taken without a check."""
+        """A copy of these settings with other numbers (g,), scalars of any kind, taken without a check."""
         return self.having(self.unpacked(packed))
 
     def unpacked(self, packed: Column) -> dict[str, Any]:
@@ -81,8 +81,8 @@ class Tunable:
         return {name: _shaped(packed.of[end - array.size : end], array.shape) for (name, array), end in parts}
 
     def having(self, numbers: Mapping[str, Any]) -> Self:
-        """These settings with other numbers by name, taken without a check: scalars of any kind, or arrays of which
-        leading axes are samples."""
+        """A copy of these settings with other numbers by name, taken without a check: scalars of any kind, or arrays of
+        which leading axes are samples."""
         other = object.__new__(type(self))
         other.__dict__.update(self._settings())
         other.__dict__.update({name: value for name, value in numbers.items() if "." not in name})
@@ -91,7 +91,7 @@ class Tunable:
         return other
 
     def tuned(self, numbers: Mapping[str, ArrayLike]) -> Self:
-        """These settings with other numbers by name, checked as new ones are.
+        """A copy of these settings with other numbers by name, checked as new ones are.
 
         Raises `NotFoundError` for a name that is none of `numbers`, and what the settings themselves raise.
         """
@@ -107,15 +107,11 @@ class Tunable:
 
     @cached_property
     def structure(self) -> Structure:
-        """What an equation of these settings depends on, besides the numbers that may change."""
+        """Key of an equation of these settings: all that it depends on besides the numbers that may change."""
         parts, shapes = self.tunable_parts, tuple((name, array.shape) for name, array in self.numbers.items())
         fixed = [(name, value) for name, value in self._settings() if name not in parts]
         rest = tuple((name, _key(value)) for name, value in fixed if name not in self.tunable or value is None)
         return Structure(self, (type(self), shapes, rest, tuple((name, of.structure) for name, of in parts.items())))
-
-    def __getstate__(self) -> dict[str, Any]:
-        """The settings without what was made of them: native code stays in its process."""
-        return dict(self._settings())
 
     def _settings(self) -> Iterator[tuple[str, Any]]:
         """The attributes without those that are computed and kept."""
@@ -141,7 +137,7 @@ class _Same:
 
 
 def _key(value: Any) -> Hashable:
-    """What stands for a setting in a structure: its value, or where that cannot be told, the object itself."""
+    """Key of a setting in a structure: its value, or, where values cannot be compared, the object itself."""
     if isinstance(value, Tunable):
         return value.structure
     if isinstance(value, np.ndarray):

@@ -44,7 +44,7 @@ def cross(a: Vec, b: Vec) -> Vec:
 
 
 class Mat:
-    """Three rows."""
+    """A 3 by 3 matrix of scalars, as three rows."""
 
     __slots__ = ("x", "y", "z")
 
@@ -76,7 +76,7 @@ class Mat:
 
 
 def product(a: Mat, b: Mat) -> Mat:
-    """A B."""
+    """The matrix product A B."""
     columns = b.T
     return Mat(*(columns @ row for row in a))
 

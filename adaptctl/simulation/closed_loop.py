@@ -43,6 +43,8 @@ class Sample(NamedTuple):
     """(k,) after the tick, k = 0 where there is none"""
     marks: Any
     """(m,) 1 or 0: the plant's, then those of the controller's guards"""
+    learning: Any
+    """(l,) what the adaptation law tells of its memory after the tick, l = 0 where it tells nothing"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,21 +87,21 @@ class ClosedLoop:
         return {"noise": self.plant.noise_size}
 
     def equation(self, **columns: Column) -> tuple[list[Column], Sample]:
-        """The columns passed on, and the record, of one control period from the columns of `state`, `held`, `reference`
-        and `noise`."""
+        """Columns (n,) passed on, and the record, of one control period from the columns of `state`, `held`,
+        `reference` and `noise`."""
         q, v = columns["q"], columns["v"]
         measured = columns["measured_p"], columns["measured_v"]
         reference = ReferencePoint(*(columns[name] for name in REFERENCE))
         memory = like(self._blank, (columns[name] for name in self.state if name.startswith("memory")))
-        told = measured if self._senses else (self.plant.primary(q), v)
+        observed = measured if self._senses else (self.plant.primary(q), v)
         law = self.controller.substituted(columns[GAINS]) if GAINS in columns else self.controller
-        torque, after = law.law(*told, reference, memory)
+        torque, after = law.law(*observed, reference, memory)
         outcome = self.plant.equation({**columns, "torque": torque})
         next_measured = (outcome.measured_p, outcome.measured_v) if self._senses else _NOTHING
         marks = Column((*outcome.marks, *(mark[0] for mark in guards(after))))
         estimate = Column(getattr(after, "estimate", ()))
         energy = Column((self.plant.energy_equation(q, v, columns["parameters"], columns["drives"]),))
-        done = torque, outcome.applied, outcome.clipped, estimate, marks
+        done = torque, outcome.applied, outcome.clipped, estimate, marks, Column(getattr(after, "recorded", ()))
         return [*outcome[:4], *next_measured, *leaves(after)], Sample(q, v, *measured, energy, *done)
 
     @cached_property
@@ -108,7 +110,7 @@ class ClosedLoop:
         return (*self.plant.marks, *getattr(guards(self._blank), "_fields", ()))
 
     def __eq__(self, other: object) -> bool:
-        """Whether the plants are equal, and the controllers but for their gains."""
+        """True if the plants are equal, and the controllers but for their gains."""
         return isinstance(other, ClosedLoop) and self._parts == other._parts
 
     def __hash__(self) -> int:
@@ -142,9 +144,9 @@ class ClosedLoop:
 
     def now(self, arms: Ensemble, time: float, member: int = 0) -> tuple[PlantState, Any]:
         """The plant's state of one arm at a time (s), no torque applied yet, and its controller's memory."""
-        q, v, drives, sensors, *told = (arms.state[name][member] for name in self.state)
+        q, v, drives, sensors, *rest = (arms.state[name][member] for name in self.state)
         p = self.plant.positions(q)
-        measured, memory = told[:2] if self._senses else (p, v), like(self._blank, told[2:])
+        measured, memory = rest[:2] if self._senses else (p, v), like(self._blank, rest[2:])
         done = np.zeros(len(p)), False, np.zeros(len(self.plant.marks))
         return PlantState(time, p, v, q, measured[0], measured[1], *done, drives, sensors), memory
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
+from adaptctl.caching import sent_as_made
 from adaptctl.control.controller import Reference, ReferencePoint
 from adaptctl.simulation.plant import Plant
 from adaptctl.simulation.plant_state import PlantState
@@ -18,6 +19,7 @@ Judge: TypeAlias = Callable[[Array, Array, ReferencePoint, Array], tuple[Array, 
 rewards (...) and whether the episode ends there (...)."""
 
 
+@sent_as_made
 class Episode(NamedTuple):
     """A running episode: what `simulate` asks an environment for by `hand_over()`, and gives back to it by
     `take_back(state, steps, clipped, terminated)`, which returns the info there."""

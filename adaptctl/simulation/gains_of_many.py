@@ -58,13 +58,13 @@ class GainsOfMany:
             return
         count = max((axes[0] for axes in self.arms.values() if axes), default=1)
         if any(axes not in ((), (count,)) for axes in self.arms.values()):
-            return  # told with all that has a row each
+            return  # refused with all that has a row each
         rows = np.concatenate([x.reshape(count, -1) for x in self._rows(slice(0, count), count).values()], axis=1)
         for k in np.unique(rows, axis=0, return_index=True)[1].tolist():
             self.controller.tuned({name: x[k] for name, x in self._rows(slice(0, count), count).items()})
 
     def of_arms(self, arms: slice) -> dict[str, Array]:
-        """All gains (M, ...) of some of the arms, by name; nothing where none was given."""
+        """Gains (M, ...) of some of the arms, by name; nothing where none was given."""
         if not self.given:
             return {}
         count = arms.stop - arms.start
@@ -72,7 +72,7 @@ class GainsOfMany:
         return own | self._rows(arms, count)
 
     def packed(self, arms: slice) -> Array:
-        """All gains (M, g) of some of the arms, one after the other."""
+        """Gains (M, g) of some of the arms, one after the other."""
         return np.concatenate([x.reshape(len(x), -1) for x in self.of_arms(arms).values()], axis=1)
 
     def _rows(self, arms: slice, count: int) -> dict[str, Array]:

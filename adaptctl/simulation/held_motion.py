@@ -23,7 +23,7 @@ STILL = 1e-9
 
 
 class Bodies(NamedTuple):
-    """What moves under a torque, as an integrator needs it."""
+    """Equations of motion under a torque, as an integrator needs them."""
 
     rates: Callable[[Column, Column], Column]
     """from q and v to the rates of q"""

@@ -16,7 +16,7 @@ Rates: TypeAlias = Callable[[Column, Column], Column]
 
 
 def own(q: Column, v: Column) -> Column:
-    """The rates of a tree, whose configuration is its positions: the velocities."""
+    """The rates (n,) of a tree's configuration, which is its positions: the velocities."""
     return v
 
 
@@ -29,12 +29,12 @@ class Integrator(Protocol):
     stages: ClassVar[int]
     """Accelerations a step."""
     implicit: ClassVar[bool]
-    """Whether its accelerations have the friction of the step's end, not of its beginning."""
+    """True if its accelerations have the friction of the step's end, not of its beginning."""
 
     def step(
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
     ) -> tuple[Column, Column]:
-        """Configuration and velocities `dt` seconds later."""
+        """Configuration (n,) and velocities (r,) `dt` seconds later."""
         ...
 
 
@@ -48,7 +48,7 @@ class RungeKutta4:
     def step(
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
     ) -> tuple[Column, Column]:
-        """Configuration and velocities `dt` seconds later, with an error of order dt^5."""
+        """Configuration (n,) and velocities (r,) `dt` seconds later, with an error of order dt^5."""
         half = 0.5 * dt
         u1, a1 = rates(q, v), acceleration(q, v)
         q2, v2 = q + half * u1, v + half * a1
@@ -75,7 +75,7 @@ class SemiImplicitEuler:
     def step(
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
     ) -> tuple[Column, Column]:
-        """Configuration and velocities `dt` seconds later, with an error of order dt^2."""
+        """Configuration (n,) and velocities (r,) `dt` seconds later, with an error of order dt^2."""
         after = v + dt * acceleration(q, v)
         return q + dt * rates(q, after), after
 
@@ -97,6 +97,6 @@ class LinearlyImplicitEuler:
     def step(
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
     ) -> tuple[Column, Column]:
-        """Configuration and velocities `dt` seconds later, with an error of order dt^2."""
+        """Configuration (n,) and velocities (r,) `dt` seconds later, with an error of order dt^2."""
         after = v + dt * acceleration(q, v)
         return q + dt * rates(q, 0.5 * (v + after)), after

@@ -1,4 +1,4 @@
-"""Which control periods of a long run are kept as samples: some of them, or the last."""
+"""Selection of the control periods of a long run that are kept as samples: some of them, or the last."""
 
 from __future__ import annotations
 
@@ -42,16 +42,16 @@ class KeptSamples:
         return None if rest else sample if self.most is None else sample % self.most
 
     def among(self, first: int, count: int) -> slice:
-        """Which of `count` control periods from the `first` on are samples."""
+        """Slice of the samples among `count` control periods from the `first` on."""
         return slice(-first % self.every, count, self.every)
 
     def rows(self, first: int, count: int) -> NDArray[np.int64]:
-        """The rows of these samples; more than `most` at once overwrite each other in order."""
+        """Row numbers (count,) of these samples; more than `most` at once overwrite each other in order."""
         samples = np.arange(-(-first // self.every), -(-(first + count) // self.every))
         return samples if self.most is None else samples % self.most
 
     def order(self, count: int) -> slice | NDArray[np.int64]:
-        """The rows kept of a run of `count` control periods, in order of time."""
+        """Row numbers (n,) of a run of `count` control periods, in order of time."""
         samples = -(-count // self.every)
         if self.most is None or samples <= self.most:
             return slice(0, samples)

@@ -22,7 +22,8 @@ def logged_run(
     time: ArrayLike | None,
     complete: bool,
 ) -> dict[str, Any]:
-    """The fields of what `Rollout.from_arrays` returns: `given` has the arrays that may be missing, by name."""
+    """The fields of what `Rollout.from_arrays` returns: `given` has the arrays that may be missing, by name. Raises
+    `InputError` for arrays of wrong shapes."""
     period = positive_number(control_period, "control_period: expected a positive time in s")
     shape = np.shape(p)
     if len(shape) != 2 or shape[0] < 2 or shape[1] < 1:

@@ -106,7 +106,7 @@ class MuJoCoPlant(Plant):
 
     @cached_property
     def arm(self) -> MujocoArm:
-        """Where the arm is in the model."""
+        """The part of the model that is the arm."""
         from adaptctl.description.readers.mujoco_model import MujocoArm
 
         return MujocoArm.of(self.model, self.body)

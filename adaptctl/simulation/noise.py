@@ -21,7 +21,7 @@ class Noise:
 
     @classmethod
     def of(cls, seed: int | Sequence[int] | None, members: int, herd: int, size: int) -> list[Noise]:
-        """That of arms in herds, from one seed for all or one for each arm."""
+        """Noise of arms in herds of at most `herd`, from one seed for all or one for each arm."""
         counts = [min(herd, members - first) for first in range(0, members, herd)]
         if seed is None or isinstance(seed, int | np.integer):
             root = np.random.SeedSequence(None if seed is None else int(seed))

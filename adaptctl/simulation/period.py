@@ -60,9 +60,9 @@ class ControlPeriod:
             driven, drives, marks = self.effects.driven(limited, drives, self.length)
             applied = self.limited(driven)
         q, v, motors = self._moved(q, v, motors, applied, columns["parameters"])
-        told = (Column(motors.of[: len(v)]), Column(motors.of[len(v) :])) if self.effects.senses_motors else None
+        motor_side = (Column(motors.of[: len(v)]), Column(motors.of[len(v) :])) if self.effects.senses_motors else None
         p = Column(q[i] for i in self.primary)
-        measured = self.effects.measured(*(told or (p, v)), columns["noise"], columns["sensors"], self.length)
+        measured = self.effects.measured(*(motor_side or (p, v)), columns["noise"], columns["sensors"], self.length)
         drives = joined(drives, motors)
         clipped = Column((differs(torque, limited),))
         return PeriodOutcome(q, v, drives, measured[2], *measured[:2], applied, clipped, marks)
@@ -78,5 +78,5 @@ class ControlPeriod:
         return Column(x.of[:n]), Column(u.of[:r]), joined(Column(x.of[n:]), Column(u.of[r:]))
 
     def limited(self, torque: Column) -> Column:
-        """The torque (r,) clipped to the limits."""
+        """The torque (r,) N m clipped to the limits."""
         return Column(clip(x, -bound, bound) for x, bound in zip(torque, self.limits, strict=True))

@@ -99,7 +99,7 @@ class Plant(Tunable):
         """Lengths of the columns that `equation` passes from one control period to the next."""
         still, period = np.zeros(self.dof), self.control_period
         memories = self._effects.drive_memory(still, period), self._effects.sensor_memory(still, still, period)
-        joints, motors = {"q": self.mechanism.equations.joints, "v": self.dof}, 2 * self.dof if self._elastic else 0
+        joints, motors = {"q": self.mechanism.equations.joints, "v": self.dof}, 2 * self.dof if self.is_elastic else 0
         return joints | {"drives": len(memories[0]) + motors, "sensors": len(memories[1])}
 
     def parameters(self, own: Array, time: float) -> Array:
@@ -130,14 +130,14 @@ class Plant(Tunable):
         p, v = p.copy(), v.copy()
         q, arms = self.mechanism.configuration(p), p.shape[:-1]
         held = np.zeros_like(p)
-        if self._effects.actuators or self._elastic:
+        if self._effects.actuators or self.is_elastic:
             held = self._holding(q, self._true(0.0) if parameters is None else parameters)
         drives = self._effects.drive_memory(held, self.control_period)
         theta = p if self._transmission is None else p + held / self._transmission.stiffness
-        drives = np.concatenate((drives, theta, v), axis=-1) if self._elastic else drives
-        told = theta if self._effects.senses_motors else p
-        sensors = self._effects.sensor_memory(told, v, self.control_period)
-        measured = self._measured(told, v, self._silence if noise is None else noise, sensors)
+        drives = np.concatenate((drives, theta, v), axis=-1) if self.is_elastic else drives
+        sensed = theta if self._effects.senses_motors else p
+        sensors = self._effects.sensor_memory(sensed, v, self.control_period)
+        measured = self._measured(sensed, v, self._silence if noise is None else noise, sensors)
         marks = np.zeros((*arms, len(self.marks)))
         return PlantState(0.0, p, v, q, *measured[:2], held, False, marks, drives, measured[2])
 
@@ -169,13 +169,13 @@ class Plant(Tunable):
         return PlantState(time, p, v, q, measured_p, measured_v, applied, clipped > 0.0, marks, drives, sensors)
 
     def limited(self, torque: ArrayLike) -> Array:
-        """The torque (r,) clipped to the limits. Raises as `step` does."""
+        """The torque (r,) N m clipped to the limits. Raises as `step` does."""
         return np.minimum(np.maximum(self._finite(torque), -self._limits), self._limits)
 
     def energy(self, state: PlantState, parameters: ArrayLike | None = None) -> float:
         """Kinetic plus potential energy, in J, with parameters (P,) as in `step`."""
         true = self._true(state.time) if parameters is None else parameters
-        motors = (state.drives,) if self._elastic else ()
+        motors = (state.drives,) if self.is_elastic else ()
         (energy,) = self._energy(state.q, state.v, true, *motors)
         return float(energy[0])
 
@@ -188,8 +188,8 @@ class Plant(Tunable):
         return q if self._primary is None else q[..., self._primary]
 
     def may_work(self, q: Array) -> NDArray[np.bool_]:
-        """Whether loops are away from singularities and within their conditions, at configurations (..., n); always so
-        for a tree."""
+        """Mask of the configurations (..., n) at which loops are away from singularities and within their conditions;
+        all true for a tree."""
         if self.mechanism.continuation is None:
             return np.ones(q.shape[:-1], dtype=np.bool_)
         inside = self.mechanism.description.within_conditions(self.positions(q))
@@ -245,7 +245,7 @@ class Plant(Tunable):
         def energy(q: Column, v: Column, parameters: Column, drives: Column = Column(())) -> tuple[Column]:  # noqa: B008
             return (Column((self.energy_equation(q, v, parameters, drives),)),)
 
-        kept = {"drives": self.sizes["drives"]} if self._elastic else {}
+        kept = {"drives": self.sizes["drives"]} if self.is_elastic else {}
         return self._native(energy, "energy", {name: self.sizes[name] for name in ("q", "v")}, kept)
 
     @cached_property
@@ -297,11 +297,12 @@ class Plant(Tunable):
 
     @cached_property
     def _chained(self) -> bool:
-        """Whether anything stands between controller and joints."""
-        return bool(self._effects.actuators or self._effects.sensors or self._elastic)
+        """True if an actuator, sensor or spring stands between controller and joints."""
+        return bool(self._effects.actuators or self._effects.sensors or self.is_elastic)
 
     @property
-    def _elastic(self) -> bool:
+    def is_elastic(self) -> bool:
+        """True if springs stand between the motors and the links."""
         return self._effects.elastic is not None
 
     @cached_property

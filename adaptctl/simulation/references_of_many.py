@@ -112,16 +112,16 @@ class ReferencesOfMany:
         return (len(self.references),) if each else ()
 
     def of_arms(self, arms: slice) -> ReferencesOfMany:
-        """Those of some of the arms, in the same form."""
+        """The references of some of the arms, in the same form."""
         return replace(self, references=self.references[arms]) if self.arms else self
 
     @property
     def held(self) -> Mapping[str, Array]:
-        """Columns (M, n) that each arm keeps."""
+        """Columns (M, n) that each arm keeps, by name: its sinusoids' numbers, or nothing."""
         return {} if self._numbers is None else self._numbers._asdict()
 
     def start(self) -> tuple[Array, Array]:
-        """Positions and velocities (M, n) at time zero, (n,) where one is for all."""
+        """Positions (rad or m) and velocities, (M, n) each, at time zero; (n,) where one is for all."""
         if self._numbers is not None:
             point = sinusoids_at(0.0, SinusoidNumbers(*map(column, self._numbers)))
             return stacked(point.p.of, self.arms), stacked(point.v.of, self.arms)
@@ -143,7 +143,7 @@ class ReferencesOfMany:
 
     @cached_property
     def _numbers(self) -> SinusoidNumbers | None:
-        """What sinusoids are made of (M, n), where they are followed by formula."""
+        """Numbers (M, n) of the sinusoids, where all are sinusoids of one form; else None."""
         if not isinstance(self.form, SinusoidForm):
             return None
         return self.form.numbers(self.references)

@@ -48,12 +48,12 @@ def rollout(
     Raises `InputError` for an environment that cannot be driven; what controller and environment raise passes.
     """
     loop = _SteppedRun(env, controller, seed, options, every, last)
-    told = max(1, (loop.steps or 0) // 100)
+    interval = max(1, (loop.steps or 0) // 100)
     complete, started = False, perf_counter()
     try:
         while not (loop.terminated or loop.truncated):
             loop.tick()
-            if progress is not None and loop.steps is not None and loop.count % told == 0:
+            if progress is not None and loop.steps is not None and loop.count % interval == 0:
                 progress(min(1.0, loop.count / loop.steps))
         complete = True
     except KeyboardInterrupt:
@@ -91,6 +91,7 @@ class _SteppedRun:
             p.size,
             _estimate(self._state).size,
             len(self._marks),
+            _told(self._state).size,
         )
 
     def tick(self) -> None:
@@ -113,7 +114,7 @@ class _SteppedRun:
             np.concatenate((before["p"], before["v"]), out=samples.state[row])
         samples.torque[row] = torque
         samples.applied[row] = info.get("applied_torque", torque)
-        samples.estimate[row] = _estimate(state)
+        samples.estimate[row], samples.learning[row] = _estimate(state), _told(state)
         samples.scalars[row] = (
             before.get("time", self.count * self.control_period),
             before.get("energy", np.nan),
@@ -131,7 +132,7 @@ class _SteppedRun:
             columns["measured_p"], columns["measured_v"] = columns["p"], columns["v"]
             columns["p"], columns["v"] = samples.state[n, :dof], samples.state[n, dof:]
         columns |= {name: samples.scalars[n, i] for i, name in enumerate(("time", "energy", "reward", "clipped"))}
-        columns |= {name: getattr(samples, name)[n] for name in ("torque", "applied", "estimate")}
+        columns |= {name: getattr(samples, name)[n] for name in ("torque", "applied", "estimate", "learning")}
         return Rollout(
             **{name: frozen(values.copy()) for name, values in columns.items()},
             marks=MappingProxyType({name: frozen(samples.marks[n, i].copy()) for i, name in enumerate(self._marks)}),
@@ -151,9 +152,9 @@ class _SteppedRun:
 class _Record:
     """Memory for the samples of a run, made at once where its length is known."""
 
-    def __init__(self, capacity: int, observed: int, dof: int, estimates: int, marks: int) -> None:
+    def __init__(self, capacity: int, observed: int, dof: int, estimates: int, marks: int, learning: int) -> None:
         self.observation, self.state = np.empty((capacity, observed)), np.empty((capacity, 2 * dof))
-        self.marks = np.empty((capacity, marks))
+        self.marks, self.learning = np.empty((capacity, marks)), np.empty((capacity, learning))
         self.torque, self.applied = np.empty((capacity, dof)), np.empty((capacity, dof))
         self.estimate, self.scalars = np.empty((capacity, estimates)), np.empty((capacity, 4))
 
@@ -201,3 +202,7 @@ def known_steps(env: gymnasium.Env[Any, Any]) -> int | None:
 
 def _estimate(state: object) -> Array:
     return np.asarray(getattr(state, "estimate", ()), dtype=np.float64)
+
+
+def _told(state: object) -> Array:
+    return np.asarray(getattr(state, "recorded", ()), dtype=np.float64)

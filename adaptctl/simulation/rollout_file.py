@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
 SCHEMA = "adaptctl/rollout/1"
 WHOLE = ("control_period", "wall_time", "complete", "terminated")
-"""What the file of every run says."""
+"""Entries on the whole run that every run has."""
 KEPT = (*WHOLE, "every")
-"""What a run's file says of the whole run."""
+"""Entries on the whole run in a run's file."""
 OF_JOINTS = {
     "p": "rad",
     "v": "rad/s",
@@ -36,6 +36,8 @@ OF_JOINTS = {
 }
 """A run's arrays of a column a joint, in the units that they have where joints turn."""
 OF_TIME = {"time": "s", "clipped": "1", "energy": "J", "reward": "1"}
+OF_LAWS = ("estimate", "learning")
+"""A run's arrays of as many columns as the controller has."""
 
 
 class RolloutFile:
@@ -89,26 +91,27 @@ def rollout_table(
     joints: Sequence[str],
     about: Mapping[str, object] = MappingProxyType({}),
 ) -> pyarrow.Table:
-    """Samples as a table of Arrow, with units, and with what is said `about` the whole run."""
+    """Samples as a table of Arrow, with units, and with the entries of `about` as its metadata."""
     import pyarrow as pa
 
-    told = dict(_file_columns(columns, marks, joints))
-    fields = [pa.field(name, pa.float64(), metadata={"unit": unit}) for name, (unit, _) in told.items()]
-    said = {"schema": SCHEMA, **{name: json.dumps(value) for name, value in about.items()}}
-    return pa.Table.from_arrays([pa.array(x) for _, x in told.values()], schema=pa.schema(fields, metadata=said))
+    stored = dict(_file_columns(columns, marks, joints))
+    fields = [pa.field(name, pa.float64(), metadata={"unit": unit}) for name, (unit, _) in stored.items()]
+    header = {"schema": SCHEMA, **{name: json.dumps(value) for name, value in about.items()}}
+    return pa.Table.from_arrays([pa.array(x) for _, x in stored.values()], schema=pa.schema(fields, metadata=header))
 
 
 def read_rollout(path: str | Path) -> tuple[dict[str, Any], Mapping[str, Array], dict[str, Any]]:
-    """A run's arrays, its marks, and what its file says of the whole. Raises `FileError`."""
+    """The arrays of a run, (T, ...) each, its marks, and its file's entries on the whole. Raises `FileError` for
+    another file, and one that is not whole."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     try:
         with pq.ParquetFile(path) as file:
-            told, table = file.metadata.metadata or {}, file.read()
+            metadata, table = file.metadata.metadata or {}, file.read()
     except (OSError, pa.ArrowException) as error:
         raise FileError(f"{path}: cannot be read as Parquet ({str(error).splitlines()[0]})") from error
-    about = {key.decode(): value.decode() for key, value in told.items() if key != b"ARROW:schema"}
+    about = {key.decode(): value.decode() for key, value in metadata.items() if key != b"ARROW:schema"}
     if about.get("schema") != SCHEMA:
         raise FileError(f"{path}: not a run of ours: expected the schema {SCHEMA!r}, got {about.get('schema')!r}")
     try:
@@ -127,14 +130,15 @@ def _file_columns(
         values = columns[name]
         for joint, column in zip(joints, () if values is None else values.T, strict=False):
             yield f"{name}.{joint}", (unit, np.ascontiguousarray(column))
-    for i, column in enumerate(np.asarray(columns["estimate"]).T):
-        yield f"estimate.{i}", ("", np.ascontiguousarray(column))
+    for name in OF_LAWS:
+        for i, column in enumerate(np.asarray(columns[name]).T):
+            yield f"{name}.{i}", ("", np.ascontiguousarray(column))
     yield from ((f"mark.{name}", ("", values)) for name, values in marks.items())
 
 
 def _arrays(table: Any) -> tuple[dict[str, Array], Mapping[str, Array]]:
     """A run's arrays and its marks, of the columns of its file."""
-    parts: dict[str, list[Array]] = {name: [] for name in (*OF_JOINTS, "estimate")}
+    parts: dict[str, list[Array]] = {name: [] for name in (*OF_JOINTS, *OF_LAWS)}
     marks: dict[str, Array] = {}
     for name in table.column_names:
         kind, _, rest = name.partition(".")
@@ -145,5 +149,5 @@ def _arrays(table: Any) -> tuple[dict[str, Array], Mapping[str, Array]]:
             parts[kind].append(values)
     gathered = {name: frozen(np.stack(columns, axis=-1)) for name, columns in parts.items() if columns}
     single = {name: frozen(table[name].to_numpy().copy()) for name in OF_TIME}
-    blank = {"estimate": frozen(np.empty((table.num_rows, 0)))}
+    blank = {name: frozen(np.empty((table.num_rows, 0))) for name in OF_LAWS}
     return blank | single | gathered, MappingProxyType(marks)

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array
+from adaptctl.caching import sent_as_made
 from adaptctl.errors import FileError
 from adaptctl.packages import needed
 from adaptctl.simulation.rollout_file import (
     KEPT,
     OF_JOINTS,
+    OF_LAWS,
     OF_TIME,
     WHOLE,
     RolloutFile,
@@ -29,9 +33,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+@sent_as_made
 @dataclass(frozen=True, eq=False)
 class Rollout:
-    """What happened in one closed-loop run of r joints; every array is read-only.
+    """Samples of one closed-loop run of r joints; every array is read-only.
 
     Sample k is the state at `time[k]` and the torque commanded on it; T samples, one a control period unless fewer were
     asked for.
@@ -42,7 +47,7 @@ class Rollout:
     p: Array
     """(T, r) positions, rad or m: the true ones, where the environment tells them besides what it measures"""
     v: Array
-    """(T, r) velocities, likewise"""
+    """(T, r) velocities, rad/s or m/s"""
     reference_p: Array
     """(T, r)"""
     reference_v: Array
@@ -72,13 +77,15 @@ class Rollout:
     info: dict[str, object] = field(default_factory=dict)
     """The environment's last info."""
     measured_p: Array | None = None
-    """(T, r) positions as the controller was told them; None where those are the true ones"""
+    """(T, r) positions as the controller measured them; None where those are the true ones"""
     measured_v: Array | None = None
-    """(T, r) velocities, likewise"""
+    """(T, r) velocities, rad/s or m/s"""
     marks: Mapping[str, Array] = field(default_factory=dict)
     """(T,) each: what happened, by name, as the environment and the controller's guards tell"""
     every: int = 1
     """control periods from one sample to the next"""
+    learning: Array = field(default_factory=partial(np.empty, (0, 0)))
+    """(T, l) what the adaptation law tells of its memory, such as a lift; l = 0 where it tells nothing"""
 
     @property
     def spacing(self) -> float:
@@ -93,12 +100,12 @@ class Rollout:
 
     @property
     def error(self) -> Array:
-        """Tracking errors p - p_d (T, r)."""
+        """Tracking errors p - p_d (T, r), rad or m."""
         return self.p - self.reference_p
 
     @property
     def velocity_error(self) -> Array:
-        """v - v_d (T, r)."""
+        """Velocity errors v - v_d (T, r), rad/s or m/s."""
         return self.v - self.reference_v
 
     @needed("Rollout.save")
@@ -119,7 +126,7 @@ class Rollout:
 
     @property
     def _columns(self) -> dict[str, Array | None]:
-        return {name: getattr(self, name) for name in (*OF_TIME, *OF_JOINTS, "estimate")}
+        return {name: getattr(self, name) for name in (*OF_TIME, *OF_JOINTS, *OF_LAWS)}
 
     @property
     def _about(self) -> dict[str, object]:
@@ -137,7 +144,7 @@ class Rollout:
         return run_figure(self, joints)
 
     def _repr_html_(self) -> str:
-        """How a notebook shows the run: its figure, with the numbers that matter."""
+        """Notebook's view of the run: its figure, with the numbers that matter."""
         from adaptctl.simulation.run_plot import run_html
 
         return run_html(self)
@@ -173,7 +180,7 @@ class Rollout:
     @classmethod
     @needed("Rollout.load")
     def load(cls, path: str | Path) -> Rollout:
-        """The run that `save` wrote. Raises `FileError`."""
+        """The run that `save` wrote. Raises `FileError` for another file, and one that is not whole."""
         columns, marks, about = read_rollout(path)
         try:
             return cls(**columns, marks=marks, **{name: about[name] for name in KEPT if name in about or name in WHOLE})

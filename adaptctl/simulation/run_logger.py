@@ -23,8 +23,8 @@ SHARE_OF_MEMORY = 0.5
 class RunLogger:
     """A log of a control loop, one sample a control period, that becomes a `Rollout`.
 
-    `capacity` samples are kept, those of the last 300 s at 1 kHz unless told otherwise, in memory that is all taken at
-    the start; older ones are overwritten, counted in `lost`, and told once at the end (`LostSamplesWarning`). `append`
+    `capacity` samples are kept, those of the last 300 s at 1 kHz unless given, in memory that is all taken at the
+    start; older ones are overwritten, counted in `lost`, and reported once at the end (`LostSamplesWarning`). `append`
     neither allocates nor touches files, so a loop at 1 kHz can call it. As a context manager it saves the run at
     `path`, if there is one, also when the loop ends by an exception; the run is then marked incomplete.
     """
@@ -51,7 +51,7 @@ class RunLogger:
 
     @property
     def lost(self) -> int:
-        """How many samples have been overwritten."""
+        """Number of samples that have been overwritten."""
         return max(0, self.count - len(self._rows))
 
     def append(

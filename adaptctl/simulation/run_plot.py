@@ -20,20 +20,20 @@ if TYPE_CHECKING:
 MOST_SAMPLES = 4000
 """as many a curve are drawn at most"""
 LAST = 2.0
-"""s at the end over which an error is told"""
+"""s at the end over which an error is averaged"""
 
 
 class DrawnRun(LearningRun, SampledRun, Protocol):
-    """What is drawn of a run."""
+    """Protocol of a run that can be drawn: its samples and whether it ended early."""
 
     @property
     def time(self) -> Array:
-        """(T,) s"""
+        """Times (T,), s."""
         ...
 
     @property
     def applied(self) -> Array:
-        """(T, r) N m"""
+        """Torques (T, r) that drove the joints, N m."""
         ...
 
     @property
@@ -53,7 +53,8 @@ class DrawnRun(LearningRun, SampledRun, Protocol):
 
 
 def run_figure(run: DrawnRun, joints: Sequence[str] | None = None) -> Figure:
-    """The figure of a run of joints with these names, joint1, joint2, ... by default."""
+    """The figure of a run of joints with these names, joint1, joint2, ... by default. Raises `InputError` for another
+    number of names."""
     from matplotlib.figure import Figure
 
     count = run.p.shape[1]
@@ -85,7 +86,7 @@ def _curves(axes: Axes, time: Array, values: Array, label: str) -> None:
 
 
 def run_html(run: DrawnRun) -> str:
-    """How a notebook shows a run."""
+    """HTML of a run for a notebook: a line of numbers and the figure."""
     last = run.error[run.time >= run.time[-1] - LAST] if len(run.time) else run.error
     rms = 1e3 * float(np.sqrt(np.mean(last**2))) if last.size else float("nan")
     end = (

@@ -1,4 +1,5 @@
-"""What `rollout` does, in native code: controller and plant together, thousands of control periods a call."""
+"""Simulation in native code: `rollout` with controller and plant compiled together, thousands of control periods a
+call."""
 
 from __future__ import annotations
 
@@ -44,11 +45,11 @@ def simulate(
     last: float | None = None,
     stream: str | Path | None = None,
 ) -> Rollout:
-    """What `rollout` returns for the same arguments, to round-off, computed in native code as a whole.
+    """The run that `rollout` returns for the same arguments, to round-off, computed in native code as a whole.
 
-    Controller, effects and plant are compiled into one step, which is taken thousands of times in each call;
-    in between `progress` is called, with the share done, and Ctrl-C is heard, which keeps what was computed. The
-    environment is left where `rollout` leaves it.
+    Controller, effects and plant are compiled into one step, which is taken thousands of times in each call; in between
+    `progress` is called, with the share done, and Ctrl-C is heard, which keeps what was computed. The environment is
+    left where `rollout` leaves it.
 
     However long a run is, with `every` and `last` it takes no more memory than the samples that are kept, which with
     `stream` are written to a Parquet file as they come, all that are not thinned out, also those before the last.
@@ -80,7 +81,7 @@ def simulate(
 
 
 def _obstacle(env: gymnasium.Env[Any, Any], controller: Controller[Any]) -> str:
-    """Why an environment and a controller cannot be compiled together; nothing when they can."""
+    """The reason why an environment and a controller cannot be compiled together; empty when they can."""
     from gymnasium.wrappers import OrderEnforcing, PassiveEnvChecker, TimeLimit
 
     wrapper, inner = env, env.unwrapped
@@ -88,7 +89,7 @@ def _obstacle(env: gymnasium.Env[Any, Any], controller: Controller[Any]) -> str:
         if type(wrapper) not in (OrderEnforcing, PassiveEnvChecker, TimeLimit):
             return f"what {type(wrapper).__name__} does to the environment is not known"
         if isinstance(wrapper, TimeLimit) and env.spec is None:
-            return "the time limit is not told"
+            return "the time limit is not known"
         wrapper = wrapper.env  # type: ignore[attr-defined]
     if not hasattr(inner, "hand_over"):
         return f"{type(inner).__name__} has no hand_over() for its episode"
@@ -148,12 +149,12 @@ class _NativeRun:
 
     @property
     def _first(self) -> int:
-        """Where the next stretch is put in that room."""
+        """Index in the buffer where the next control periods are recorded."""
         return 0
 
     @property
     def over(self) -> bool:
-        """Whether the environment ended the run, or its time is up."""
+        """True if the environment ended the run, or its time is up."""
         return self.terminated or self.count >= self.steps
 
     def advance(self) -> None:
@@ -188,7 +189,7 @@ class _NativeRun:
             self.file.append({"measured_p": None, "measured_v": None, **columns}, self._marks(*marks))
 
     def _nothing(self) -> tuple[Array, Sample, ReferencePoint, Array]:
-        """What there is to keep of no control periods."""
+        """Empty arrays in the form of what is kept of control periods."""
         sample = Sample(*(np.empty((0, *shape)) for shape in self.arms.stepper.outputs))
         size = self.loop.controller.reference_size
         return np.zeros(1), sample, ReferencePoint(*np.empty((3, 0, size))), np.empty(0)
@@ -196,16 +197,16 @@ class _NativeRun:
     def _columns(
         self, time: Array, sample: Sample, reference: ReferencePoint, reward: Array
     ) -> Iterator[tuple[str, Array]]:
-        """All that is kept of a stretch, by its names in a `Rollout`."""
+        """Samples of a stretch by their names in a `Rollout`."""
         plant, count = self.episode.plant, len(reward)
         p, payload = plant.positions(sample.q), np.full(count, plant.payload(time[0]))
         payload[-1:] = plant.payload(time[count])
         yield from (("time", time[:count]), ("p", p), ("v", sample.v), ("payload", payload), ("reward", reward))
         if plant.effects:
-            told = (sample.measured_p, sample.measured_v) if plant.noise_size else (p, sample.v)
-            yield from zip(("measured_p", "measured_v"), told, strict=True)
+            measured = (sample.measured_p, sample.measured_v) if plant.noise_size else (p, sample.v)
+            yield from zip(("measured_p", "measured_v"), measured, strict=True)
         yield from zip(("reference_p", "reference_v", "reference_a"), reference, strict=True)
-        yield from ((name, getattr(sample, name)) for name in ("torque", "applied", "estimate", "marks"))
+        yield from ((name, getattr(sample, name)) for name in ("torque", "applied", "estimate", "marks", "learning"))
         yield from ((name, getattr(sample, name)[:, 0]) for name in ("clipped", "energy"))
 
     def _reached(self, time: float, sample: Sample) -> PlantState:
@@ -215,8 +216,8 @@ class _NativeRun:
         return end._replace(applied=sample.applied[-1], clipped=bool(sample.clipped[-1, 0]), marks=marks)
 
     def _judged(self, sample: Sample, reference: ReferencePoint) -> tuple[Array, bool]:
-        """The rewards of the control periods until the environment ends the run, which is then told, or until
-        something is not finite."""
+        """Rewards of the control periods up to the end of the run or the first number that is not finite; and True if
+        the environment ended it."""
         q, v = (np.concatenate((getattr(sample, name)[1:], self.arms.state[name])) for name in ("q", "v"))
         sound = len(q) if self._sound(len(q)) else _finite(sample.torque, q, v)
         ahead = ReferencePoint(*(part[1 : sound + 1] for part in reference))
@@ -224,7 +225,7 @@ class _NativeRun:
         return (reward[: int(over.argmax()) + 1], True) if over.any() else (reward, False)
 
     def _sound(self, count: int) -> bool:
-        """Whether all that was just recorded, and the state after it, is finite for certain."""
+        """True only if all that was just recorded, and the state after it, is finite."""
         numbers = self.room.blocks[self._first : self._first + count].ravel(), self.arms.state.blocks.ravel()
         with np.errstate(over="ignore", invalid="ignore"):
             return all(math.isfinite(x @ x) for x in numbers)
@@ -241,14 +242,14 @@ class _NativeRun:
         return self.episode.plant.parameters(self.episode.parameters, time)
 
     def _taken(self, count: int, reference: ReferencePoint) -> Sample:
-        """So many control periods."""
+        """Samples of the next `count` control periods, which are run."""
         noise = self.episode.rng.standard_normal((count, self.loop.noise["noise"]))
         signals = {name: part[:count] for name, part in zip(REFERENCE, reference, strict=True)} | {"noise": noise}
         self.arms.record_into(self.room, self._first, count, signals)
         return Sample(*(part[self._first : self._first + count] for part in self.sample))
 
     def _place(self) -> tuple[Array, Any]:
-        """Where the run is, to return there."""
+        """State of the run and of its noise, to return to."""
         return self.arms.state.blocks.copy(), self.episode.rng.bit_generator.state
 
     def _return(self, place: tuple[Array, Any]) -> None:
@@ -278,7 +279,7 @@ class _NativeRun:
         )
 
     def _columns_kept(self) -> dict[str, Array]:
-        """All samples that were kept, in order of time, by their names in a `Rollout`."""
+        """Samples that were kept, in order of time, by their names in a `Rollout`."""
         if not self.samples:  # interrupted at once
             self._keep(*self._nothing())
         order = self.kept.order(self.count)
@@ -290,7 +291,7 @@ class _NativeRun:
         return frozen(values if whole else values[order].copy())
 
     def _marks(self, values: Array, payload: Array) -> Mapping[str, Array]:
-        """By name, in the order in which `rollout` tells them."""
+        """Marks of the effects by name, in the order of `rollout`."""
         own, by_name = self.episode.plant, dict(zip(self.loop.marks, map(frozen, values.T), strict=True))
         loaded = {"payload": frozen(payload)} if own.loads else {}
         return MappingProxyType({name: by_name[name] for name in own.marks} | loaded | by_name)
@@ -337,7 +338,7 @@ def _measured(state: PlantState) -> tuple[Array, Array]:
 
 
 def _finite(torque: Array, q: Array, v: Array) -> int:
-    """How many of the control periods pass before a torque or a state (T, ...) is not finite."""
+    """Number of control periods before a torque or a state (T, ...) is not finite."""
     with np.errstate(over="ignore", invalid="ignore"):
         squares = np.vecdot(torque, torque) + np.vecdot(q, q) + np.vecdot(v, v)
     faulty = ~np.isfinite(squares)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.arrays import Array, checked, frozen, per_joint
+from adaptctl.caching import sent_as_made
 from adaptctl.compilation import Stepper, compile_step
 from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.compilation.loop import Source
@@ -24,6 +25,7 @@ from adaptctl.scalars import Column
 from adaptctl.simulation.closed_loop import ClosedLoop
 from adaptctl.simulation.error_sums import LARGEST, SETTLED, ErrorSums, judged_by, sum_sizes, summary, summed
 from adaptctl.simulation.gains_of_many import GainsOfMany, alike
+from adaptctl.simulation.lyapunov_rise import first_rise, rise_sizes, risen, truth_size
 from adaptctl.simulation.noise import Noise
 from adaptctl.simulation.plant import Plant
 from adaptctl.simulation.references_of_many import ReferenceForm, ReferencesOfMany
@@ -34,13 +36,14 @@ MEMORY = 2**23
 HERD = 512
 """Arms that take a stretch of time together, one herd after the other: what they read and write fits the caches."""
 STRETCH = 2000
-"""Control periods in one native call, at most: in between progress is told, and Ctrl-C heard."""
+"""Control periods in one native call, at most: in between progress is reported, and Ctrl-C handled."""
 RECORDED = ("p", "v", "reference_p", "reference_v", "torque", "applied", "estimate")
 
 
+@sent_as_made
 @dataclass(frozen=True, eq=False)
 class Rollouts:
-    """What happened in M closed-loop runs of r joints; every array is read-only.
+    """Samples and errors of M closed-loop runs of r joints; every array is read-only.
 
     Sample k has the states at `time[k]` and the torques commanded on them; T samples. The errors are of all control
     periods, whether or not they are sampled. Runs never see each other: where one is not finite, the others are.
@@ -77,6 +80,9 @@ class Rollouts:
     numbers are of the time before it."""
     diverged_joint: NDArray[np.int64]
     """(M,) the first joint whose error was; -1 where none was"""
+    lyapunov_rise: Array
+    """(M,) J, the largest rise of Slotine and Li's Lyapunov function from one tick to the next, 0 where it never rose;
+    NaN where it is not known (`lyapunov`, and where links or springs change what moves)"""
     control_period: float
     """s"""
     wall_time: float
@@ -86,12 +92,12 @@ class Rollouts:
 
     @property
     def error(self) -> Array:
-        """Tracking errors (T, M, r)."""
+        """Tracking errors (T, M, r), rad or m."""
         return self.p - self.reference_p
 
     @property
     def finite(self) -> Array:
-        """Which runs (M,) stayed finite."""
+        """Mask (M,) of the runs that stayed finite."""
         return np.asarray(np.isfinite(self.largest_error).all(axis=-1))
 
 
@@ -157,14 +163,15 @@ def _compiled(loop: ClosedLoop, form: ReferenceForm) -> Stepper:
         passed_on, sample = loop.equation(**columns | dict(zip(REFERENCE, point, strict=True)))
         p = loop.plant.primary(sample.q)
         sums = summed(clock[0], p - point.p, columns)
+        watched = risen(loop, sample, point, sums.joint[0] < 0.5, columns)
         done = sample.torque, sample.applied, sample.estimate
-        return (*passed_on, Column((clock[0] + 1.0,)), *sums, p, sample.v, point.p, point.v, *done)
+        return (*passed_on, Column((clock[0] + 1.0,)), *sums, *watched, p, sample.v, point.p, point.v, *done)
 
     r = loop.controller.dof
     return compile_step(
         step,
-        state=loop.state | {"clock": 1} | sum_sizes(r),
-        held=loop.held | form.held | judged_by(r),
+        state=loop.state | {"clock": 1} | sum_sizes(r) | rise_sizes(loop),
+        held=loop.held | form.held | judged_by(r) | truth_size(loop),
         shared=form.shared,
         driven=form.driven | loop.noise,
         name=type(loop.controller).__name__,
@@ -218,8 +225,8 @@ class _Runs:
             _require_count("members", members)
         remembered = [] if memory is None else self._remembered(memory)
         seeds = {} if seed is None or isinstance(seed, int | np.integer) else {"seed": np.asarray(seed).shape}
-        told = rows | {f"memory {k}": np.asarray(part) for k, part in enumerate(remembered)}
-        axes = {k: x.shape[:-1] for k, x in told.items()} | tuned.arms | seeds
+        named_rows = rows | {f"memory {k}": np.asarray(part) for k, part in enumerate(remembered)}
+        axes = {k: x.shape[:-1] for k, x in named_rows.items()} | tuned.arms | seeds
         count = _members(members, {"reference": self.references.arms} | axes)
         self.parameters, p, v = (np.broadcast_to(x, (count, x.shape[-1])) for x in rows.values())
         self.beyond = bounds["beyond"]
@@ -233,7 +240,7 @@ class _Runs:
             self.herds.append(herd)
         shapes = self.herds[0].arms.stepper.outputs
         self.records = tuple(np.empty((self._samples(self.steps), count, *shape)) for shape in shapes)
-        self._done = 0, self._sums()
+        self._done = 0, self._sums(), self._rises()
 
     def _remembered(self, memory: Any) -> list[Any]:
         """The parts of a memory of this controller."""
@@ -257,7 +264,7 @@ class _Runs:
             outputs = herd.taken(time, record=every == 1, threads=self.threads)
             for record, part in zip(self.records if every is not None else (), outputs, strict=False):
                 record[kept, herd.members] = part
-        self._done = last, self._sums()
+        self._done = last, self._sums(), self._rises()
 
     def _times(self, end: int) -> Array:
         """The times of the next control periods, at most to this one, in which the true parameters stay as they are."""
@@ -266,17 +273,22 @@ class _Runs:
         return np.asarray(ahead[: max(1, int(np.searchsorted(ahead, self.loop.plant.until(ahead[0]))))])
 
     def _sums(self) -> ErrorSums:
-        """Of all arms so far."""
+        """Sums of errors of all arms so far."""
         parts = [[herd.arms.state[name] for name in ErrorSums._fields] for herd in self.herds]
         return ErrorSums(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
+    def _rises(self) -> Array:
+        """The largest rises of V so far (M,)."""
+        parts = [np.asarray(herd.arms.state["lyapunov_rise"]) for herd in self.herds]
+        return np.concatenate([part[:, 0] if part.shape[1] else np.full(len(part), np.nan) for part in parts])
+
     def _samples(self, count: int) -> int:
-        """How many of so many control periods are kept."""
+        """Number of samples kept of `count` control periods."""
         return 0 if self.every is None else -(-count // self.every)
 
     def result(self, wall_time: float, complete: bool) -> Rollouts:
         """The runs so far."""
-        count, sums = self._done
+        count, sums, rises = self._done
         samples = self._samples(count)
         parts = (frozen(kept[:samples]) for kept in self.records)
         summaries = summary(sums, count, min(self.final, count), self.period, self.beyond)
@@ -284,6 +296,7 @@ class _Runs:
         columns |= zip(RECORDED, parts, strict=True)
         return Rollouts(
             **columns,
+            lyapunov_rise=frozen(rises),
             time=frozen(np.asarray(np.arange(samples) * (self.every or 1) * self.period)),
             parameters=frozen(self.parameters.copy()),
             control_period=self.period,
@@ -318,6 +331,10 @@ class _Herd:
         for name, bound in bounds.items():
             self.arms.held[name] = np.minimum(bound, LARGEST)
         self.arms.held["final"] = float(final)
+        begun, true = first_rise(self.loop, self.parameters)
+        for columns, values in ((self.arms.state, begun), (self.arms.held, true)):
+            for name, numbers in values.items():
+                columns[name] = numbers
 
     def longest(self, *, record: bool) -> int:
         """Control periods in a native call, by the memory that it needs."""
@@ -359,9 +376,10 @@ def _require_count(name: str, number: Any) -> None:
 
 
 def _members(given: int | None, rows: Mapping[str, tuple[int, ...]]) -> int:
-    """How many arms there are: what is given, and what has a row each, must agree."""
-    told = {name: axes for name, axes in rows.items() if axes} | ({} if given is None else {"members": (given,)})
-    if any(len(axes) > 1 for axes in told.values()) or len(set(told.values())) > 1:
-        counts = ", ".join(f"{name} {'×'.join(map(str, axes))}" for name, axes in told.items())
+    """Number of arms: as given, or as the arguments that have a row each say. Raises `InputError` where they
+    disagree."""
+    named_rows = {name: axes for name, axes in rows.items() if axes} | ({} if given is None else {"members": (given,)})
+    if any(len(axes) > 1 for axes in named_rows.values()) or len(set(named_rows.values())) > 1:
+        counts = ", ".join(f"{name} {'×'.join(map(str, axes))}" for name, axes in named_rows.items())
         raise InputError(f"members: expected a row for each arm, as many everywhere, got {counts}")
-    return next((axes[0] for axes in told.values()), 1)
+    return next((axes[0] for axes in named_rows.values()), 1)

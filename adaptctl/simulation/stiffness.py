@@ -35,7 +35,8 @@ MOST_FOR_SPRINGS = 2000
 def friction_rate(mechanism: Mechanism, effects: Sequence[JointEffect] = ()) -> float:
     """The fastest decay of a velocity by friction (1/s), over random configurations within the limits.
 
-    It is the largest eigenvalue of M^-1 B, B the slope of friction at rest, where the smoothed sign is steepest.
+    It is the largest eigenvalue of M^-1 B, B the slope of friction at rest, where the smoothed sign is steepest. Raises
+    `InputError` where the mass matrix is singular.
     """
     extra = sum((np.diag(effect.steepest(mechanism.dof)) for effect in effects), np.zeros((mechanism.dof,) * 2))
     description = mechanism.description
@@ -54,7 +55,7 @@ def friction_rate(mechanism: Mechanism, effects: Sequence[JointEffect] = ()) -> 
 
 
 class Integration(NamedTuple):
-    """How a control period is integrated."""
+    """Integrator of a control period, and its number of steps."""
 
     substeps: int
     integrator: Integrator

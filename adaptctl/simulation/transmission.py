@@ -24,9 +24,9 @@ class Motors(NamedTuple):
 
 
 class Springs(NamedTuple):
-    """What springs do in a step of dt (s), linearised at its end: with u = w - v the stretch there is
-    (theta - p) + dt (u + u_1)/2. The motors' equation, inertia (w_1 - w) = dt (torque - f), is solved for w_1, which
-    leaves f linear in v_1. With dt = 0 it is what springs do at once."""
+    """Torques of springs in a step of dt (s), linearised at its end: with u = w - v the stretch there is (theta - p) +
+    dt (u + u_1)/2. The motors' equation, inertia (w_1 - w) = dt (torque - f), is solved for w_1, which leaves f linear
+    in v_1. With dt = 0 it is what springs do at once."""
 
     held: Column
     """(r,) N m: f for w_1 = v_1"""
@@ -40,7 +40,7 @@ class Springs(NamedTuple):
 
     @property
     def firm(self) -> Column:
-        """How much less f is (r,) for every rad/s that a link's joint gains in the step, N m s/rad."""
+        """Decrease of f (r,) for every rad/s that a link's joint gains in the step, N m s/rad."""
         return self._share * self.motors.inertia
 
     @property
@@ -50,7 +50,7 @@ class Springs(NamedTuple):
         return self.held + self._share * driven
 
     def spin(self, after: Column) -> Column:
-        """The motors' mean acceleration (r,), the links' velocity being `after` at the end."""
+        """The motors' mean acceleration (r,), rad/s^2, the links' velocity being `after` at the end."""
         return self._yielding * (self.given - self.held - self.slope * (self.motors.w - after))
 
     @property
@@ -103,13 +103,13 @@ class Transmission:
         return Column(0.0 if j in self.rotors else x for j, x in enumerate(parameters))
 
     def springs(self, q: Column, v: Column, motors: Motors, torque: Column, dt: float) -> Springs:
-        """What the springs do at q (n,) and v (r,), the motors driven by a torque (r,)."""
+        """Springs at q (n,) and v (r,), the motors driven by a torque (r,) N m, over a step of dt (s)."""
         half = (0.5 * dt) * column(self.stiffness)
         held = column(self.stiffness) * self._stretch(q, motors) + half * (motors.w - v)
         return Springs(held, column(self.damping) + half, v, motors, torque, dt)
 
     def energy(self, q: Column, motors: Motors) -> Scalar:
-        """J: the motors' kinetic energy and the springs'."""
+        """Energy of the motors' motion and of the springs, J."""
         stretch = self._stretch(q, motors)
         total: Scalar = 0.5 * (motors.w @ (motors.inertia * motors.w) + stretch @ (column(self.stiffness) * stretch))
         return total
@@ -118,7 +118,8 @@ class Transmission:
         return motors.theta - Column(q[i] for i in self.primary)
 
     def rates(self, mechanism: Mechanism, p: Array) -> tuple[float, float]:
-        """The fastest oscillation and the fastest decay of springs and dampers (1/s) at positions (samples, r)."""
+        """The fastest oscillation and the fastest decay of springs and dampers (1/s) at positions (samples, r). Raises
+        `InputError` where the mass matrix without rotors is singular."""
         own = column(mechanism.inertial_parameters)
         links = mechanism.with_parameters(np.array(self.links(own).of, dtype=np.float64))
         mass = links.mass_matrix(p)

@@ -61,7 +61,8 @@ def batched(experiments: Sequence[Experiment], controllers: Sequence[str]) -> Ru
 
 
 def _trial(experiment: Learning, controllers: Sequence[str]) -> BatchedRun | None:
-    """What an experiment would run; None where that is not for many at once. Raises what the experiment raises."""
+    """The run of an experiment with these controllers; None where it cannot be one of many at once. Raises what the
+    experiment raises."""
     mechanism = _loaded(experiment)
     contenders = experiment.contenders(mechanism, offline(mechanism))
     env: Any = experiment.environment(mechanism)
@@ -76,11 +77,11 @@ def _trial(experiment: Learning, controllers: Sequence[str]) -> BatchedRun | Non
 
 
 class NamedRun(Protocol):
-    """What has a name."""
+    """An object with a `name`."""
 
     @property
     def name(self) -> str:
-        """Its name."""
+        """The object's name."""
         ...
 
 
@@ -88,7 +89,8 @@ Some = TypeVar("Some", bound=NamedRun)
 
 
 def named(candidates: Sequence[Some], names: Sequence[str]) -> list[Some]:
-    """Those of some names, all where none is given. Raises `NotFoundError` for a name that none has."""
+    """The candidates with these names, all where none is given. Raises `NotFoundError` for a name that none has. Raises
+    `NotFoundError` for a name that none has."""
     known = [one.name for one in candidates]
     for name in names:
         if name not in known:

@@ -1,4 +1,4 @@
-"""Where a sweep runs: a Dask cluster on this machine, or the user's own."""
+"""Clusters for sweeps: Dask on this machine, or the user's own."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class Cluster:
 
 
 def versions() -> str:
-    """What a worker computes with."""
+    """Version of adaptctl on a worker."""
     return __version__
 
 

@@ -79,7 +79,7 @@ class Folder:
         return cls(path, study, shard)
 
     def shards(self) -> Iterator[Shard]:
-        """All shards of the study, in order."""
+        """The study's shards, in order."""
         runs: list[Mapping[str, Any]] = []
         for settings in self.study.runs():
             runs.append(settings)
@@ -98,7 +98,7 @@ class Folder:
         return self.path / "shards" / f"{shard.key}.parquet"
 
     def has(self, shard: Shard) -> bool:
-        """Whether a shard is there, and can be read."""
+        """True if a shard's file is there, can be read, and has all its runs."""
         try:
             about = pq.read_metadata(self.place(shard)).metadata or {}
         except (OSError, pa.ArrowInvalid):
@@ -106,12 +106,13 @@ class Folder:
         return bool(about.get(b"runs") == str(len(shard.runs)).encode())
 
     def keep(self, shard: Shard, rows: Sequence[Mapping[str, Any]]) -> None:
-        """Write a shard, whole or not at all. Raises FileError."""
+        """Write a shard, whole or not at all. Raises FileError where it cannot be written."""
         (self.path / "shards").mkdir(exist_ok=True)
         _write(self.place(shard), table(self.study, rows, len(shard.runs)))
 
     def finished(self) -> pa.Table:
-        """All rows, in order, written as one table too. Raises `FileError` while a shard is missing."""
+        """Table of all rows, in order, which is written too. Raises `FileError` while a shard is missing. Raises
+        `FileError` while a shard is missing."""
         parts = []
         for shard in self.shards():
             if not self.has(shard):
@@ -143,7 +144,7 @@ def read_table(path: Path) -> pa.Table:
 
 
 def saved_study(path: Path) -> Saved:
-    """What a folder says that it is a sweep of. Raises `FileError` for another folder."""
+    """The study whose sweep is in a folder. Raises `FileError` for another folder."""
     if not (path / STUDY).is_file():
         raise FileError(f"{path}: is no sweep's folder: {STUDY} is missing")
     return read_json(path / STUDY, Saved)

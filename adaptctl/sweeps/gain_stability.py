@@ -1,4 +1,4 @@
-"""Where a sampled loop loses stability: the gain of theory, measured."""
+"""Gain at which a sampled loop loses stability: theory's, measured."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class GainStability(SweepMeasurement):
 
     @classmethod
     def outcomes(cls, chosen: Sequence[Self]) -> list[RunOutcome]:
-        """What came of each, computed together where robot and periods are the same."""
+        """Outcome of each measurement, computed together where robot and periods are the same."""
         groups: dict[tuple[str, float, int], list[int]] = {}
         for k, one in enumerate(chosen):
             groups.setdefault((one.robot, one.control_period, one.periods), []).append(k)

@@ -26,7 +26,8 @@ class SweepMeasurement(CheckedSettings, ABC):
     @classmethod
     @abstractmethod
     def outcomes(cls, chosen: Sequence[Self]) -> list[RunOutcome]:
-        """What came of each. Raises nothing for what is wrong with one of them."""
+        """Outcome of each measurement. Raises nothing for what is wrong with one of them: its outcome says it. Raises
+        nothing for what is wrong with one of them."""
 
 
 def kind_of(name: str) -> type[CheckedSettings]:

@@ -1,4 +1,4 @@
-"""What a run of a sweep came to."""
+"""Outcomes of a sweep's runs."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from adaptctl.simulation import Rollouts
 
 
 class RunOutcome(NamedTuple):
-    """What a run came to, in numbers; None for what is not known."""
+    """Outcome of a run, in numbers; None for what is not known."""
 
     status: str
     reason: str = ""
@@ -24,22 +24,23 @@ class RunOutcome(NamedTuple):
 
     @classmethod
     def failed(cls, reason: str) -> RunOutcome:
-        """That of a run that could not be."""
+        """Outcome of a run that could not be made."""
         return cls("failed", reason)
 
     @classmethod
     def of(cls, runs: Rollouts, m: int) -> RunOutcome:
-        """That of run m of many."""
+        """Outcome of run m of many."""
         lost = bool(runs.diverged_joint[m] >= 0)
-        told = f"joint {runs.diverged_joint[m] + 1} left its bound at {runs.diverged_at[m]:g} s"
+        message = f"joint {runs.diverged_joint[m] + 1} left its bound at {runs.diverged_at[m]:g} s"
         return cls(
             status="diverged" if lost else "done",
-            reason=told if lost else "",
+            reason=message if lost else "",
             rms_error=_mean(runs.rms_error[m]),
             rms_error_last=None if lost else _mean(runs.final_rms_error[m]),
             largest_error=float(runs.largest_error[m].max()),
             diverged_at=float(runs.diverged_at[m]) if lost else None,
             diverged_joint=int(runs.diverged_joint[m]) + 1 if lost else None,
+            lyapunov_rise=_known(runs.lyapunov_rise[m]),
         )
 
 
@@ -58,5 +59,9 @@ OUTCOME = {
 
 def _mean(values: Array) -> float | None:
     """Root mean square over joints (r,); None where it is not known."""
-    value = float(np.sqrt(np.mean(values**2)))
-    return value if np.isfinite(value) else None
+    return _known(float(np.sqrt(np.mean(values**2))))
+
+
+def _known(value: float) -> float | None:
+    """The number, or None where there is none."""
+    return float(value) if np.isfinite(value) else None

@@ -36,11 +36,11 @@ class RankCertificate(SweepMeasurement):
 
     @classmethod
     def outcomes(cls, chosen: Sequence[Self]) -> list[RunOutcome]:
-        """What came of each."""
+        """Outcome of each measurement: the ranks from energies and from joints."""
         return [one._judged() for one in chosen]
 
     def mechanism(self) -> Mechanism:
-        """The chain."""
+        """The chain whose rank is certified."""
         rng = np.random.default_rng([self.seed, self.links])
         return Mechanism(Description("chain", tuple(self._link(rng, i) for i in range(self.links)), GRAVITY))
 
@@ -50,8 +50,8 @@ class RankCertificate(SweepMeasurement):
             ranks = [essential_space(mechanism, method=method).rank for method in ("svd", "transfers")]
         except AdaptctlError as error:
             return RunOutcome.failed(" ".join(str(error).split()))
-        told = f"rank {ranks[0]} from energies, {ranks[1]} from joints"
-        return RunOutcome("done", told) if ranks[0] == ranks[1] else RunOutcome.failed(told)
+        words = f"rank {ranks[0]} from energies, {ranks[1]} from joints"
+        return RunOutcome("done", words) if ranks[0] == ranks[1] else RunOutcome.failed(words)
 
     def _link(self, rng: np.random.Generator, i: int) -> Link:
         kind = JointKind.PRISMATIC if rng.random() < self.prismatic else JointKind.REVOLUTE

@@ -20,7 +20,7 @@ from adaptctl.sweeps.maps import SettingsMap, map_figure
 from adaptctl.sweeps.measurement import MEASUREMENTS, kind_of
 
 WORST = 5
-"""Runs that are told, of each controller."""
+"""Runs that the report lists, of each controller."""
 SAME = 1e-9
 """Relative difference of errors that is round-off."""
 BINS = 8
@@ -29,19 +29,19 @@ BINS = 8
 
 @dataclass(frozen=True, eq=False)
 class SweepReport:
-    """What a sweep's rows say."""
+    """Report of a sweep: its study and the table of its rows."""
 
     study: Saved
     table: pa.Table
 
     @classmethod
     def of(cls, path: Path) -> SweepReport:
-        """That of a folder, finished or not. Raises `FileError` for another folder."""
+        """Report of a sweep's folder, finished or not. Raises `FileError` for another folder."""
         return cls(saved_study(path), read_table(path))
 
     @cached_property
     def rows(self) -> list[dict[str, Any]]:
-        """All rows."""
+        """Rows of the table, as mappings."""
         return list(self.table.to_pylist())
 
     @cached_property
@@ -56,7 +56,7 @@ class SweepReport:
     def without_effect(self) -> dict[str, list[str]]:
         """Swept settings that change no result, of some controllers: those, by the setting's name.
 
-        Told by pairs of runs that differ in that setting alone, which a grid has.
+        Found from pairs of runs that differ in that setting alone, which a grid has.
         """
         found: dict[str, list[str]] = {}
         for setting in self.study.swept:
@@ -66,7 +66,7 @@ class SweepReport:
         return found
 
     def counts(self, rows: Sequence[dict[str, Any]]) -> dict[str, int]:
-        """How many rows there are of each status."""
+        """Number of rows of each status."""
         return {status: sum(row["status"] == status for row in rows) for status in ("done", "diverged", "failed")}
 
     def worst(self, name: str) -> list[dict[str, Any]]:
@@ -122,9 +122,9 @@ class SweepReport:
         for name in self.controllers:
             rows = self.of_controller(name)
             errors = [size for row in rows if (size := _error(row)) is not None]
-            told = f"median error at the end {np.median(errors):.3g}, largest {max(errors):.3g}" if errors else ""
+            summary = f"median error at the end {np.median(errors):.3g}, largest {max(errors):.3g}" if errors else ""
             counts = ", ".join(f"{count} {status}" for status, count in self.counts(rows).items() if count)
-            lines.append(f"  {name or 'runs'}: {counts}; {told}".rstrip("; "))
+            lines.append(f"  {name or 'runs'}: {counts}; {summary}".rstrip("; "))
         failed = [row for row in self.rows if row["status"] == "failed"]
         for reason in list(dict.fromkeys(row["reason"] for row in failed))[:WORST]:
             lines.append(f"  failed: {reason}")
@@ -143,7 +143,7 @@ def _error(row: dict[str, Any]) -> float | None:
 
 
 def write_report(path: Path) -> Path:
-    """Write a folder's report as a page; returns its place. Raises `FileError`."""
+    """Write a folder's report as a page; returns its place. Raises `FileError` where it cannot be written."""
     report, place = SweepReport.of(path), path / "report.html"
     figures = {name: [map_figure(name, shown) for shown in report.maps(name)] for name in report.controllers}
     content = {"report": report, "figures": figures, "facts": report.facts()}
@@ -155,7 +155,7 @@ def write_report(path: Path) -> Path:
 
 
 def _is_idle(rows: Sequence[dict[str, Any]], setting: str, swept: Sequence[str]) -> bool:
-    """Whether rows that differ in a setting alone have the same results, and there are such."""
+    """True if rows that differ in a setting alone have the same results, and there are such."""
     groups: dict[Any, list[tuple[Any, ...]]] = {}
     for row in rows:
         others = tuple(row[name] for name in swept if name != setting)

@@ -53,7 +53,7 @@ def _rows(experiment: str, runs: Sequence[Mapping[str, Any]], controllers: Seque
 
 
 def _outcomes(kind: type[CheckedSettings], chosen: Sequence[Any], controllers: Sequence[str]) -> list[list[Named]]:
-    """By controller, what came of each."""
+    """Outcomes of each run, each with the controller's name."""
     if issubclass(kind, SweepMeasurement):
         return [[("", outcome)] for outcome in kind.outcomes(chosen)]
     together = batched(chosen, controllers)
@@ -92,7 +92,7 @@ def alone(experiment: Experiment, controllers: Sequence[str]) -> list[Named]:
 
 
 def _outcome(run: ControllerRun) -> RunOutcome:
-    """What a run that was recorded came to."""
+    """Outcome of a run that was recorded."""
     error = np.abs(run.rollout.error)
     joint = int(error[-1].argmax()) if run.rollout.terminated and len(error) else -1
     return RunOutcome(

@@ -71,7 +71,7 @@ def search(
 
 
 def write_settings(path: Path, study: SweepStudy, found: BestSettings) -> None:
-    """Write the settings found as a study's file, of one run. Raises FileError."""
+    """Write the settings found as a study's file, of one run. Raises FileError where it cannot be written."""
     lines = [
         'schema = "adaptctl/study/1"',
         f'experiment = "{study.experiment}"',

@@ -108,7 +108,7 @@ class SweepStudy:
 
     @property
     def count(self) -> int:
-        """How many runs there are."""
+        """Number of runs."""
         if self.sampling != "grid":
             return self.samples
         return prod(len(values) for values in self.settings.values() if isinstance(values, tuple))

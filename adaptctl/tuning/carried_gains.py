@@ -31,7 +31,7 @@ class CarriedGains(NamedTuple):
     by_hold: NDArray[np.bool_]
     """(r,) whether the control period limits K"""
     free_inertia: Array
-    """(r,) least inertia that a joint's torque alone feels along the reference, kg m^2 or kg"""
+    """(r,) least inertia against a joint's torque alone along the reference, kg m^2 or kg"""
     by_torque: NDArray[np.bool_]
     """(r,) whether the torque limit limits Lambda"""
 

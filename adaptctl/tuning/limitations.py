@@ -1,4 +1,4 @@
-"""What limits each joint's gains, in words."""
+"""Limitations of each joint's gains, in words."""
 
 from __future__ import annotations
 

@@ -25,6 +25,6 @@ def motion_range(joint: Joint) -> tuple[float, float]:
 
 
 def motion_ranges(mechanism: Mechanism) -> tuple[Array, Array]:
-    """Least and greatest positions (r,) of the primary joints."""
+    """Least and greatest positions (r,) of the primary joints, rad or m."""
     lower, upper = np.array([motion_range(joint) for joint in mechanism.primary_joints]).T
     return lower, upper

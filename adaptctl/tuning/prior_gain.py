@@ -16,12 +16,12 @@ SHORTEST_LEVER = 0.05
 """m, behind a last joint"""
 HEAVIEST = 5.0
 """kg, the greatest prior range of a link's mass unless given"""
-LEAST_FELT = 1e-3
-"""of a link's most felt parameter, in proportion to the ranges: one felt less is learned no faster"""
+LEAST_SHARE = 1e-3
+"""of the largest share of a link's parameter in the torques, in proportion to the ranges: less is learned no faster"""
 
 Shares: TypeAlias = Literal["ranges", "links", "parameters"]
-"""What has an equal share in the adaptation number: nothing, with proportions as the prior ranges; each link; each
-parameter."""
+"""Parts with an equal share in the adaptation number: each link, each parameter, or none (in proportion to the prior
+ranges)."""
 
 
 def prior_ranges(mechanism: Mechanism, heaviest: float = HEAVIEST) -> Array:
@@ -69,12 +69,12 @@ def _each_link(mechanism: Mechanism, regressor: Array, damping: Array, gain: Arr
 
 
 def _each_parameter(mechanism: Mechanism, regressor: Array, damping: Array, gain: Array) -> Array:
-    """Gamma that is the inverse of how much each parameter is felt at most."""
-    felt = (regressor**2 / damping[:, None]).sum(axis=1).max(axis=0)
+    """Diagonal Gamma (k,): the inverse of each parameter's largest share Y'K^-1 Y of the torques."""
+    share = (regressor**2 / damping[:, None]).sum(axis=1).max(axis=0)
     found = gain.copy()
     for group in _groups(mechanism):
-        least = LEAST_FELT * float((felt[group] * gain[group]).max()) / gain[group]
-        found[group] = 1.0 / np.maximum(felt[group], least) if np.all(least > 0.0) else 0.0
+        least = LEAST_SHARE * float((share[group] * gain[group]).max()) / gain[group]
+        found[group] = 1.0 / np.maximum(share[group], least) if np.all(least > 0.0) else 0.0
     return _positive(found)
 
 

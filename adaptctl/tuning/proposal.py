@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -70,13 +71,18 @@ class Proposals:
 
     @cached_property
     def ranges(self) -> Array:
-        """Prior ranges (P,) of the parameters."""
+        """Prior ranges (P,) of the parameters, SI units."""
         return prior_ranges(self.mechanism)
+
+    @lru_cache(maxsize=8)  # noqa: B019  # a search asks for the same few again and again, and they take longest
+    def carried(self, bandwidth: float, hold: float) -> CarriedGains:
+        """The largest gains of at most this bandwidth (1/s) and hold number."""
+        return carried_gains(self.mechanism, self.limits, self.postures, self.off, self.period, bandwidth, hold)
 
     def proposed(self, bandwidth: float, hold: float, adaptation: float, shares: Shares) -> Proposal:
         """Gains of at most this bandwidth (1/s), hold number and adaptation number."""
         mechanism, points = self.mechanism, self.points
-        carried = carried_gains(mechanism, self.limits, self.postures, self.off, self.period, bandwidth, hold)
+        carried = self.carried(bandwidth, hold)
         rates = carried.gains.bandwidth
         v_r, a_r = points.v - rates * self.errors, points.a + rates**2 * self.errors
         regressor = mechanism.slotine_li_regressor(points.p + self.errors, points.v, v_r, a_r)

@@ -48,6 +48,6 @@ def _drawn(proposals: Proposals, count: int, seed: int) -> list[Proposal]:
     for bandwidth, hold, number, kind in (grid[k] for k in order):
         try:
             found.append(proposals.proposed(bandwidth, hold, number, cast(Shares, kind)))
-        except InputError:  # no gains hold the arm: the first proposal has told so
+        except InputError:  # no gains hold the arm: the first proposal has said so
             continue
     return found

@@ -1,90 +1,57 @@
-"""Closed loops of one mechanism under many gains at once: the gains are memory, and one code serves them all."""
+"""Closed loops of one mechanism under many gains at once: one code serves them all."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.compilation.limits import LARGEST_COMPILED
-from adaptctl.control.adaptation.gradient import TINY, Gradient
+from adaptctl.control import SlotineLi
+from adaptctl.control.adaptive import AdaptiveState
 from adaptctl.control.controller import Controller, Reference, ReferencePoint
-from adaptctl.dynamics import Mechanism
-from adaptctl.scalars import Column, absolute, clip, where
+from adaptctl.control.gains.workspace import Workspace
+from adaptctl.identifiability import ReducedModel
+from adaptctl.scalars import Column, where
 from adaptctl.simulation import Plant, Rollouts, simulate_many
 
-CAP = Gradient.cap
 EVERY = 50
 """control periods from one sample to the next"""
 
 
-class TrialMemory(NamedTuple):
-    """The memory of a trial: that of the law, its gains, and whether its torque comes late."""
-
-    estimate: Any
-    q: Any
-    motion: Any
-    s: Any
-    torque: Any
-    elapsed: Any
-    gain: Any
-    damping: Any
-    bandwidth: Any
-    late: Any
-    """(1,) 1 where torques act one control period late, else 0"""
-
-
 @dataclass(frozen=True, eq=False)
-class Trial(Controller[TrialMemory]):
-    """Slotine and Li's law with `Gradient` adaptation of all parameters from zero, within torque limits (r,).
+class Delayed(Controller[AdaptiveState]):
+    """Slotine and Li's law, its torques a control period late where `late` is 1, and in time where it is 0."""
 
-    Nothing is learned from a period whose torque was limited. It is `SlotineLi` on a reduced model with the mapped
-    gain, to round-off.
-    """
+    tunable = ("late",)
 
-    mechanism: Mechanism
-    limits: Array
-    period: float
+    of: SlotineLi
+    late: float = 0.0
 
     @property
     def dof(self) -> int:
         """Number of joints r."""
-        return self.mechanism.dof
+        return self.of.dof
 
     @property
     def home(self) -> Array:
         """Positions (r,) where loops, if any, are known to close."""
-        return self.mechanism.home
+        return self.of.home
 
-    def start(self, p: Array, v: Array) -> TrialMemory:
-        """The memory before the first tick; gains are put into it afterwards."""
-        equations, r = self.mechanism.equations, self.dof
-        zero, rest, one = np.zeros(equations.parameters), np.zeros(r), np.ones(r)
-        motion, q = np.zeros(equations.motion_size), self.mechanism.configuration(p)
-        return TrialMemory(zero, q, motion, rest, rest, np.zeros(1), zero, one, one, np.zeros(1))
+    def start(self, p: Array, v: Array) -> AdaptiveState:
+        """The memory before the first tick: the law's own."""
+        return self.of.start(p, v)
 
-    def law(self, p: Column, v: Column, reference: ReferencePoint, memory: TrialMemory) -> tuple[Column, TrialMemory]:
-        """One tick: learn from the period that has passed, then act, now or a period later."""
-        equations, m = self.mechanism.equations, memory
-        q, e, e_rate = equations.closed(p, m.q), p - reference.p, v - reference.v
-        v_r, a_r = reference.v - m.bandwidth * e, reference.a - m.bandwidth * e_rate
-        s = v - v_r
-        slope = equations.remembered(m.motion).powers(s, range(equations.parameters))
-        power, taken = s @ (m.damping * s), slope @ (m.gain * slope)
-        share = power / (power + (CAP * self.period) * taken + TINY)
-        estimate = m.estimate - (m.elapsed[0] * share) * (m.gain * slope)
-        motion = equations.motion(q, v, v_r, a_r)
-        torque = motion.torque(estimate) - m.damping * s
-        limited = Column(map(clip, torque, (-self.limits).tolist(), self.limits.tolist()))
-        learning: Any = self.period
-        for asked, given in zip(torque, limited, strict=True):
-            learning = where(absolute(asked - given) > 0.0, 0.0, learning)
-        applied = Column(where(m.late[0] > 0.5, x, y) for x, y in zip(m.torque, limited, strict=True))
-        kept = m._replace(estimate=estimate, q=q, motion=motion.numbers, s=s, torque=limited)
-        return applied, kept._replace(elapsed=Column((learning,)))
+    def law(
+        self, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
+    ) -> tuple[Column, AdaptiveState]:
+        """One tick: the law's, of whose torques the last one acts, or the new one."""
+        _, after = self.of.law(p, v, reference, memory)
+        late = self.late > 0.5
+        return Column(where(late, old, new) for old, new in zip(memory.torque, after.torque, strict=True)), after
 
 
 class TrialSetting(NamedTuple):
@@ -101,7 +68,11 @@ class TrialSetting(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Trials:
-    """Trials on one plant, reference and initial error (r,)."""
+    """Trials on one plant, reference and initial error (r,): Slotine and Li's law on all parameters, from zero.
+
+    Nothing is learned from a period whose torque was limited. It is the law on a reduced model with the mapped gain,
+    to round-off.
+    """
 
     plant: Plant
     reference: Reference
@@ -109,22 +80,27 @@ class Trials:
 
     @property
     def possible(self) -> bool:
-        """Whether the mechanism is short enough to compile."""
+        """True if the mechanism has few enough links to compile."""
         return len(self.plant.mechanism.links) <= LARGEST_COMPILED
 
     def run(self, settings: list[TrialSetting], duration: float) -> Rollouts:
         """Runs (M,) of the settings, side by side."""
-        trial, M = _trial(self.plant), len(settings)
-        first = self.reference(np.zeros(1)).p[0] + self.off
-        p, v = np.broadcast_to(first, (M, trial.dof)), np.zeros((M, trial.dof))
-        columns = [np.array(rows, dtype=np.float64) for rows in zip(*settings, strict=True)]
-        bandwidth, damping, gain, parameters, late = columns
-        memory = trial.init(p, v)._replace(bandwidth=bandwidth, damping=damping, gain=gain, late=late[:, None])
-        given: dict[str, Any] = {"parameters": parameters, "p": p, "v": v, "memory": memory, "every": EVERY}
-        return simulate_many(self.plant, trial, self.reference, duration=duration, **given)
+        p = self.reference(np.zeros(1)).p[0]
+        law, parameters = _law(self.plant, tuple(p.tolist())), np.array([one.parameters for one in settings])
+        laws = [law.having(_numbers(law, one)) for one in settings]
+        start = {"parameters": parameters, "p": p + self.off, "v": np.zeros(law.dof)}
+        return simulate_many(self.plant, laws, self.reference, duration=duration, every=EVERY, **start)
+
+
+def _numbers(law: Delayed, one: TrialSetting) -> dict[str, object]:
+    """All of a law's numbers by name, those of a setting among them: as they are, for tuning has judged them."""
+    of = {"bandwidth": one.bandwidth, "damping": one.damping, "adaptation.gain": one.gain}
+    return {**law.numbers, "late": float(one.late), **{f"of.{name}": value for name, value in of.items()}}
 
 
 @lru_cache(maxsize=8)
-def _trial(plant: Plant) -> Trial:
-    """The law of a plant's trials, kept, and its code with it."""
-    return Trial(plant.mechanism, np.asarray(plant.torque_limits), plant.control_period)
+def _law(plant: Plant, p: tuple[float, ...]) -> Delayed:
+    """The law of a plant's trials near p, kept, and its code with it; its gains are nobody's."""
+    model, few = ReducedModel.full(plant.mechanism), np.full(plant.dof, 1e-9)
+    gain, at = np.ones(len(model.columns)), Workspace.along(plant.mechanism, np.array(p), 0.0)
+    return Delayed(SlotineLi(model, few, few, gain, None, plant.control_period, at, plant.torque_limits))

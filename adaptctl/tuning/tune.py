@@ -86,7 +86,7 @@ def tune(
         chosen.adaptation,
         limitations(mechanism, carried),
         verified,
-        (*_notes(mechanism, found, carried, plant), *_told(verified, trials.possible)),
+        (*_notes(mechanism, found, carried, plant), *_run_remarks(verified, trials.possible)),
     )
 
 
@@ -117,7 +117,8 @@ def _postures(mechanism: Mechanism) -> int:
 
 
 def _notes(mechanism: Mechanism, found: WorkableReference, carried: CarriedGains, plant: Plant) -> Iterator[str]:
-    """What a person should know of the mechanism."""
+    """Sentences on a mechanism that is hard to tune: a joint that can only creep, a slow bandwidth, impossible
+    parameters."""
     for j, joint in enumerate(mechanism.primary_joints):
         if found.static[j] > STATIC:
             yield f"{joint.name}: gravity and friction ask {found.static[j]:.0%} of its torque limit: it can only creep"
@@ -133,8 +134,8 @@ def _notes(mechanism: Mechanism, found: WorkableReference, carried: CarriedGains
         yield f"friction is too stiff for {MOST} explicit steps a period: {plant.substeps} implicit ones are taken"
 
 
-def _told(verified: tuple[Verification, ...], possible: bool) -> Iterator[str]:
-    """What the runs tell a person."""
+def _run_remarks(verified: tuple[Verification, ...], possible: bool) -> Iterator[str]:
+    """Sentences on the runs that verify a tuning."""
     if not possible:
         yield "too many links to compile: nothing was searched or verified"
     for run in verified[:1]:

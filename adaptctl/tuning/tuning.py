@@ -66,5 +66,5 @@ class Tuning:
 
     @property
     def learns(self) -> bool:
-        """Whether the arm as described learns with these gains; False where nothing was run."""
+        """True if the arm as described learns with these gains; False where nothing was run."""
         return bool(self.verified) and self.verified[0].learns

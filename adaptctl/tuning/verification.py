@@ -42,12 +42,13 @@ class Verification:
 
     @property
     def stayed(self) -> bool:
-        """Whether no error passed 1 rad or m, and torques were hardly limited once it had settled."""
+        """True if no error passed 1 rad or m, and torques were hardly limited once it had settled."""
         return self.largest < ASTRAY and self.limited <= CLIPPED
 
     @property
     def learns(self) -> bool:
-        """Whether it stayed, and the last error is at most a third of the first and of that with adaptation off."""
+        """True if the arm stayed near the reference, and the last error is at most a third of the first and of that
+        with adaptation off."""
         return self.stayed and self.last <= LEARNED * min(self.first, self.off)
 
     def __str__(self) -> str:

@@ -26,6 +26,8 @@ HORIZON, TIMES = 20.0, 201
 """s of the reference that are looked at, and at how many times"""
 EVEN, COUPLED, AWAY = 0.1, 0.03, 0.1
 """weights in a centre's cost besides the largest share: the mean share, decades of condition, and offset"""
+LESS = 1e-9
+"""of a cost: by what a centre must be better, so that none is chosen for its round-off"""
 SMALLER, ROUNDS_OF_FITTING = 0.7, 40
 
 
@@ -115,7 +117,7 @@ def _center(mechanism: Mechanism, limits: Array, rng: np.random.Generator) -> Ar
         near = best + step * half * rng.normal(size=moved.shape) * moved
         near = np.clip(near, middle - 0.9 * half, middle + 0.9 * half)
         costs = _costs(mechanism, limits, near, middle, half)
-        if costs.min() < least:
+        if costs.min() < least - LESS:
             best, least = near[costs.argmin()], costs.min()
         else:
             step *= 0.8

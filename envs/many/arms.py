@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adaptctl.arrays import Array, frozen
-from adaptctl.caching import cached_property, without_caches
+from adaptctl.caching import State, cached_property, restored, without_caches
 from adaptctl.compilation import Ensemble, Kernel, compile_function
 from adaptctl.envs.many.arm_references import ArmReferences
 from adaptctl.envs.many.options import ArmOptions
@@ -23,7 +23,7 @@ from adaptctl.simulation.plant import require_ten_a_link
 from adaptctl.simulation.references_of_many import SinusoidForm
 
 Numbers = NDArray[np.int64]
-"""Which arms (k,), of N."""
+"""Indices (k,) of some of N arms."""
 Flags = NDArray[np.bool_]
 
 
@@ -57,7 +57,7 @@ class StepResult:
 
 
 class Arms:
-    """N arms as in N environments like `single`: they take steps together, and begin an episode when told to."""
+    """N arms as in N environments like `single`: they step together, and episodes begin by call."""
 
     def __init__(self, single: TrackingEnv, count: int) -> None:
         self.single, self.count = single, count
@@ -113,7 +113,7 @@ class Arms:
         return result
 
     def _give(self, torque: Array, time: Array, moving: Numbers) -> None:
-        """What a step to a time (N,) needs from outside."""
+        """Set the inputs of a step to a time (N,): torque, noise, and the reference's time or row."""
         held, noise_size = self._lanes.held, self.single.plant.noise_size
         held["torque"] = torque
         if noise_size:
@@ -166,25 +166,25 @@ class Arms:
     def _lanes(self) -> Ensemble:
         return self._ensembles[self._terms or 0]
 
-    def __getstate__(self) -> tuple[dict[str, Any], dict[int, list[dict[str, Array]]]]:
-        """What the arms are made of, native code left out, and their columns."""
-        kept, _ = without_caches(self)
+    def __getstate__(self) -> tuple[State, dict[int, list[dict[str, Array]]]]:
+        """State of the arms for copies in other processes, native code left out, and their columns."""
+        kept, read_only = without_caches(self)
         columns = {
             terms: [{name: part[name].copy() for name in part.columns} for part in (arms.state, arms.held)]
             for terms, arms in self._ensembles.items()
         }
-        return kept | {"_ensembles": {}, "_kernels": {}}, columns
+        return (kept | {"_ensembles": {}, "_kernels": {}}, read_only), columns
 
-    def __setstate__(self, given: tuple[dict[str, Any], dict[int, list[dict[str, Array]]]]) -> None:
-        kept, columns = given
-        vars(self).update(kept)
+    def __setstate__(self, given: tuple[State, dict[int, list[dict[str, Array]]]]) -> None:
+        state, columns = given
+        restored(self, state)
         for terms, parts in columns.items():
             self._terms = terms
             arms = self._ensembles[terms] = self._step.compile().ensemble(self.count)
             for part, values in zip((arms.state, arms.held), parts, strict=True):
                 for name, column in values.items():
                     part[name] = column
-        self._terms = kept["_terms"]
+        self._terms = state[0]["_terms"]
 
     @property
     def _step(self) -> VectorStep:
@@ -224,7 +224,8 @@ class Arms:
             )
 
     def _terminated(self, facts: Facts) -> Flags:
-        """Which arms are lost, and which loops are where they may not work: those in doubt are looked at."""
+        """Mask of the arms that are lost, or whose loops are where they may not work; those in doubt are computed
+        exactly."""
         terminated: Flags = facts.lost > 0.0
         doubtful = np.flatnonzero(facts.sure < 1.0) if self._loops else self.all[:0]
         if doubtful.size:

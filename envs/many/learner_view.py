@@ -39,7 +39,8 @@ class LearnerView:
         self._largest, self._dof = np.asarray(self.env.single_action_space.high), inner.single.plant.dof
 
     def reset(self, seeds: Sequence[int | None], options: Sequence[Mapping[str, Any]]) -> Array:
-        """Begin an episode of every arm, with a seed and options of its own (N,). Returns observations (N, n)."""
+        """Begin an episode of every arm, with a seed and options of its own (N,). Returns observations (N, n). Raises
+        `InputError` where arms have different options."""
         names = set(options[0])
         if any(set(own) != names for own in options):
             raise InputError(
@@ -52,7 +53,8 @@ class LearnerView:
         return observations
 
     def step(self, actions: ArrayLike) -> tuple[Array, Array, NDArray[np.bool_], list[dict[str, Any]]]:
-        """One control period under actions (N, r): observations (N, n), rewards (N,), done (N,) and infos."""
+        """One control period under actions (N, r): observations (N, n), rewards (N,), done (N,) and infos. Raises
+        `InputError` for another shape."""
         try:
             scaled = np.asarray(actions, dtype=np.float64) * self._largest
         except (TypeError, ValueError) as error:

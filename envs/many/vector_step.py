@@ -74,15 +74,15 @@ class VectorStep:
         return compile_function(row, self.reference, name="row")
 
     def row(self, columns: Mapping[str, Column]) -> Column:
-        """The reference's p, v, a now and p at each time ahead, from its columns."""
+        """A reference's row (n,): p, v, a now and p at each time ahead, from its columns."""
         if not self.sinusoids.terms:
             return columns["row"]
         now, *ahead = (self.sinusoids.point(columns, delay) for delay in (0.0, *self.look_ahead.tolist()))
         return Column(x for part in (*now, *(point.p for point in ahead)) for x in part)
 
     def equation(self, **columns: Column) -> tuple[Column, ...]:
-        """The plant's columns that are passed on; then the observation, `Facts` with the plant's marks, and p, v and
-        the torque as they truly are."""
+        """Columns (n,) of the plant that are passed on; then the observation, `Facts` with the plant's marks, and the
+        true p, v and torque."""
         plant, row = self.plant, self.row(columns)
         after = plant.equation(columns)
         p = plant.primary(after.q)
@@ -110,7 +110,7 @@ class VectorStep:
         return lost
 
     def _surely_works(self, q: Column, p: Column) -> Scalar:
-        """Whether loops are away from singularities and within their conditions."""
+        """1 where loops are surely away from singularities and within their conditions, else 0."""
         mechanism = self.plant.mechanism
         if mechanism.continuation is None:
             return 1.0

@@ -13,6 +13,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.arrays import Array
+from adaptctl.caching import sent_as_made
 from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.envs.many.arms import Arms, Flags, StepResult
 from adaptctl.envs.puma560 import Puma560TrackingEnv
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from adaptctl.envs.rendering.render import Renderer
 
 
+@sent_as_made
 class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
     """
     ## Description
@@ -138,7 +140,8 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Begin an episode of every arm, or of those in the option `reset_mask`.
+        """Observations (N, n) and infos of all arms, after an episode of every arm has begun, or of those in the option
+        `reset_mask`.
 
         Raises as `TrackingEnv.reset` does, naming the arm.
         """
@@ -194,13 +197,13 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         return tuple(self._renderer.image(p, goal, time) for p, goal, time in arms)
 
     def _begin(self, result: StepResult, chosen: Flags) -> None:
-        """Begin an episode of some arms, of which this is then told."""
+        """Begin an episode of some arms, and put its beginning into the result."""
         if chosen.any():
             arms = np.flatnonzero(chosen)
             result.put(arms, self._arms.begin(arms, self.reset_options))
 
     def _final(self, result: StepResult) -> dict[str, Any]:
-        """What Gymnasium wants to know of episodes that end in this step."""
+        """Gymnasium's entries on episodes that end in this step."""
         observations = np.full(self.num_envs, None, dtype=object)
         for arm in np.flatnonzero(self._over).tolist():
             observations[arm] = result.observation[arm].copy()
@@ -210,7 +213,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         }
 
     def _info(self, result: StepResult, mask: Flags) -> dict[str, Any]:
-        """Of the arms in the mask; others have zeros."""
+        """The `info` of the arms in the mask; others have zeros."""
         info: dict[str, Any] = {
             "time": result.time,
             "parameters": self._arms.parameters,
@@ -259,7 +262,8 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         return [(arm, int(own)) for arm, own in chosen]
 
     def _mask(self, given: Any) -> Flags:
-        """Which arms are to be reset."""
+        """Mask of the arms that are to be reset. Raises `InputError` for another shape or mode, `ResetNeeded` before
+        the first reset."""
         if given is None:
             return self._all
         mask = np.array(given)

@@ -73,7 +73,8 @@ class Camera:
 
 
 def intersect(solid: ConvexPart, origin: Array, rays: Array) -> Hits:
-    """Where rays (..., 3) of unit length from `origin` (3,) or (..., 3) enter a solid (Quilez 2016)."""
+    """Intersections of rays (..., 3) of unit length from `origin` (3,) or (..., 3) with a convex solid (Quilez
+    2016)."""
     axis, away = solid.end - solid.start, origin - solid.start
     length = float(axis @ axis)
     if length < 1e-12:

@@ -142,7 +142,7 @@ def _pedestals(feet: Array, floor: float, radius: float) -> list[ConvexPart]:
 
 
 def _grid(points: Array, spacing: float) -> Array:
-    """How much of a line there is at points (..., 2) of the floor: 0 or 1."""
+    """1.0 on the lines of a grid over points (..., 2) of the floor, else 0.0."""
     off = np.abs((points / spacing + 0.5) % 1.0 - 0.5) * spacing
     return (off.min(axis=-1) < 0.012 * spacing).astype(np.float64)
 

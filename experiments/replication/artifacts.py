@@ -23,7 +23,8 @@ def shown(replication: Replication) -> Result:
 
 
 def write_artifacts(folder: Path, replication: Replication, progress: Progress) -> None:
-    """Write summary, draws, figures, recording and report, every file whole or not at all. Raises FileError."""
+    """Write summary, draws, figures, recording and report, every file whole or not at all. Raises FileError where it
+    cannot be written."""
     from adaptctl.experiments.replication.draws_table import write_draws
     from adaptctl.experiments.replication.recording import write_recording
     from adaptctl.experiments.replication.report import write_report

@@ -61,7 +61,8 @@ def off_diagonal_rows(arm: SampledArm, columns: Sequence[int]) -> dict[str, Arra
 
 
 def reduced_rows(rows: Array) -> Array:
-    """Gauss and Jordan from the last column: the same row space, a column for every row that is its own."""
+    """Rows (m, n) reduced by Gauss and Jordan from the last column: the same row space, a column for every row that is
+    its own."""
     left, done = rows.copy(), 0
     for column in reversed(range(rows.shape[1])):
         if done == len(left):

@@ -81,7 +81,7 @@ class Number:
 
     @classmethod
     def of(cls, text: str) -> Number:
-        """Number of a text: ``-0.0805``, ``4.4E+04``."""
+        """Number of a text: ``-0.0805``, ``4.4E+04``. Raises `InputError` for another text."""
         mantissa, _, exponent = text.upper().partition("E")
         decimals = len(mantissa.partition(".")[2])
         significant = len(mantissa.lstrip("+-").replace(".", "").lstrip("0")) or 1

@@ -22,8 +22,8 @@ def half_units(table: Table) -> Array:
 def excess(space: EssentialSpace, real: Table, essential: Table, free: Array) -> float:
     """Least distance of V1 V1' D from the printed essential parameters, in half units of their last digits.
 
-    D may be anything that rounds to the printed real parameters where `free` (P,), and is as printed elsewhere. At
-    most 1 means that the two tables agree. A linear program.
+    D may be anything that rounds to the printed real parameters where `free` (P,), and is as printed elsewhere. At most
+    1 means that the two tables agree. A linear program. Raises ArithmeticError where the linear program is not solved.
     """
     project, D, goal = space.basis @ space.basis.T, parameters(real), parameters(essential)
     tolerance, slack = half_units(essential), np.where(free, half_units(real), 0.0)

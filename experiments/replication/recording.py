@@ -26,7 +26,7 @@ WIDTHS = (4.0, 1.2, 1.5, 1.5)
 
 
 def write_recording(path: str | Path, replication: Replication, figures: Mapping[str, Path]) -> None:
-    """Write the recording whole or not at all. Raises FileError."""
+    """Write the recording whole or not at all. Raises FileError where it cannot be written."""
     scenes = [item.scene for item in replication.items if item.scene is not None]
     content = ",".join((str(replication.study.seeds), *(item.name for item in replication.items))).encode()
     with saved_stream(path, replication, content, _layout(scenes, figures)) as recording:

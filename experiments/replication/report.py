@@ -30,7 +30,7 @@ class Grid(NamedTuple):
 
 
 def write_report(path: str | Path, replication: Replication, figures: Mapping[str, Path]) -> None:
-    """Write the page with the figures, given as files by name, inside. Raises FileError."""
+    """Write the page with the figures, given as files by name, inside. Raises FileError where it cannot be written."""
     write_text(path, report(replication, figures))
 
 

@@ -177,7 +177,7 @@ def _limit(arm: SampledArm, row: str, column: str) -> float:
 
 
 def _regularity(arm: SampledArm, p: Array) -> float:
-    """How near to locking the loop comes."""
+    """Smallest distance of the loop to locking, over the motion."""
     continuation = arm.mechanism.continuation
     return float(continuation.regularity(arm.mechanism.configuration(p)).min()) if continuation else 1.0
 
@@ -194,7 +194,7 @@ def _rank(study: Study, arm: SampledArm) -> int:
 
 
 def _tilt_error(study: Study) -> tuple[int, float]:
-    """With a tilted base: the paper's rank, and joint 1's mean square torque error with as many components."""
+    """The paper's rank with a tilted base, and joint 1's mean square torque error with as many components."""
     arm = semi_direct_drive(with_base_tilt(study.five_bar.mechanism, QUARTERS[TILT]))
     _, values, right = np.linalg.svd(_differences(study, arm))
     rank = int(paper_rank(np.asarray(values)))

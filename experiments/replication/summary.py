@@ -14,7 +14,7 @@ SCHEMA = "adaptctl/replication/1"
 
 
 def write_summary(path: str | Path, replication: Replication) -> None:
-    """Write `summary` as JSON, whole or not at all. Raises FileError."""
+    """Write `summary` as JSON, whole or not at all. Raises FileError where it cannot be written."""
     write_json(path, summary(replication))
 
 

@@ -50,18 +50,18 @@ class Check:
 
     @property
     def is_mark(self) -> bool:
-        """Whether it is a cross or a blank of a table of crosses."""
+        """True for a cross or a blank of a table of crosses."""
         return self.printed in (MARK, "")
 
     @property
     def reads_alike(self) -> bool:
-        """Whether it reads as printed, but for the sign of a plus or a zero."""
+        """True if it reads as printed, but for the sign of a plus or a zero."""
         texts = (self.computed.lstrip("+"), self.printed.lstrip("+"))
         return texts[0] == texts[1] or (not self.is_mark and {float(text) for text in texts} == {0.0})
 
     @property
     def exact(self) -> bool:
-        """Whether every printed digit is met."""
+        """True if every printed digit is met."""
         return self.verdict is Outturn.REPRODUCED and self.digits == self.of_digits
 
 

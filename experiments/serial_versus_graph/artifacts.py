@@ -6,7 +6,7 @@ from pathlib import Path
 
 from adaptctl.experiments.serial_versus_graph.result import SideBySide
 from adaptctl.experiments.serial_versus_graph.summary import write_summary
-from adaptctl.experiments.serial_versus_graph.wording import facts, told, verdict
+from adaptctl.experiments.serial_versus_graph.wording import facts, outcome_words, verdict
 from adaptctl.recording.artifacts import FIGURES, RECORDING, REPORT, SUMMARY
 from adaptctl.recording.result import Progress, Result
 from adaptctl.recording.wording import headline
@@ -16,7 +16,7 @@ def shown(result: SideBySide) -> Result:
     """Arms side by side as an experiment's result."""
     return Result(
         complete=result.complete,
-        headline=headline(told(result), result.complete),
+        headline=headline(outcome_words(result), result.complete),
         facts=tuple(facts(result)),
         verdict=verdict(result),
         write=lambda folder, progress: write_artifacts(folder, result, progress),
@@ -24,7 +24,8 @@ def shown(result: SideBySide) -> Result:
 
 
 def write_artifacts(folder: Path, result: SideBySide, progress: Progress) -> None:
-    """Write recording, summary, traces, figures and report, every file whole or not at all. Raises FileError."""
+    """Write recording, summary, traces, figures and report, every file whole or not at all. Raises FileError where it
+    cannot be written."""
     from adaptctl.experiments.serial_versus_graph.figures import drawings
     from adaptctl.experiments.serial_versus_graph.recording import write_recording
     from adaptctl.experiments.serial_versus_graph.report import trace_name, write_report

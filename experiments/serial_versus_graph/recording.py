@@ -10,7 +10,7 @@ import rerun.blueprint as rrb
 
 from adaptctl.experiments.serial_versus_graph.figures import side_color
 from adaptctl.experiments.serial_versus_graph.result import Side, SideBySide
-from adaptctl.experiments.serial_versus_graph.wording import WHY_NOT_16, rows, told
+from adaptctl.experiments.serial_versus_graph.wording import WHY_NOT_16, outcome_words, rows
 from adaptctl.recording import views
 from adaptctl.recording.comparison import ControllerRun
 from adaptctl.recording.palette import DARK, Color
@@ -27,7 +27,7 @@ APART = 1.35
 
 
 def write_recording(path: str | Path, result: SideBySide) -> None:
-    """Write the recording whole or not at all. Raises FileError."""
+    """Write the recording whole or not at all. Raises FileError where it cannot be written."""
     positions = b"".join(np.ascontiguousarray(side.comparison.subject.rollout.p).tobytes() for side in result.sides)
     with saved_stream(path, result, positions, _blueprint(result)) as recording:
         log_markdown(recording, "summary", _markdown(result))
@@ -75,7 +75,7 @@ def _markdown(result: SideBySide) -> str:
         values = row.values or ("",) * len(result.sides)
         what = f"**{row.what}**" if row.section else row.what
         lines.append(f"| {what} | {' | '.join(values)} |")
-    return warning + told(result) + "\n\n" + "\n".join(lines) + f"\n\n{WHY_NOT_16}\n"
+    return warning + outcome_words(result) + "\n\n" + "\n".join(lines) + f"\n\n{WHY_NOT_16}\n"
 
 
 def _blueprint(result: SideBySide) -> rrb.Blueprint:

@@ -7,14 +7,14 @@ from pathlib import Path
 
 from adaptctl.experiments.serial_versus_graph.figures import drawings, side_color
 from adaptctl.experiments.serial_versus_graph.result import SideBySide
-from adaptctl.experiments.serial_versus_graph.wording import WHY_NOT_16, facts, rows, told
+from adaptctl.experiments.serial_versus_graph.wording import WHY_NOT_16, facts, outcome_words, rows
 from adaptctl.files import write_text
 from adaptctl.recording.page import embedded, rendered
 from adaptctl.recording.wording import INCOMPLETE
 
 
 def write_report(path: str | Path, result: SideBySide, figures: Mapping[str, Path]) -> None:
-    """Write the page with the figures, given as files by name, inside. Raises FileError."""
+    """Write the page with the figures, given as files by name, inside. Raises FileError where it cannot be written."""
     write_text(path, report(result, figures))
 
 
@@ -29,7 +29,7 @@ def report(result: SideBySide, figures: Mapping[str, Path]) -> str:
         "report.html",
         __package__ or "",
         result=result,
-        verdict=told(result),
+        verdict=outcome_words(result),
         incomplete=INCOMPLETE,
         why_not_16=WHY_NOT_16,
         facts=list(facts(result)),

@@ -15,7 +15,7 @@ SCHEMA = "adaptctl/side-by-side/1"
 
 
 def write_summary(path: str | Path, result: SideBySide) -> None:
-    """Write `summary` as JSON, whole or not at all. Raises FileError."""
+    """Write `summary` as JSON, whole or not at all. Raises FileError where it cannot be written."""
     write_json(path, summary(result))
 
 

@@ -26,8 +26,8 @@ class Row(NamedTuple):
     section: bool = False
 
 
-def told(result: SideBySide) -> str:
-    """Outcome in a sentence or two, what failed said first."""
+def outcome_words(result: SideBySide) -> str:
+    """Outcome in a sentence or two, failures first."""
     return verdict(result).before(_answer(result))
 
 
@@ -38,17 +38,17 @@ def verdict(result: SideBySide) -> Verdict:
 
 def _answer(result: SideBySide) -> str:
     ranks = " and ".join(f"{side.label} {side.comparison.space.rank}" for side in result.sides)
-    said = f"Independent parameters: {ranks}. "
+    text = f"Independent parameters: {ranks}. "
     ticks = [_flops(side.comparison.subject) for side in result.sides]
     if len(ticks) == 2 and ticks[0] and ticks[1]:
         times = number(ticks[1] / ticks[0])
-        said += f"An adaptive tick takes {ticks[0]:,} operations and {ticks[1]:,}, {times} times as many. "
+        text += f"An adaptive tick takes {ticks[0]:,} operations and {ticks[1]:,}, {times} times as many. "
     learnt = "; ".join(
         f"{side.label} from {_millimetres(side.first_tip_rms(side.comparison.subject))} in the first second to "
         f"{_millimetres(side.final_tip_rms(side.comparison.subject))} in the last two"
         for side in result.sides
     )
-    return f"{said}On the same path of the tip, from knowing nothing: {learnt}."
+    return f"{text}On the same path of the tip, from knowing nothing: {learnt}."
 
 
 def facts(result: SideBySide) -> Iterator[tuple[str, str]]:
@@ -60,8 +60,8 @@ def facts(result: SideBySide) -> Iterator[tuple[str, str]]:
 def rows(result: SideBySide) -> list[Row]:
     """Rows of the table: those of the paper's Table 13, then operations, time and tracking."""
     found = []
-    for what, told in QUESTIONS:
-        found.append(Row(what, ()) if told is None else Row(what, tuple(told(side) for side in result.sides)))
+    for what, value in QUESTIONS:
+        found.append(Row(what, ()) if value is None else Row(what, tuple(value(side) for side in result.sides)))
     return [row._replace(section=not row.values) for row in found]
 
 
@@ -90,8 +90,8 @@ def _rises(side: Side) -> str:
     return "–" if rise is None else "never" if rise == 0.0 else f"by {number(rise)} J"
 
 
-def _subject(told: Callable[[Side, ControllerRun], str]) -> Callable[[Side], str]:
-    return lambda side: told(side, side.comparison.subject)
+def _subject(value: Callable[[Side, ControllerRun], str]) -> Callable[[Side], str]:
+    return lambda side: value(side, side.comparison.subject)
 
 
 TIP_FIRST, TIP_LAST = "Tip error (RMS), first second", "Tip error (RMS), last 2 s"

@@ -80,7 +80,8 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: CovarianceMemory
     ) -> tuple[Column, CovarianceMemory]:
-        """The estimate after a trapezium step for the tracking error, then each joint's equation; P then forgets."""
+        """The estimate (k,) after a trapezium step for the tracking error, then each joint's equation; and the
+        covariance after forgetting."""
         covariance, scale = memory.covariance, self._scale
         gradient = scale * period.gradient(period.integral)
         moved = estimate - scale * symmetric_product(covariance, gradient)
@@ -95,7 +96,7 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
         return moved, CovarianceMemory((1.0 + period.elapsed * rate) * covariance, filtered)
 
     def covariance(self, memory: CovarianceMemory) -> Array:
-        """P (k, k), in units of the parameters squared per J s."""
+        """The covariance P (k, k), in units of the parameters squared per J s."""
         scale = np.sqrt(self.gain)
         return from_triangle(memory.covariance, len(self.gain)) * np.outer(scale, scale)
 

@@ -56,7 +56,8 @@ class Composite(Descent[Filtered]):
         return TorqueFilter(self.cutoff, period).start(model, q, v)
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Filtered) -> tuple[Column, Filtered]:
-        """The estimate after a trapezium step for the tracking error, then an implicit one for the prediction error."""
+        """The estimate (k,) after a trapezium step for the tracking error, then an implicit one for the prediction
+        error; and the filters' memory."""
         moved = estimate - self.applied(period.gradient(period.integral))
         rows, torque, after = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory)
         loaded = [self.applied(row) for row in rows]

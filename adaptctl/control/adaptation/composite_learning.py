@@ -37,6 +37,11 @@ class LearningMemory(NamedTuple):
     """(1,) how many joints' equations passed the threshold in the last period"""
     filtered: Filtered
 
+    @property
+    def recorded(self) -> Any:
+        """Part of the memory that a run keeps: 1 where something was learned, else 0, (1,)."""
+        return self.learned
+
 
 @dataclass(frozen=True, eq=False)
 class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
@@ -96,19 +101,20 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: LearningMemory
     ) -> tuple[Column, LearningMemory]:
-        """The memory after forgetting and learning, joint by joint; then the estimate after a descent by its gain."""
+        """The estimate (k,) after a descent by the gain of the memory, and the memory after forgetting and learning,
+        joint by joint."""
         rows, torque, filtered = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory.filtered)
         missed, weights = residual(rows, estimate, torque), each(self.weight, model.mechanism.dof)
         kept, scale = self._kept(missed @ (weights * missed), period), self._scale
         information, known = kept * memory.information, kept * memory.known
         slope, learned = scale * period.gradient(period.integral), 0.0
         forgotten = self.forgetting * period.elapsed / (1.0 + self.forgetting * period.elapsed)
-        for row, told, miss, weight in zip(rows, torque, missed, weights, strict=True):
+        for row, measured, miss, weight in zip(rows, torque, missed, weights, strict=True):
             root = sqrt(weight)
             scaled = (root * scale) * row
             counts = where(scaled @ scaled > self.threshold, 1.0, 0.0)
             shares = Column((counts * forgotten, counts * period.elapsed))
-            information, known = _remembered(information, known, scaled, root * told, shares)
+            information, known = _remembered(information, known, scaled, root * measured, shares)
             slope = slope + (shares[1] * root * miss) * scaled
             learned = learned + counts * period.share
         inverse_scale = Column(1.0 / x for x in scale)
@@ -123,31 +129,31 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
         return 1.0 / (1.0 + (self.forgetting * period.elapsed) * excess)
 
     def covariance(self, memory: LearningMemory) -> Array:
-        """P (k, k), in units of the parameters squared per J s."""
+        """The covariance P (k, k), in units of the parameters squared per J s."""
         k, scale = len(self.gain), np.sqrt(self.gain)
         return np.asarray(np.linalg.inv(np.eye(k) + from_triangle(memory.information, k)) * np.outer(scale, scale))
 
     def remembered(self, memory: LearningMemory) -> Array:
-        """Q (k, k), in J s per unit of the parameters squared."""
+        """The remembered information Q (k, k), in J s per unit of the parameters squared."""
         scale = np.sqrt(self.gain)
         return np.asarray(from_triangle(memory.information, len(self.gain)) / np.outer(scale, scale))
 
 
 def _gained(information: Column, k: int) -> list[list[Scalar]]:
-    """1 + Q (k, k)."""
+    """The matrix 1 + Q (k, k)."""
     upper = upper_rows(information, k)
     return full_rows([[row[0] + 1.0, *row[1:]] for row in upper])
 
 
-def _remember(information: Column, known: Column, row: Column, told: Scalar, shares: Column) -> tuple[Column, Column]:
-    """Q and z after one joint's equation row' x = told: first the share shares[0] of what they say along it is
-    forgotten, then shares[1] of it learned."""
+def _remember(information: Column, known: Column, row: Column, torque: Scalar, shares: Column) -> tuple[Column, Column]:
+    """Q and z after one joint's equation row' x = torque: first the share shares[0] of their content along the row is
+    forgotten, then shares[1] of the equation learned."""
     k, along = len(row), symmetric_product(information, row)
     lost = shares[0] / (row @ along + TINY)
     fading, heavy = lost * along, shares[1] * row
     pairs = ((i, j) for i in range(k) for j in range(i, k))
     after = Column(x - fading[i] * along[j] + heavy[i] * row[j] for x, (i, j) in zip(information, pairs, strict=True))
-    return after, known - (row @ known) * fading + told * heavy
+    return after, known - (row @ known) * fading + torque * heavy
 
 
 _remembered = outlined(_remember)

@@ -12,7 +12,7 @@ from adaptctl.arrays import Array
 from adaptctl.compilation import outlined
 from adaptctl.control.adaptation.gain import Descent
 from adaptctl.control.adaptation.law import Period
-from adaptctl.control.adaptation.prediction import Filtered, TorqueFilter, felt, require_cutoff
+from adaptctl.control.adaptation.prediction import Filtered, TorqueFilter, momentum_columns, require_cutoff
 from adaptctl.control.gains.gains import positive_per_joint
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
@@ -32,6 +32,11 @@ class Stack(NamedTuple):
     learned: Any
     """(1,) 1 where the last period's sample was kept, else 0"""
     filtered: Filtered
+
+    @property
+    def recorded(self) -> Any:
+        """Part of the memory that a run keeps: 1 where something was learned, else 0, (1,)."""
+        return self.learned
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,23 +90,24 @@ class ConcurrentLearning(Descent[Stack]):
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Stack:
         """The memory before the first tick: an empty stack, and the filters at rest."""
-        entries, r = sum(map(len, felt(model))), model.mechanism.dof
+        entries, r = sum(map(len, momentum_columns(model))), model.mechanism.dof
         filtered = TorqueFilter(self.cutoff, period).start(model, q, v)
         return Stack(np.zeros(self.samples * entries), np.zeros(self.samples * r), np.zeros(1), filtered)
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Stack) -> tuple[Column, Stack]:
-        """The estimate after a trapezium step for the tracking error, then each equation of the stack in turn."""
+        """The estimate (k,) after a trapezium step for the tracking error, then each equation of the stack in turn; and
+        the stack."""
         estimate = estimate - self.applied(period.gradient(period.integral))
         rows, torque, filtered = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory.filtered)
-        sample = Column(row[j] for row, places in zip(rows, felt(model), strict=True) for j in places)
+        sample = Column(row[j] for row, places in zip(rows, momentum_columns(model), strict=True) for j in places)
         new = where(self._novelty(model, sample, memory.rows) > self.threshold, period.share, 0.0)
         kept, torques = _pushed(memory.rows, sample, new), _pushed(memory.torques, torque, new)
-        for row, told, weight in self._equations(model, kept, torques):
-            estimate = _solved(estimate, self.applied(row), row, Column((told, weight * period.elapsed)))
+        for row, measured, weight in self._equations(model, kept, torques):
+            estimate = _solved(estimate, self.applied(row), row, Column((measured, weight * period.elapsed)))
         return estimate, Stack(kept, torques, Column((new,)), filtered)
 
     def _novelty(self, model: ReducedModel, sample: Column, kept: Column) -> Any:
-        """How much a sample differs from the newest one kept."""
+        """Weighted squared distance between a sample and the newest one kept."""
         apart, total = sample - Column(kept.of[: len(sample)]), 0.0
         for row, weight in _sorted_out(model, apart, each(self.weight, model.mechanism.dof)):
             total = total + weight * (row @ self.applied(row))
@@ -111,15 +117,15 @@ class ConcurrentLearning(Descent[Stack]):
         """Rows (k,), torques and weights of all that is kept."""
         weights, size, r = each(self.weight, model.mechanism.dof), len(kept) // self.samples, model.mechanism.dof
         for k in range(self.samples):
-            told, block = torques.of[k * r : (k + 1) * r], Column(kept.of[k * size : (k + 1) * size])
-            for (row, weight), torque in zip(_sorted_out(model, block, weights), told, strict=True):
+            measured, block = torques.of[k * r : (k + 1) * r], Column(kept.of[k * size : (k + 1) * size])
+            for (row, weight), torque in zip(_sorted_out(model, block, weights), measured, strict=True):
                 yield row, torque, weight
 
 
 def _sorted_out(model: ReducedModel, sample: Column, weights: Column) -> Iterator[tuple[Column, Scalar]]:
     """The rows (k,) of a sample, with their weights."""
     entries = iter(sample)
-    for places, weight in zip(felt(model), weights, strict=True):
+    for places, weight in zip(momentum_columns(model), weights, strict=True):
         yield spread(Column(next(entries) for _ in places), places, len(model.columns)), weight
 
 
@@ -129,11 +135,11 @@ def _pushed(stack: Column, sample: Column, new: Any) -> Column:
     return Column(where(new > 0.0, x, y) for x, y in zip(before, stack, strict=True))
 
 
-def _solve(estimate: Column, loaded: Column, row: Column, told: Column) -> Column:
-    """The estimate after an implicit step for one equation row' x = told[0] of weight told[1], `loaded` being Gamma
-    times the row."""
-    share = told[1] / (1.0 + told[1] * (row @ loaded))
-    return estimate - (share * (row @ estimate - told[0])) * loaded
+def _solve(estimate: Column, loaded: Column, row: Column, equation: Column) -> Column:
+    """The estimate after an implicit step for one equation row' x = equation[0] of weight equation[1], `loaded` being
+    Gamma times the row."""
+    share = equation[1] / (1.0 + equation[1] * (row @ loaded))
+    return estimate - (share * (row @ estimate - equation[0])) * loaded
 
 
 _solved = outlined(_solve)

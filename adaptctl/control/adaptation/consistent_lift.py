@@ -39,6 +39,11 @@ class LiftMemory(NamedTuple):
     filtered: Any
     """the torque filters', where torques are predicted"""
 
+    @property
+    def recorded(self) -> Any:
+        """Part of the memory that a run keeps: the lift (P,)."""
+        return self.lift
+
 
 @dataclass(frozen=True, eq=False)
 class ConsistentLift(AdaptationLaw[LiftMemory]):
@@ -95,7 +100,8 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: LiftMemory
     ) -> tuple[Column, LiftMemory]:
-        """K D after a step for the tracking error, then one for the prediction error, along geodesics."""
+        """The estimate (k,), K D of a lift D after a step for the tracking error, then one for the prediction error,
+        along geodesics; and the memory."""
         rates, bodies = each_rate(self.rate, model), len(model.mechanism.description.bodies)
 
         def stepped(lift: Column, slope: Column) -> Column:
@@ -126,12 +132,12 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
 
 
 def _lifted(model: ReducedModel, slope: Column) -> Column:
-    """K' slope (P,)."""
+    """Slope (P,) on the lift of a slope (k,): K' slope."""
     return _product(model.regrouping.T, slope)
 
 
 def _lowered(model: ReducedModel, lift: Column) -> Column:
-    """K lift (k,)."""
+    """Fundamental parameters (k,) of a lift: K lift."""
     return _product(model.regrouping, lift)
 
 

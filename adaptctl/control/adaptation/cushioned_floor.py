@@ -61,7 +61,8 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: InformationMemory
     ) -> tuple[Column, InformationMemory]:
-        """The estimate after forgetting by the implicit rule, learning what the period told, and a descent by that."""
+        """The estimate (k,) after forgetting by the implicit rule, learning from the period's torques, and a descent
+        with the new covariance; and the memory after it."""
         rows, torque, filtered = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory.filtered)
         scaled = [self._scale * row for row in rows]
         weights = each(self.weight, model.mechanism.dof)
@@ -84,6 +85,6 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
         return estimate - self._scale * step, InformationMemory(after, filtered)
 
     def covariance(self, memory: InformationMemory) -> Array:
-        """P (k, k), in units of the parameters squared per J s."""
+        """The covariance P (k, k), in units of the parameters squared per J s."""
         scale = np.sqrt(self.gain)
         return np.asarray(np.linalg.inv(from_triangle(memory.information, len(self.gain))) * np.outer(scale, scale))

@@ -49,11 +49,11 @@ class DeadZone(Descent[NoMemory]):
         positive_per_joint(self.width, model.mechanism.dof, "dead zone: width")
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
-        """No memory."""
+        """The empty memory: this law remembers nothing."""
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate a step down the gradient, or where it was within the zone."""
+        """The estimate (k,) a step down the gradient, unchanged within the zone; and no memory."""
         scaled = Column(1.0 / width for width in each(self.width, model.mechanism.dof)) * period.mean
         outside = where(scaled @ scaled > 1.0, 1.0, 0.0)
         return estimate - self.applied(period.gradient(outside * period.integral)), memory

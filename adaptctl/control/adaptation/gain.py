@@ -12,9 +12,10 @@ from adaptctl.arrays import Array, frozen_array
 from adaptctl.control.adaptation.law import AdaptationLaw
 from adaptctl.control.gains.hold import scaled_eigenvalues
 from adaptctl.control.memory import Memory
+from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, column
+from adaptctl.scalars import Column, Scalar, column
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,23 +33,28 @@ class Descent(AdaptationLaw[Memory]):
 
     @property
     def by_parameter(self) -> bool:
-        """Whether Gamma is diagonal."""
+        """True if Gamma is diagonal."""
         return self.gain.ndim == 1
 
-    def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array:
-        """error' Gamma^-1 error / 2."""
-        error = estimate - true
-        if self.gain.ndim == 1:
-            return 0.5 * np.asarray(error**2 / self.gain).sum(axis=-1)
-        weighed = np.linalg.solve(self.gain, error[..., None])[..., 0]
-        return 0.5 * np.asarray(error * weighed).sum(axis=-1)
+    def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar:
+        """The distance error' Gamma^-1 error / 2 of estimates (k,) from true parameters (k,), in J."""
+        error, gain = estimate - true, self._columns
+        if isinstance(gain, list):
+            return 0.5 * (error @ solve_symmetric([list(row) for row in gain], error))
+        return 0.5 * (error @ Column(e / g for e, g in zip(error, gain, strict=True)))
 
     def applied(self, gradient: Column) -> Column:
-        """Gamma times a gradient (k,)."""
+        """The product (k,) of Gamma and a gradient (k,)."""
+        gain = self._columns
+        return Column(row @ gradient for row in gain) if isinstance(gain, list) else gain * gradient
+
+    @property
+    def _columns(self) -> Column | list[Column]:
+        """Gamma over scalars: its diagonal, or its rows."""
         rows: Any = self.gain
         if getattr(rows, "ndim", 1 + isinstance(rows, tuple)) == 2:  # an array, or a tuple of columns
-            return Column(column(row) @ gradient for row in rows)
-        return column(rows) * gradient
+            return [column(row) for row in rows]
+        return column(rows)
 
 
 def checked_gain(gain: ArrayLike) -> Array:
@@ -56,6 +62,8 @@ def checked_gain(gain: ArrayLike) -> Array:
     array = np.asarray(gain, dtype=np.float64)
     k = array.shape[:1]
     array = frozen_array(array, (*k, *k) if array.ndim == 2 else k, "adaptation gain")
+    if array.ndim not in (1, 2):
+        raise InputError(f"adaptation gain: expected numbers (k,), one a parameter, or (k, k), got shape {array.shape}")
     positive = np.all(array > 0.0) if array.ndim == 1 else _is_positive_definite(array)
     if not positive:
         raise InputError("adaptation gain: expected a positive diagonal or a symmetric positive definite matrix")
@@ -74,6 +82,7 @@ def require_size(values: Array, model: ReducedModel, what: str) -> None:
 
 
 def _is_positive_definite(matrix: Array) -> bool:
-    """Whether it is, to round-off of its largest entry; its parameters' units are scaled out first."""
+    """True if a matrix is symmetric and positive definite, to round-off of its largest entry; its parameters' units are
+    scaled out first."""
     symmetric = np.allclose(matrix, matrix.T, rtol=0.0, atol=1e-12 * np.abs(matrix).max(initial=0.0))
     return bool(symmetric and np.all(np.diagonal(matrix) > 0.0) and scaled_eigenvalues(matrix)[0] > 0.0)

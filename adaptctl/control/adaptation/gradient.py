@@ -51,11 +51,11 @@ class Gradient(Descent[NoMemory]):
             raise InputError(f"gradient: cap: expected a finite number of at least 0, got {self.cap}")
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
-        """No memory."""
+        """The empty memory: this law remembers nothing."""
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate a step down the gradient."""
+        """The estimate (k,) a step down the gradient, and no memory."""
         s = period.after if self.theta == 1.0 else period.before + self.theta * (period.after - period.before)
         slope = period.gradient(s)
         step = self.applied(slope)

@@ -6,10 +6,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any, Generic, NamedTuple
 
+import numpy as np
+
 from adaptctl.arrays import Array
 from adaptctl.control.memory import Memory
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, Tunable
+from adaptctl.scalars import Column, Scalar, Tunable
 
 
 class NoMemory(NamedTuple):
@@ -17,7 +19,7 @@ class NoMemory(NamedTuple):
 
 
 class Period(NamedTuple):
-    """The control period that has passed, as a control law tells it to an adaptation law."""
+    """The control period that has passed, as a control law hands it to an adaptation law."""
 
     gradient: Callable[[Column], Column]
     """Y' s (k,) for any sliding variable s (r,), linear in it; Y is the regressor at the start of the period"""
@@ -40,17 +42,17 @@ class Period(NamedTuple):
 
     @property
     def share(self) -> Any:
-        """1, or 0 where nothing is to be learned."""
+        """Share of the period to learn from: 1, or 0 where nothing is to be learned."""
         return self.elapsed * (1.0 / self.length)
 
     @property
     def mean(self) -> Column:
-        """The mean of s at the start and at the end: the trapezium's."""
+        """The mean of s (r,) at the start and at the end of the period."""
         return 0.5 * (self.before + self.after)
 
     @property
     def integral(self) -> Column:
-        """s integrated over the period by the trapezium; 0 where nothing is to be learned."""
+        """The integral (r,) of s over the period by the trapezium rule; 0 where nothing is to be learned."""
         return (0.5 * self.elapsed) * (self.before + self.after)
 
 
@@ -59,7 +61,7 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
 
     A subclass is a frozen dataclass of configuration. `law` is an equation over scalars of any kind, traced
     into the control law's own native code, to which the numbers that the class names in `tunable` are arguments. What
-    changes over time, besides the estimate, is the memory.
+    changes over time, besides the estimate, is the memory, of which runs keep its property `recorded`, if it has one.
     """
 
     @abstractmethod
@@ -76,10 +78,16 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
 
     @property
     def by_parameter(self) -> bool:
-        """Whether the law measures each parameter's error by itself, so that a bound on one moves no other."""
+        """True if the law measures each parameter's error by itself, so that a bound on one moves no other."""
         return False
 
-    def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array | None:
-        """Distance (...) of estimates (..., k) from the truth (k,), in J: the parameters' term of the law's Lyapunov
-        function. None where it depends on more than the estimate."""
+    def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar | None:
+        """The parameters' term, in J, of the law's Lyapunov function at an estimate (k,) where the truth is (k,); over
+        scalars of any kind. None where it depends on more than the estimate."""
         return None
+
+    def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array | None:
+        """`lyapunov_term` (...) in J of estimates (..., k) and true parameters (k,) or (..., k)."""
+        rows = (np.asarray(x, dtype=np.float64)[..., None] for x in (estimate, true))
+        found = self.lyapunov_term(model, *(Column(np.moveaxis(x, -2, 0)) for x in rows))
+        return None if found is None else np.asarray(found)[..., 0]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from adaptctl.arrays import Array, frozen_array
-from adaptctl.control.adaptation.gain import Descent, require_size
+from adaptctl.control.adaptation.gain import Descent
 from adaptctl.control.adaptation.law import NoMemory, Period
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
@@ -29,13 +29,8 @@ class _Leaking(Descent[NoMemory]):
         prior = np.zeros(len(self.gain)) if self.prior is None else self.prior
         object.__setattr__(self, "prior", frozen_array(prior, (len(self.gain),), "leakage: prior"))
 
-    def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Raise `InputError` where gain or prior is for another number of parameters than the model's."""
-        super().require(model, initial, period)
-        require_size(np.asarray(self.prior), model, "leakage: prior")
-
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
-        """No memory."""
+        """The empty memory: this law remembers nothing."""
         return NoMemory()
 
     def leaked(self, estimate: Column, period: Period, rate: Any) -> Column:
@@ -63,7 +58,7 @@ class SigmaModification(_Leaking):
     tunable = ("gain", "rate", "prior")
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate leaking at sigma."""
+        """The estimate (k,) after a step that leaks at sigma (1/s), and no memory."""
         return self.leaked(estimate, period, self.rate), memory
 
 
@@ -81,6 +76,6 @@ class EModification(_Leaking):
     tunable = ("gain", "rate", "prior")
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate leaking at nu |s|, s the mean over the period."""
+        """The estimate (k,) after a step that leaks at nu |s|, s the mean over the period; and no memory."""
         s = period.mean
         return self.leaked(estimate, period, self.rate * sqrt(s @ s)), memory

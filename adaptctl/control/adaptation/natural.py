@@ -15,7 +15,7 @@ from adaptctl.description.inertia import pseudo_inertia
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, Scalar, each, sqrt
+from adaptctl.scalars import Column, Scalar, each, log, sqrt
 
 Matrix: TypeAlias = list[list[Any]]
 """Rows of a small matrix of scalars."""
@@ -64,24 +64,31 @@ class Natural(AdaptationLaw[NoMemory]):
         require_consistent(model, initial, "natural adaptation", "the first estimate")
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
-        """No memory."""
+        """The empty memory: this law remembers nothing."""
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate a step along the geodesic of every link's pseudo-inertia."""
+        """The estimate (k,) a step along the geodesic of every link's pseudo-inertia, and no memory."""
         slope = each_rate(self.rate, model) * period.gradient(period.integral)
         return moved_bodies(estimate, slope, len(model.mechanism.description.bodies)), memory
 
-    def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array:
-        """Sum (...) of Bregman divergences over their rates, J; infinite where the truth is no rigid bodies'."""
-        bodies = 10 * len(model.mechanism.description.bodies)
-        rates, total = np.array(each_rate(self.rate, model).of), np.zeros(estimate.shape[:-1])
+    def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar:
+        """Sum of Bregman divergences over their rates, J; not a number where the truth is no rigid bodies'."""
+        rates, bodies = each_rate(self.rate, model), 10 * len(model.mechanism.description.bodies)
+        total: Scalar = 0.0
         for i in range(0, bodies, 10):
-            total += divergence(pseudos(true[i : i + 10]), pseudos(estimate[..., i : i + 10])) / rates[i]
-        ratio = true[bodies:] / estimate[..., bodies:]
-        with np.errstate(divide="ignore"):
-            total += ((ratio - np.log(ratio) - 1.0) / rates[bodies:]).sum(axis=-1)
+            total = total + divergence(pseudo(true.of[i : i + 10]), pseudo(estimate.of[i : i + 10])) / rates[i]
+        for k in range(bodies, len(estimate)):
+            ratio = true[k] / estimate[k]
+            total = total + (ratio - log(ratio) - 1.0) / rates[k]
         return total
+
+    def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array:
+        """`lyapunov_term` (...) in J of estimates (..., P) and true parameters; infinite where the truth is no rigid
+        bodies'."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            found = np.asarray(super().distance(model, estimate, true))
+        return np.where(np.isnan(found) & np.isfinite(estimate).all(axis=-1), np.inf, found)
 
 
 def checked_rate(rate: ArrayLike) -> Array:
@@ -119,20 +126,21 @@ def require_consistent(model: ReducedModel, parameters: Array, law: str, what: s
 
 
 def each_rate(rate: Any, model: ReducedModel) -> Column:
-    """The rate of each parameter (P,)."""
+    """The rate (P,) of each parameter, from one rate for each link and each drive's parameter."""
     bodies, count = _bodies_and_rates(model)
     rates = each(rate, count).of
     return Column((*(rate for rate in rates[:bodies] for _ in range(10)), *rates[bodies:]))
 
 
 def _bodies_and_rates(model: ReducedModel) -> tuple[int, int]:
-    """How many links have a body, and how many rates there are: theirs, and those of drives' parameters."""
+    """Number of links that have a body, and of rates: those of bodies, and those of drives' parameters."""
     bodies = len(model.mechanism.description.bodies)
     return bodies, len(model.mechanism.parameter_names) - 9 * bodies
 
 
 def moved_bodies(parameters: Column, slope: Column, bodies: int) -> Column:
-    """All parameters (P,) after one step, each link's ten along its geodesic, a drive's along that of a number."""
+    """Parameters (P,) after one step: each link's ten along its geodesic, each drive's along that of a positive
+    number."""
     links = 10 * bodies
     entries: list[Any] = []
     for i in range(0, links, 10):
@@ -224,9 +232,15 @@ def pseudos(tens: Array) -> Array:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-def divergence(true: Array, estimate: Array) -> Array:
-    """D(true, estimate) (...) of pseudo-inertias (4, 4) and (..., 4, 4)."""
-    if np.linalg.eigvalsh(true)[0] <= 0.0:
-        return np.full(estimate.shape[:-2], np.inf)
-    ratio = np.linalg.solve(estimate, np.broadcast_to(true, estimate.shape))
-    return np.asarray(np.trace(ratio, axis1=-2, axis2=-1) - np.linalg.slogdet(ratio)[1] - 4.0)
+def divergence(true: Matrix, estimate: Matrix) -> Scalar:
+    """The log-det divergence D(true, estimate) = log(det estimate / det true) + tr(estimate^-1 true) - 4 of
+    pseudo-inertias; not a number unless both are positive definite."""
+    shares = (solve_symmetric([list(row) for row in estimate], Column(column)) for column in transposed(true))
+    trace: Scalar = sum((share[i] for i, share in enumerate(shares)), 0.0)
+    return trace - 4.0 + 2.0 * (_log_root(estimate) - _log_root(true))
+
+
+def _log_root(P: Matrix) -> Scalar:
+    """Half of log det P."""
+    root = cholesky(P)
+    return sum((log(root[i][i]) for i in range(len(P))), 0.0)

@@ -54,7 +54,7 @@ class TorqueFilter:
         W is zero there."""
         momentum, forces = momentum_terms(model.mechanism.equations, column(q), column(v), model.columns)
         kept: list[Any] = []
-        for row, change, places in zip(momentum, forces, felt(model), strict=True):
+        for row, change, places in zip(momentum, forces, momentum_columns(model), strict=True):
             scaled = self.cutoff * row
             first = scaled - self._new * (scaled + change)
             kept += [first[j] for j in places]
@@ -67,7 +67,7 @@ class TorqueFilter:
         k, keep, last = len(model.columns), self._keep, iter(memory.regressor)
         rows: list[Column] = []
         before: list[Any] = []
-        for row, change, places in zip(momentum, forces, felt(model), strict=True):
+        for row, change, places in zip(momentum, forces, momentum_columns(model), strict=True):
             scaled = self.cutoff * row
             now = scaled + change
             filtered = spread(Column(next(last) + self._new * now[j] for j in places), places, k)
@@ -109,8 +109,9 @@ def decayed(x: Any) -> tuple[Any, Any]:
 
 
 @lru_cache(maxsize=64)
-def felt(model: ReducedModel) -> list[list[int]]:
-    """Indices of the model's parameters that each joint ever feels: a link is felt by the joints that move it."""
+def momentum_columns(model: ReducedModel) -> list[list[int]]:
+    """For each joint, the indices of the model's parameters that its momentum ever depends on: those of the links that
+    it moves."""
     equations, r = model.mechanism.equations, model.mechanism.dof
 
     def terms(q: Column, v: Column) -> list[Column]:

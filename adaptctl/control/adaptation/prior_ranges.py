@@ -44,7 +44,7 @@ class PriorRanges:
                 raise InputError(f"prior range of {kind}: expected a positive number, got {getattr(self, kind)}")
 
     def of(self, names: tuple[str, ...]) -> Array:
-        """The range of every named parameter (k,)."""
+        """The range (k,) of every named parameter, in SI units."""
         return np.array([self._range(name.rsplit(".", 1)[-1]) for name in names])
 
     def _range(self, kind: str) -> float:
@@ -71,7 +71,8 @@ def adaptation_gain(
     1/Gamma then weighs every parameter's error by its range in the Lyapunov function. With the `gains` of a control law
     and its `period` (s), no range is taken greater than HOLD_SHARE of what the gains leave of the hold number, 2 - h,
     over the hold number that a unit of the parameter causes (`parameter_holds`): a light wrist whose inertia is learned
-    a hundred times too large would ring, and its prior range allows that.
+    a hundred times too large would ring, and its prior range allows that. Raises `GainError` where the period carries
+    no adaptation with these gains.
     """
     reach = (ranges or PriorRanges()).of(model.names)
     if gains is not None:

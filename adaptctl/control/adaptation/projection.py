@@ -14,7 +14,7 @@ from adaptctl.control.adaptation.law import AdaptationLaw, Period
 from adaptctl.control.memory import Memory
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, clip, column
+from adaptctl.scalars import Column, Scalar, clip, column
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ class Projection(AdaptationLaw[Memory]):
 
     @property
     def by_parameter(self) -> bool:
-        """True: each parameter is clipped by itself."""
+        """True, since each parameter is clipped by itself."""
         return True
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Memory:
@@ -73,13 +73,13 @@ class Projection(AdaptationLaw[Memory]):
         return self.of.start(model, initial, q, v, period)
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Memory) -> tuple[Column, Memory]:
-        """The estimate after a step of the law, clipped."""
+        """The estimate (k,) after a step of the wrapped law, clipped to the bounds; and that law's memory."""
         moved, after = self.of.law(model, estimate, period, memory)
         return Column(map(clip, moved, column(self.lower), column(self.upper))), after
 
-    def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array | None:
-        """Distance (...) by the law that is projected."""
-        return self.of.distance(model, estimate, true)
+    def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar | None:
+        """The term of the law that is projected."""
+        return self.of.lyapunov_term(model, estimate, true)
 
 
 def limits(model: ReducedModel, bounds: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:

@@ -66,13 +66,13 @@ class ReleasedGradient(Descent[Normaliser]):
         return cls(np.asarray(gain), 0.5 * (2.0 - h) * slowest, 2.0 / (2.0 - h))
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Normaliser:
-        """The memory before the first tick: n = 1."""
+        """The memory before the first tick: a normaliser n of 1."""
         return Normaliser(np.ones(1))
 
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: Normaliser
     ) -> tuple[Column, Normaliser]:
-        """The estimate a step down the gradient, by the backward rule."""
+        """The estimate (k,) a step down the gradient by the backward rule, and the memory of the normaliser."""
         released = memory.n[0] / (1.0 + self.release * period.elapsed)
         n = maximum(maximum(released, 1.0), (self.share * period.elapsed) * self._trace(period))
         moved = estimate - (period.elapsed / n) * self.applied(period.gradient(period.after))

@@ -11,7 +11,7 @@ from adaptctl.control.adaptation.gain import require_size
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, column
+from adaptctl.scalars import Column, Scalar, column
 
 INDEPENDENT = 1e-10
 """Smallest singular value of the directions over their largest."""
@@ -52,17 +52,18 @@ class Subspace(AdaptationLaw[NoMemory]):
         require_size(self.directions, model, "subspace: directions")
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
-        """No memory."""
+        """The empty memory: this law remembers nothing."""
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate a step down the gradient along every direction, by the trapezium."""
+        """The estimate (k,) a step down the gradient along every direction, by the trapezium rule; and no memory."""
         gradient = period.gradient(period.integral)
         for step, direction in zip(column(self.gain), map(column, self.directions.T), strict=True):
             estimate = estimate - (step * (direction @ gradient)) * direction
         return estimate, memory
 
-    def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array:
-        """Distance (...) of the numbers that are adapted: what is beyond the span does not count."""
-        along = (estimate - true) @ np.linalg.pinv(self.directions).T
-        return 0.5 * np.asarray(along**2 / self.gain).sum(axis=-1)
+    def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar:
+        """The term of the numbers that are adapted, in J: what is beyond the span does not count."""
+        error = estimate - true
+        along = Column(column(row) @ error for row in np.linalg.pinv(self.directions))
+        return 0.5 * (along @ Column(x / g for x, g in zip(along, column(self.gain), strict=True)))

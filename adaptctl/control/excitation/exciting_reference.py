@@ -124,7 +124,7 @@ class FourierSearch:
         return float(np.sqrt(eigenvalues[-1] / smallest)), self._share(Y)
 
     def torque_share(self, x: Array, factor: float) -> float:
-        """The largest torque over its limit, with the swings of what a vector stands for times a factor."""
+        """The largest torque over its limit, with the swings of a vector x (size,) times a factor."""
         return self._share(self._along(x, factor))
 
     def cost(self, x: Array) -> float:
@@ -133,7 +133,8 @@ class FourierSearch:
         return float(np.log(condition) + PENALTY * max(0.0, share - 1.0) ** 2)
 
     def within(self, x: Array) -> tuple[Sinusoids, float, float]:
-        """The reference, with smaller swings where torques would pass their limits; its condition and its torque."""
+        """The reference, with smaller swings where torques would pass their limits; its condition and its torque.
+        Raises `InputError` where torques pass their limits even at rest."""
         factor = 1.0
         if self.torque_share(x, 1.0) > 1.0:
             if self.torque_share(x, 0.0) > 1.0:

@@ -39,13 +39,13 @@ class Excitation:
     largest: Array
     """(w,)"""
     weakest: Array
-    """(k,) what is told least of over the whole run, as a direction of scaled parameters"""
+    """(k,) the least excited direction of scaled parameters over the whole run"""
     window: float
     """s"""
 
     @property
     def level(self) -> float:
-        """The least smallest eigenvalue of all windows."""
+        """The least smallest eigenvalue of all windows: 0 where a direction is not excited in one of them."""
         return float(self.smallest.min())
 
     @property

@@ -45,7 +45,8 @@ class ErrorFeedback:
 
     @classmethod
     def from_bandwidth(cls, bandwidth: float, damping_ratio: float, period: float) -> ErrorFeedback:
-        """Both poles at a bandwidth (1/s), with a damping ratio: s^2 + 2 zeta omega s + omega^2."""
+        """Error feedback with both poles at a bandwidth (1/s) and a damping ratio: s^2 + 2 zeta omega s + omega^2.
+        `period` in s. Raises `InputError` unless bandwidth and damping ratio are positive."""
         if not (0.0 < bandwidth < math.inf and 0.0 < damping_ratio < math.inf):
             raise InputError(f"expected a positive bandwidth and damping ratio, got {bandwidth} and {damping_ratio}")
         root = cmath.sqrt(damping_ratio**2 - 1.0)
@@ -53,7 +54,8 @@ class ErrorFeedback:
 
     @classmethod
     def from_poles(cls, poles: Sequence[complex], period: float) -> ErrorFeedback:
-        """Two poles (1/s), real or a conjugate pair, where a continuous design would have them."""
+        """Error feedback with two poles (1/s), real or a conjugate pair, where a continuous design would have them.
+        `period` in s. Raises `InputError` for other poles."""
         given = np.asarray(poles, dtype=np.complex128)
         conjugate = (
             given.shape == (2,) and abs(given.sum().imag) + abs(given.prod().imag) < 1e-9 * abs(given).max() ** 2
@@ -69,9 +71,10 @@ class ErrorFeedback:
 
     @classmethod
     def from_lqr(cls, position: float, velocity: float, effort: float, period: float) -> ErrorFeedback:
-        """The least sum of position e^2 + velocity e'^2 + effort e''^2 over the sampled error.
+        """Error feedback with the least sum of position e^2 + velocity e'^2 + effort e''^2 over the sampled error.
 
-        Bryson's rule takes each weight as one over the square of the largest value that is acceptable.
+        Bryson's rule takes each weight as one over the square of the largest value that is acceptable. Raises
+        `InputError` for weights that are not positive (of velocity: negative), or too far apart for the period (s).
         """
         if not (position > 0.0 and velocity >= 0.0 and effort > 0.0 and math.isfinite(position + velocity + effort)):
             raise InputError(
@@ -106,7 +109,7 @@ class ErrorFeedback:
         return first, second
 
     def faster(self, factor: float) -> ErrorFeedback:
-        """This feedback with poles a factor farther out."""
+        """This feedback with its poles (1/s) multiplied by a factor."""
         first, second = (factor * pole for pole in self.poles)
         mean = 0.5 * (first + second).real  # log puts the poles of a negative pair on one side of its cut
         conjugate = abs(first.imag) > 0.0
@@ -124,7 +127,7 @@ class ErrorFeedback:
 
     @property
     def is_cascade(self) -> bool:
-        """Whether the poles are real, or as good as."""
+        """True if the poles are real, to round-off: the feedback is then a cascade of two first-order loops."""
         return 1.0 - 1.0 / self.damping_ratio**2 >= -ROUNDING - self.bandwidth * self.period
 
     @property
@@ -163,7 +166,7 @@ def _held_double_integrator() -> tuple[Any, Any]:
 
 
 def _late(delay: int, period: float) -> control.StateSpace:
-    """z^-delay."""
+    """The delay z^-delay as a transfer function."""
     import control
 
     A = np.eye(delay, k=-1)

@@ -1,4 +1,4 @@
-"""What an estimate adds to the hold number: M^ Lambda is a velocity feedback that adaptation moves."""
+"""The share of an estimate in the hold number: M^ Lambda is a velocity feedback that adaptation moves."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def parameter_holds(
 
 
 def inertia_shares(model: ReducedModel, p: Array) -> Array:
-    """dM/dbeta_i (samples, k, r, r) at positions (samples, r)."""
+    """Derivatives dM/dbeta_i (samples, k, r, r) of the mass matrix at positions (samples, r)."""
     rest, r = np.zeros_like(p), p.shape[-1]
     still = model.torque_regressor(p, rest, rest)
     columns = [model.torque_regressor(p, rest, np.broadcast_to(unit, p.shape)) - still for unit in np.eye(r)]

@@ -57,7 +57,8 @@ class GainDesign:
         period: float = 1e-3,
         delay: int = 0,
     ) -> GainDesign:
-        """Both poles of every joint at a bandwidth (1/s) with a damping ratio; one number, or one a joint."""
+        """Gain design with both poles of every joint at a bandwidth (1/s) and a damping ratio; one number, or one a
+        joint."""
         rates, ratios = (
             positive_per_joint(values, mechanism.dof, what)
             for values, what in ((bandwidth, "bandwidth"), (damping_ratio, "damping ratio"))
@@ -70,7 +71,7 @@ class GainDesign:
     def from_poles(
         cls, mechanism: Mechanism, poles: Sequence[complex], *, period: float = 1e-3, delay: int = 0
     ) -> GainDesign:
-        """Two poles (1/s) alike at every joint, real or a conjugate pair."""
+        """Gain design with the same two poles (1/s) at every joint, real or a conjugate pair."""
         feedback = ErrorFeedback.from_poles(poles, period)
         return _design(mechanism, "poles", [feedback] * mechanism.dof, period, delay)
 
@@ -97,7 +98,7 @@ class GainDesign:
 
     @property
     def damped_enough(self) -> bool:
-        """Whether `gains` exist."""
+        """True if every joint's poles are real, so that `gains` exist."""
         return all(feedback.is_cascade for feedback in self.feedback)
 
     @property
@@ -107,7 +108,7 @@ class GainDesign:
 
     @property
     def damping_ratio(self) -> Array:
-        """Damping ratios (r,) of the joints' loops."""
+        """Damping ratios (r,) of the joints' loops, without a unit."""
         return np.array([feedback.damping_ratio for feedback in self.feedback])
 
     @property
@@ -147,7 +148,8 @@ class GainDesign:
         return float(np.exp(brentq(excess, slowest, quickest, xtol=1e-6)))
 
     def require_carried(self) -> GainDesign:
-        """This design. Raises `GainError` where the period cannot carry its gains, saying the largest that it can."""
+        """This design, if the control period can carry its gains. Raises `GainError` otherwise, which names the largest
+        gains that it can."""
         if not self.sampled_gain <= self.largest_sampled_gain:
             late = f" and a delay of {self.delay} periods" if self.delay else ""
             raise GainError(

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, per_joint
+from adaptctl.caching import sent_as_made
 from adaptctl.control.gains.hold import hold_number
 from adaptctl.control.gains.workspace import Workspace, everywhere
 from adaptctl.dynamics import Mechanism
@@ -30,6 +31,7 @@ def typical_inertia(mechanism: Mechanism) -> Array:
     return np.median(np.diagonal(everywhere(mechanism).mass_matrices, axis1=-2, axis2=-1), axis=0)
 
 
+@sent_as_made
 @dataclass(frozen=True, eq=False)
 class Gains:
     """Slotine and Li's gains: `bandwidth` is Lambda (r,) in 1/s, `damping` is K (r,) in N m s/rad."""
@@ -41,8 +43,9 @@ class Gains:
     def from_bandwidth(cls, mechanism: Mechanism, bandwidth: ArrayLike, ratio: float = 1.0) -> Gains:
         """Gains that put both poles of each joint's error at the bandwidth (1/s), were its inertia typical.
 
-        With the true parameters M s' + (C + K) s = 0 and e' + Lambda e = s; so Lambda is the bandwidth and K
-        the typical inertia times `ratio` bandwidths. A larger ratio is stiffer against what is unknown.
+        With the true parameters M s' + (C + K) s = 0 and e' + Lambda e = s; so Lambda is the bandwidth and K the
+        typical inertia times `ratio` bandwidths. A larger ratio is stiffer against what is unknown. Raises `InputError`
+        where a joint has no positive inertia.
         """
         rates = positive_per_joint(bandwidth, mechanism.dof, "bandwidth")
         inertia = typical_inertia(mechanism)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, per_joint, stacked_rows
+from adaptctl.caching import sent_as_made
 from adaptctl.control.gains.workspace import Workspace, Worst, everywhere
 from adaptctl.description.drive import DriveParameter
 from adaptctl.dynamics import Mechanism
@@ -21,8 +22,10 @@ DEFINITE = 1e-12
 """Least eigenvalue of a mass matrix, its diagonal scaled to 1, that is positive beyond round-off."""
 
 
+@sent_as_made
 class HoldNumber(NamedTuple):
-    """T_c max lambda(M^-1 (K + M^ Lambda)): a held torque is stable while it is below 2."""
+    """The hold number T_c max lambda(M^-1 (K + M^ Lambda)) and where it is found: a held torque is stable while it is
+    below 2."""
 
     value: float
     p: Array
@@ -49,7 +52,7 @@ def hold_number(
     and where K + M^ Lambda drives instead of damps.
 
     Viscous friction B decays within the period: M is then M (X/2) coth(X/2), X = T_c M^-1 B, for which the limit of 2
-    is exact.
+    is exact. Raises `InputError` unless the damping is positive and the bandwidth at least 0.
     """
     require_period(period)
     K, L = per_joint(damping, mechanism.dof, "damping"), per_joint(bandwidth, mechanism.dof, "bandwidth")
@@ -92,7 +95,8 @@ def hold_numbers(
     *,
     estimate: ArrayLike | None = None,
 ) -> Array:
-    """Hold numbers (...) at given positions (..., r), and with estimates (P,) or (..., P): see `hold_number`."""
+    """Hold numbers (...), without a unit, at given positions (..., r), and with estimates (P,) or (..., P): see
+    `hold_number`."""
     K, L = per_joint(damping, mechanism.dof, "damping"), per_joint(bandwidth, mechanism.dof, "bandwidth")
     known = None if estimate is None else np.asarray(estimate, dtype=np.float64)
     return _hold_numbers(_feedback(mechanism, np.asarray(p, dtype=np.float64), K, L, period, known))
@@ -144,7 +148,8 @@ def _viscous(mechanism: Mechanism) -> tuple[list[int], Array]:
 
 
 def mass_matrix_of(mechanism: Mechanism, p: Array, parameters: Array) -> Array:
-    """M (..., r, r) with other parameters, (P,) or (..., P), whatever these are."""
+    """The mass matrix M (..., r, r), kg m^2, at positions p (..., r) with other parameters, (P,) or (..., P), also
+    impossible ones."""
     rows = mechanism.equations.mass_matrix(column(mechanism.configuration(p)), column(parameters))
     return stacked_rows(rows, p.shape[:-1])
 
@@ -218,7 +223,7 @@ def _weightless(mechanism: Mechanism, p: Array) -> int:
 
 
 def _lightness(mechanism: Mechanism, p: Array) -> str:
-    """What a joint moves where the mass matrix is not positive definite, and what would do."""
+    """A phrase for what a joint moves where the mass matrix is not positive definite, and for the remedy."""
     links, inertia = mechanism.description.inconsistent_links, np.diagonal(mechanism.mass_matrix(p))
     if links and np.abs(inertia).min() > DEFINITE * np.abs(inertia).max():
         return f"what no rigid body is: give {', '.join(links)} physically consistent parameters"

@@ -46,7 +46,7 @@ def position_range(mechanism: Mechanism) -> tuple[Array, Array]:
 
 
 def _reachable(mechanism: Mechanism, p: Array) -> NDArray[np.bool_]:
-    """Which positions (samples, r) the loops allow."""
+    """Mask of the positions (samples, r) that the loops can reach within their conditions."""
     if mechanism.continuation is None:
         return np.ones(len(p), dtype=np.bool_)
     allowed = np.asarray(mechanism.description.within_conditions(p))
@@ -72,7 +72,7 @@ class Workspace:
 
     @classmethod
     def within_limits(cls, mechanism: Mechanism, samples: int = 200, seed: int = 0) -> Workspace:
-        """All that the joints' limits allow, from random samples."""
+        """Workspace of all that the joints' limits allow, from random samples."""
         p = sampled_configurations(mechanism, samples, seed)
         free = [np.pi * joint.kind.turns * np.isinf(joint.limits.upper) for joint in mechanism.primary_joints]
         lower, upper = position_range(mechanism)
@@ -83,6 +83,7 @@ class Workspace:
         """The positions (S, r) of a reference, and `margin` rad (m) to each side.
 
         Gains that a gimbal lock or a folded arm would not bear are accepted where the reference keeps clear of it.
+        Raises `InputError` for a negative margin, and where the mechanism reaches none of the positions.
         """
         if not (np.isfinite(margin) and margin >= 0.0):
             raise InputError(f"workspace: margin: expected at least 0 rad, got {margin}")
@@ -108,7 +109,7 @@ class Workspace:
         lower, upper, p, best = self.lower[start], self.upper[start], self.samples[start], found[start]
         step, moves, each = LARGEST_MOVE * (upper - lower), self._moves, np.arange(len(start))
         for _ in range(ROUNDS):
-            if np.isinf(best).any():
+            if np.isinf(best).any() or not step.any():  # there is nothing greater, or nowhere to go
                 break
             near = np.clip(p[:, None] + moves * step[:, None], lower[:, None], upper[:, None])
             reached = self._valued(value, near.reshape(-1, p.shape[1])).reshape(near.shape[:2])
@@ -150,5 +151,5 @@ class Workspace:
 
 @lru_cache(maxsize=8)
 def everywhere(mechanism: Mechanism) -> Workspace:
-    """All that a mechanism's limits allow, its samples kept."""
+    """Workspace of all that a mechanism's limits allow; its samples are kept for the next call."""
     return Workspace.within_limits(mechanism)

@@ -53,10 +53,10 @@ class Chain(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 def read_denavit_hartenberg(path: str | Path) -> Description:
     """The chain that a TOML file describes, named after the file unless it says otherwise.
 
-    ``convention = "standard"`` puts a link's frame at its far end: Rz(theta) Tz(d) Tx(a) Rx(alpha) leads from
-    the link before (Denavit and Hartenberg 1955). ``"modified"`` puts it at its joint:
-    Rx(alpha) Tx(a) Rz(theta) Tz(d), a and alpha being those before the joint (Craig 1986).
-    Raises FileError.
+    ``convention = "standard"`` puts a link's frame at its far end: Rz(theta) Tz(d) Tx(a) Rx(alpha) leads from the link
+    before (Denavit and Hartenberg 1955). ``"modified"`` puts it at its joint: Rx(alpha) Tx(a) Rz(theta) Tz(d), a and
+    alpha being those before the joint (Craig 1986). Raises FileError that names the element where the contents are
+    wrong.
     """
     chain = read_toml(path, Chain)
     try:

@@ -1,4 +1,4 @@
-"""What our TOML files say of a link, a joint and a frame, whatever way they describe the tree."""
+"""Entries of links, joints and frames in TOML files, common to all ways of describing the tree."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Tensor(msgspec.Struct, forbid_unknown_fields=True):
     zz: float = 0.0
 
     def matrix(self) -> Array:
-        """The tensor (3, 3)."""
+        """The inertia tensor (3, 3), kg m^2."""
         return np.array([[self.xx, self.xy, self.xz], [self.xy, self.yy, self.yz], [self.xz, self.yz, self.zz]])
 
 
@@ -45,7 +45,7 @@ class FrameEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     rpy_deg: Triple | None = None
 
     def pose(self) -> Pose:
-        """The frame's pose."""
+        """The frame's pose in its link. Raises `InputError` where rpy is given twice."""
         if self.rpy is not None and self.rpy_deg is not None:
             raise InputError("rpy is given twice: keep rpy (rad) or rpy_deg")
         degrees = [math.radians(angle) for angle in self.rpy_deg or (0.0, 0.0, 0.0)]
@@ -67,7 +67,7 @@ class DriveEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     turns_with: dict[Name, float] = {}
 
     def drive(self) -> Drive:
-        """The drive, checked."""
+        """The entry's drive. Raises `InputError` for impossible numbers."""
         terms = (self.rotor_inertia, self.viscous, self.coulomb, self.square_root, self.stribeck, self.offset)
         return Drive(*terms, turns_with=tuple(self.turns_with.items()))
 
@@ -103,7 +103,8 @@ class LinkEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
         return Limits(lower, upper, _or_unlimited(self.velocity), _or_unlimited(self.effort))
 
     def ten(self) -> Array:
-        """The link's ten inertial parameters, zero where nothing is given."""
+        """The link's ten inertial parameters (10,), zero where nothing is given. Raises `InputError` where the inertia
+        is incomplete or given twice."""
         about_origin = (self.first_moment, self.inertia)
         about_center = (self.center_of_mass, self.inertia_at_center)
         self._require_mass()

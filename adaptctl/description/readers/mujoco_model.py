@@ -49,7 +49,8 @@ def from_mujoco(model: mujoco.MjModel, body: str | None = None) -> Description:
 
 @dataclass(frozen=True, eq=False)
 class MujocoArm:
-    """Where a mechanism is in a MuJoCo model: its root body, its bodies in order, and its joints, one a link."""
+    """The part of a MuJoCo model that is a mechanism: its root body, its bodies in order, and its joints, one a
+    link."""
 
     model: mujoco.MjModel
     root: int
@@ -137,7 +138,7 @@ class MujocoArm:
 
 
 def body_ten(model: mujoco.MjModel, i: int) -> Array:
-    """The ten of a body alone, in its frame."""
+    """The ten (10,) of a body alone, in its frame."""
     at = pose(model.body_ipos[i], model.body_iquat[i])
     return transformed(from_center_of_mass(float(model.body_mass[i]), np.zeros(3), np.diag(model.body_inertia[i])), at)
 
@@ -148,7 +149,7 @@ def pose(position: Array, quaternion: Array) -> Pose:
 
 
 def servo(model: mujoco.MjModel, i: int) -> str:
-    """What an actuator is that is no torque; nothing for a torque."""
+    """Name of the kind of an actuator that is no torque; the empty string for a torque."""
     gain, bias = model.actuator_gainprm[i], model.actuator_biasprm[i]
     if model.actuator_dyntype[i]:
         return "it has dynamics of its own"

@@ -1,4 +1,4 @@
-"""To Pinocchio's models and back."""
+"""Conversion to and from Pinocchio's models."""
 
 from __future__ import annotations
 
@@ -103,7 +103,8 @@ _KINDS = {
 
 
 def with_inertias(model: pinocchio.Model, description: Description) -> pinocchio.Model:
-    """A copy of a model of the same joints with the description's inertias and drives."""
+    """A copy of a model of the same joints with the description's inertias and drives. Raises `InputError` for another
+    number of joints, `NotFoundError` for a joint that the model does not have."""
     names = {str(name): i for i, name in enumerate(model.names)}
     changed = model.copy()
     for link in description.links:

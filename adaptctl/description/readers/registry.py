@@ -56,7 +56,8 @@ class _Head(msgspec.Struct):
 
 
 def read_toml_mechanism(path: str | Path) -> Description:
-    """The mechanism of a TOML file, read by the schema that it names. Raises FileError."""
+    """The mechanism of a TOML file, read by the schema that it names. Raises FileError for an unknown schema, and as
+    its reader does."""
     schema = read_toml(path, _Head).schema
     if schema not in SCHEMAS:
         known = ", ".join(map(repr, SCHEMAS))

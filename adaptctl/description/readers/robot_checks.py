@@ -33,7 +33,7 @@ def require_at_most(count: int, most: int, what: str) -> None:
 
 
 def require_mass_of_inertia(link: Link) -> Link:
-    """The link, refused where it has inertia, but not the mass that has it."""
+    """The link itself. Raises `InputError` where it has inertia, but no mass."""
     if link.inertia[0] == 0.0 and np.any(link.inertia):
         raise InputError(f"link {link.name!r}: inertia without mass: give the mass that has it, or leave both out")
     return link
@@ -47,7 +47,7 @@ def warn_of_weightless(path: Any, links: Sequence[Link], loops: Loops | None, st
 
 
 def unknown_body(name: str, known: Sequence[str]) -> str:
-    """What to say where a scene has no body of that name."""
+    """Message for a body that a scene does not have: the closest name, and the first of those it has."""
     close = get_close_matches(name, known, n=1)
     guess = f" (did you mean {close[0]!r}?)" if close else ""
     listed = ", ".join(repr(other) for other in known[:MOST_NAMED] if other)

@@ -224,7 +224,7 @@ def _shown(
 
 
 def link_inertia(link: Element) -> Array:
-    """The ten about the link frame's origin, zero without <inertial>."""
+    """The ten (10,) about the link frame's origin, zero without <inertial>."""
     with located(link):
         return _inertia_of(link, named(link))
 

@@ -70,7 +70,8 @@ class _Parser:
 
 
 def parsed(text: str, tag: str, *others: str) -> Element:
-    """The root element, which must be <tag> or one of the others."""
+    """The root element, which must be <tag> or one of the others. Raises `InputError` for what is not well-formed, has
+    another root or a document type."""
     if "\0" in text:
         raise InputError("holds NUL characters, as UTF-16 text does: save the file as UTF-8 text")
     try:

@@ -1,1 +1,1 @@
-"""From one description to another: joined, snapped to right angles, on a floating base."""
+"""Transforms of descriptions: joined, snapped to right angles, on a floating base."""

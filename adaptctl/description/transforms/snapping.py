@@ -36,7 +36,8 @@ def snapped(description: Description, within: float = WITHIN) -> Description:
 
 
 def meeting_axes(description: Description) -> Iterator[tuple[Link, str, tuple[Array, Array]]]:
-    """Every link, the name of the joint before its own, and both joints' axes in the frame of the link between.
+    """Triples of a link, the name of the joint before its own, and both joints' axes (3,) in the frame of the link
+    between.
 
     Before a joint on the ground stands "gravity", left out where there is none.
     """
@@ -47,7 +48,8 @@ def meeting_axes(description: Description) -> Iterator[tuple[Link, str, tuple[Ar
 
 
 def _carrier(description: Description, links: Sequence[Link], link: Link) -> tuple[str, Array] | None:
-    """What a joint's angle is measured from, and its direction in the frame that carries the joint."""
+    """Name of the axis that a joint's angle is measured from (the parent's joint, or gravity), and its direction in the
+    frame that carries the joint; None without either."""
     if link.parent != GROUND:
         parent = links[link.parent]
         return parent.joint.name, parent.far.rotation.T @ parent.joint.axis
@@ -56,7 +58,7 @@ def _carrier(description: Description, links: Sequence[Link], link: Link) -> tup
 
 
 def _straightened(link: Link, within: float) -> Link:
-    """Frames and axis onto the axes of what carries them, where they nearly are."""
+    """A link whose frames and axis are turned onto the axes of what carries them, where they nearly are on them."""
     axis, unit = link.joint.axis, np.round(link.joint.axis)
     near_unit = np.abs(unit).sum() == 1.0 and np.linalg.norm(axis - unit) < within
     joint = replace(link.joint, axis=unit) if near_unit else link.joint

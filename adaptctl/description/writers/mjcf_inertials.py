@@ -57,7 +57,7 @@ def _changed(bodies: MjcfBodies, link: int, name: str, difference: Array) -> tup
 
 @dataclass
 class _BodySpan:
-    """Where in the file a body's content starts, and its <inertial> lies."""
+    """Byte offsets in the file of a body's content and of its <inertial>."""
 
     start: int
     empty: bool
@@ -66,7 +66,7 @@ class _BodySpan:
 
 @dataclass
 class _BodyFinder:
-    """Where the bodies of a file are, in its order, found as its parser passes them."""
+    """Parser target that finds the spans of a file's bodies, in its order."""
 
     data: bytes
     spans: list[_BodySpan] = field(default_factory=list)

@@ -114,7 +114,8 @@ def _set_body(arm: MujocoArm, i: int, link: Link) -> None:
 
 
 def principal_axes(ten: Array, name: str) -> tuple[float, Array, Array, Array]:
-    """Mass, centre (3,), the quaternion of the principal axes (4,) and the moments about them (3,) of a link's ten."""
+    """Mass, centre (3,), the quaternion of the principal axes (4,) and the moments about them (3,) of a link's ten.
+    Raises `InputError` without a positive mass."""
     mass = float(ten[0])
     if mass == 0.0 and not np.any(ten):
         return 0.0, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3)

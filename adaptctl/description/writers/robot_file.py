@@ -13,7 +13,8 @@ from adaptctl.errors import FileError, InputError
 
 
 def write_robot(path: str | Path, original: str | Path, after: Description, root: str | None = None) -> None:
-    """Write the file `original` at `path` with the links' inertias of `after`. Raises `FileError`."""
+    """Write the file `original` at `path` with the links' inertias of `after`. Raises `FileError` for another robot's
+    file, or where it cannot be written."""
     suffix = Path(original).suffix.lower()
     if suffix not in (".urdf", ".xml", ".mjcf"):
         raise InputError(f"{original}: inertias are written into URDF and MJCF files, got {suffix!r}")

@@ -24,7 +24,8 @@ def write_urdf(path: str | Path, original: str | Path, before: Description, afte
     """Write a URDF file's robot with the links' inertias of `after`; `before` is what the file itself says.
 
     A moving link's inertia holds that of the links fixed to it. These keep theirs, and it gets the rest, as long as a
-    body can have the rest; where none can, it gets all, and they lose theirs. Raises `FileError`.
+    body can have the rest; where none can, it gets all, and they lose theirs. Raises `FileError` where it cannot be
+    written.
     """
     data = read_bytes(original)
     try:
@@ -62,7 +63,7 @@ def with_inertials(data: bytes, inertias: Mapping[str, Array | None]) -> bytes:
 
 @dataclass
 class _Span:
-    """Where in the file a link's content starts, and its <inertial> lies."""
+    """Byte offsets in the file of a link's content and of its <inertial>."""
 
     start: int
     inertial: tuple[int, int] | None = None
@@ -70,7 +71,7 @@ class _Span:
 
 @dataclass
 class _Finder:
-    """Where the links of a file are, found as its parser passes them."""
+    """Parser target that finds the spans of a file's links by name."""
 
     data: bytes
     spans: dict[str, _Span] = field(default_factory=dict)

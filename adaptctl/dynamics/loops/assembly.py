@@ -50,7 +50,7 @@ def assembled(description: Description, loops: Loops, links: Sequence[Segment]) 
 
 
 def _everything(description: Description, loops: Loops) -> Closing:
-    """All constraints, with all their rows."""
+    """Constraint set with all closures and couplings and all their rows."""
     index = {name: i for i, name in enumerate(description.joint_names)}
     closed = tuple(_loop(description, closure) for closure in loops.closures)
     followers = tuple(Follower(index[c.follower], index[c.leader], c.ratio, c.offset) for c in loops.couplings)
@@ -74,7 +74,7 @@ def _loop(description: Description, closure: Closure) -> Loop:
 
 
 def _element_names(loops: Loops, every: Closing) -> list[str]:
-    """For every row, the closure or coupling it comes from."""
+    """For every row, the name of the closure or coupling it comes from."""
     pairs = zip(loops.closures, every.loops, strict=True)
     names = [f"closure {closure.name!r}" for closure, loop in pairs for _ in range(loop.kind.rows)]
     return names + [f"coupling {coupling.name!r}" for coupling in loops.couplings]
@@ -145,7 +145,7 @@ def _rank(matrix: Array) -> int:
 
 
 def _require_no_redundancy(name: str, jacobian: Array, elements: Sequence[str]) -> None:
-    """Each closure and coupling must bind something that those before it do not."""
+    """Raise `LoopError` where a closure or coupling binds nothing that those before it do not."""
     before = 0
     for element in dict.fromkeys(elements):
         last = len(elements) - elements[::-1].index(element)
@@ -187,15 +187,15 @@ def _blame(description: Description, primary: Array, block: Array, free: int) ->
 def _require_regular(description: Description, every: Closing, links: Sequence[Segment], q: Array, rank: int) -> None:
     ahead = _nearby(description.name, every, links, q)
     here, nearby = (_rank(_jacobian(every, links, x)) for x in (q, ahead))
-    felt = _felt(_jacobian(every, links, q)[:, every.dependent])
-    if not here == nearby == felt == rank:
+    dependent = _dependent_rank(_jacobian(every, links, q)[:, every.dependent])
+    if not here == nearby == dependent == rank:
         raise LoopError(
             f"{description.name}: the reference configuration is singular: of {max(rank, nearby)} constraints that are "
-            f"independent nearby, the dependent joints feel {felt} there; give a reference elsewhere"
+            f"independent nearby, the dependent joints can meet only {dependent} there; give a reference elsewhere"
         )
 
 
-def _felt(block: Array) -> int:
+def _dependent_rank(block: Array) -> int:
     """The rank of the dependent joints' columns, each of length 1. Where a loop stretches out, closing it to 1e-13
     leaves the joints 3e-7 from there, so what is that small counts as nothing."""
     values = np.linalg.svd(block / np.maximum(np.linalg.norm(block, axis=0), 1e-300), compute_uv=False)

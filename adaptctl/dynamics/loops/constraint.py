@@ -144,7 +144,7 @@ def _carried(reached: Reach, u: Column, w: Column) -> Carried:
 
 @dataclass(frozen=True)
 class Follower:
-    """A joint that follows another: q_follower = ratio q_leader + offset."""
+    """A joint that follows another: q_follower = ratio q_leader + offset, in rad or m."""
 
     follower: int
     leader: int
@@ -154,8 +154,8 @@ class Follower:
 
 @dataclass(frozen=True)
 class Closing:
-    """All closures and couplings of a tree, which of their rows are independent, which joints are primary, and
-    which depend on them."""
+    """Closures and couplings of a tree: which of their rows are independent, which joints are primary, and which depend
+    on them."""
 
     loops: tuple[Loop, ...]
     followers: tuple[Follower, ...]
@@ -171,13 +171,13 @@ class Closing:
         return tuple(joint in links for joint in self.primary)
 
     def residual(self, places: Sequence[Placement], q: Column) -> Column:
-        """The loops' and couplings' gaps, independent rows only: zero at a closed configuration."""
+        """Gaps (m,) of the loops and couplings, independent rows only: zero at a closed configuration."""
         rows = [x for loop in self.loops for x in Constraint(places, loop).residual()]
         rows += [q[c.follower] - c.ratio * q[c.leader] - c.offset for c in self.followers]
         return Column(rows[i] for i in self.rows)
 
     def jacobian(self, places: Sequence[Placement]) -> list[Column]:
-        """The residual's rate under each tree joint, a column each."""
+        """Derivatives of the residual by each tree joint: n columns of (m,)."""
         n, columns, above = len(places), [dict[int, Scalar]() for _ in places], 0
         for loop in self.loops:
             for joint, rates in Constraint(places, loop).rates().items():
@@ -189,7 +189,7 @@ class Closing:
         return [Column(columns[j].get(i, 0.0) for i in self.rows) for j in range(n)]
 
     def bias(self, places: Sequence[Placement], u: Column, w: Column) -> Column:
-        """The residual's Hessian on two tree velocities that keep the loops closed."""
+        """Second derivative (m,) of the residual on two tree velocities (n,) that keep the loops closed."""
         rows = [x for loop in self.loops for x in Constraint(places, loop).bias(u, w)]
         rows += [0.0] * len(self.followers)
         return Column(rows[i] for i in self.rows)

@@ -23,6 +23,9 @@ LARGEST_STEP = 0.05
 LOST = 1e-9
 """m or rad that are left open where Newton's steps, from one configuration to the next, do not lead back."""
 
+OPEN, HALVINGS = 1e-11, 4
+"""m or rad: more than round-off; and how many times a step that leaves as much is halved."""
+
 NEAREST = 0.05
 """Share of its reference value below which the dependent block's smallest singular value is too small."""
 
@@ -121,9 +124,20 @@ class Continuation:
         longest = np.abs(way[:, list(self.equations.closing.looped)]).max(axis=1, initial=0.0)
         return np.maximum(np.ceil(longest / LARGEST_STEP).astype(np.int64), 1)
 
-    def _closed(self, p: Array, q: Array) -> Array:
-        """The closed configurations at p, from ones nearby."""
-        return self._mapped(self._native_closed, p, q)[0]
+    def _closed(self, p: Array, q: Array, halvings: int = HALVINGS) -> Array:
+        """The closed configurations (m, n) at p (m, r), from closed ones nearby; by way of the middle where Newton's
+        steps leave the loops open."""
+        found = self._mapped(self._native_closed, p, q)[0]
+        left = np.flatnonzero(~(self._gap(found) < OPEN))
+        if halvings and len(left):
+            middle = self._closed(0.5 * (q[left][:, self.primary] + p[left]), q[left], halvings - 1)
+            reached = self._gap(middle) < LOST
+            found[left[reached]] = self._closed(p[left[reached]], middle[reached], halvings - 1)
+        return found
+
+    def _gap(self, q: Array) -> Array:
+        """The largest closure residual (m,) of configurations (m, n)."""
+        return np.asarray(np.abs(self._mapped(self._native_look, q)[0]).max(axis=-1), dtype=np.float64)
 
     def _look(self, q: Array) -> tuple[Array, Array, Array]:
         """The largest closure residual (...), and the dependent block's smallest singular value and sign."""

@@ -12,7 +12,7 @@ class System(Protocol):
     """A matrix A, ready to be solved with."""
 
     def solve(self, right: Column) -> Column:
-        """x with A x = b, nearest where there is none."""
+        """The solution x (n,) of A x = b, or the nearest where there is none."""
         ...
 
 
@@ -32,7 +32,7 @@ class TwoByTwo:
         self.rows = Column((inverse * d, -(inverse * b))), Column((-(inverse * c), inverse * a))
 
     def solve(self, right: Column) -> Column:
-        """x with A x = b."""
+        """The solution x (2,) of A x = b."""
         return Column(row @ right for row in self.rows)
 
 
@@ -57,7 +57,7 @@ class Factored:
             self.inverse.append(1.0 / (column @ column))
 
     def solve(self, right: Column) -> Column:
-        """x with A x = b, by back substitution; b is deflated as the columns were, for accuracy."""
+        """The solution x (n,) of A x = b by back substitution; b is deflated as the columns were, for accuracy."""
         x: list[Scalar] = []
         for q, inverse in zip(self.q, self.inverse, strict=True):
             x.append(inverse * (q @ right))

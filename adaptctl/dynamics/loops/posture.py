@@ -1,4 +1,4 @@
-"""How a mechanism's dependent joints follow its primary ones at a closed configuration."""
+"""Posture: rates of a mechanism's dependent joints by its primary ones at a closed configuration."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from adaptctl.scalars import Column
 
 
 class Following:
-    """J = dU/dp: how the dependent joints follow each primary one (`slopes`)."""
+    """Derivatives J = dU/dp of the tree's joints by the primary ones; `slopes` has those of the dependent joints."""
 
     def __init__(self, closing: Closing, slopes: Sequence[Column]) -> None:
         self.closing, self.slopes = closing, slopes
 
     def tree(self, v: Column) -> Column:
-        """J v: the tree's velocities (n,) from the primary ones (r,)."""
+        """Velocities (n,) of the tree from the primary ones (r,): J v."""
         follow = v[0] * self.slopes[0]
         for rate, slope in zip(v.of[1:], self.slopes[1:], strict=True):
             follow = follow + rate * slope
         return self.joined(v, follow)
 
     def primary(self, torque: Sequence[Any] | Column) -> Column:
-        """J' tau: the primary joints' torques (r,) from the tree's (n,)."""
+        """Torques (r,) of the primary joints from the tree's (n,): J' tau."""
         follow = Column(torque[d] for d in self.closing.dependent)
         pairs = zip(self.closing.primary, self.slopes, strict=True)
         return Column(torque[i] + slope @ follow for i, slope in pairs)
 
     def joined(self, first: Column, follow: Column) -> Column:
-        """A tree column from its primary and dependent entries."""
+        """A tree column (n,) from its primary entries (r,) and dependent ones."""
         entries = dict(zip(self.closing.primary, first, strict=True))
         entries |= dict(zip(self.closing.dependent, follow, strict=True))
         return Column(entries[i] for i in range(len(entries)))

@@ -1,6 +1,7 @@
 """Forward dynamics by articulated bodies (Featherstone 1983; 2008, chapter 7): in time linear in the number of links.
 
-A link's articulated inertia is what its parent feels of it while the joints beyond are free: symmetric, 6 by 6, about
+A link's articulated inertia is its inertia as its parent has to move it, the joints beyond free: symmetric, 6 by 6,
+about
 the link's origin, in blocks. Loads and accelerations are differences from the motion with all joints unaccelerated.
 """
 
@@ -34,7 +35,8 @@ class ArticulatedBody(NamedTuple):
         return Wrench(self.coupling.T @ alpha + self.mass @ acc, self.inertia @ alpha + self.coupling @ acc)
 
     def without(self, load: Wrench, inverse: Scalar) -> ArticulatedBody:
-        """What is felt beyond a free joint, whose unit acceleration takes this load and has this inverse inertia."""
+        """Articulated inertia seen through a free joint, whose unit acceleration takes this load and has this inverse
+        inertia."""
         moment, force = inverse * load.moment, inverse * load.force
         return ArticulatedBody(
             _symmetric(self.inertia - _outer(moment, load.moment)),
@@ -57,13 +59,13 @@ class ArticulatedBody(NamedTuple):
         return self.moved_origin(place.shift).turned_up(place).moved_origin(near)
 
     def turned_up(self, place: Placement) -> ArticulatedBody:
-        """In coordinates of the parent's frame."""
+        """This articulated body in coordinates of the parent's frame, about the same point."""
         inertia, mass = turned_up(place, self.inertia), turned_up(place, self.mass)
         return ArticulatedBody(inertia, _turned_up(place, self.coupling), mass)
 
 
 class _Joint(NamedTuple):
-    """A free joint: what a unit acceleration of it takes, its inverse inertia, and the torque left to accelerate it."""
+    """A free joint: the load of its unit acceleration, its inverse inertia, and the torque left to accelerate it."""
 
     load: Wrench
     inverse: Scalar
@@ -99,7 +101,7 @@ def _freed(
     rotors: Sequence[Scalar],
     torque: Column,
 ) -> list[_Joint]:
-    """Every joint, from the tips inward."""
+    """Free joints with the articulated bodies behind them, from the tips inward."""
     tens = [parameters.of[10 * i : 10 * i + 10] for i in range(len(places))]
     bodies = [_articulated(ten) for ten in tens]
     loads = [wrench(motion, ten) for motion, ten in zip(unaccelerated, tens, strict=True)]

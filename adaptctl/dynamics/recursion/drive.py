@@ -1,4 +1,4 @@
-"""What a joint's drive adds to the equations of motion."""
+"""Terms of joints' drives in the equations of motion."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class DriveTerm:
         return self.arms[0][0]
 
     def speed(self, v: Column) -> Scalar:
-        """The shaft's, of joint velocities v (r,); likewise of accelerations."""
+        """The shaft's speed for joint velocities v (r,), or its acceleration for accelerations."""
         (own, _), *others = self.arms
         return sum((ratio * v[joint] for joint, ratio in others), v[own])
 
@@ -70,5 +70,5 @@ class DriveTerm:
         return size
 
     def on_joints(self, share: Scalar) -> list[tuple[int, Scalar]]:
-        """The joints that a torque about the shaft acts on, and what it is there."""
+        """Pairs of a joint and its torque, for a torque about the shaft."""
         return [(joint, share if ratio == 1.0 else ratio * share) for joint, ratio in self.arms]

@@ -50,13 +50,13 @@ def energy_regressor(links: Sequence[Segment], q: Column, v: Column, gravity: Ve
 
 
 def placed_energy_regressor(places: Sequence[Placement], v: Column, gravity: Vec) -> Column:
-    """The same of links that are placed already."""
+    """Energy regressor (P,) of links that are placed already."""
     pairs = zip(twists(places, v), weights(places, gravity), strict=True)
     return Column(entry for twist, weight in pairs for entry in link_energy(twist, weight))
 
 
 def potential_regressor(links: Sequence[Segment], q: Column, gravity: Vec) -> Column:
-    """The row of the potential energy alone."""
+    """Regressor (P,) of the potential energy alone."""
     places = placements(tuple(links), q)
     still = Twist(ZERO, ZERO)
     return Column(entry for weight in weights(places, gravity) for entry in link_energy(still, weight))

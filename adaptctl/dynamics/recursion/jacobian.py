@@ -1,4 +1,4 @@
-"""How a point of a link moves with the joints."""
+"""Jacobians of points of links."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where everything is in the world: forward kinematics."""
+"""Forward kinematics: poses of frames in the world."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class JointAxes(NamedTuple):
 
 
 def frames(links: Sequence[Segment], q: Column) -> list[Frame]:
-    """Every link's frame in the world at tree configuration q."""
+    """Poses in the world of every link's frame at tree configuration q (n,), m."""
     out: list[Frame] = []
     for place in placements(tuple(links), q):
         base = _base(place.segment, out)
@@ -54,7 +54,7 @@ def frames(links: Sequence[Segment], q: Column) -> list[Frame]:
 
 
 def link_poses(mechanism: Mechanism, p: ArrayLike) -> LinkPoses:
-    """Every link's frame in the world at positions p (..., r).
+    """Poses in the world of every link's frame at positions p (..., r).
 
     Raises `InputError` on a wrong shape and `NonFiniteError` on NaN or infinity.
     """
@@ -66,7 +66,8 @@ def link_poses(mechanism: Mechanism, p: ArrayLike) -> LinkPoses:
 
 
 def joint_axes(mechanism: Mechanism, p: ArrayLike) -> JointAxes:
-    """Every joint's axis in the world at positions p (..., r). Raises as `link_poses` does."""
+    """Points and directions (..., N, 3) of every joint's axis in the world at positions p (..., r), m. Raises as
+    `link_poses` does."""
     placed, samples = _placed(mechanism, p)
     links = mechanism.equations.links
     points = [_joint_position(link, _base(link, placed)) for link in links]

@@ -37,7 +37,7 @@ def raised(place: Placement, link: Body) -> Body:
 
 
 def moved_origin(link: Body, offset: Vec) -> Body:
-    """The body about an origin `offset` behind its own."""
+    """The body about an origin `offset` (m) behind its own."""
     half = link.moment + (0.5 * link.mass) * offset
     twice = 2.0 * half
     spread = Vec(offset.x * twice.x, offset.y * twice.y, offset.z * twice.z)
@@ -74,7 +74,7 @@ def congruent(rotation: Mat, s: Mat) -> Mat:
 
 
 def mass_matrix(places: Sequence[Placement], parameters: Column) -> list[list[Scalar]]:
-    """Rows of M(q): symmetric, zero between joints on different branches."""
+    """Rows (n,) of M(q): symmetric, zero between joints on different branches."""
     n = len(places)
     composite = [body(parameters.of[10 * i : 10 * i + 10]) for i in range(n)]
     rows: list[list[Scalar]] = [[0.0] * n for _ in range(n)]

@@ -37,7 +37,7 @@ def moved(place: Placement, rate: Scalar) -> Twist:
 
 
 def twists(places: Sequence[Placement], rate: Column) -> list[Twist]:
-    """Every link's twist under joint velocities."""
+    """Twist of every link in its own frame under joint velocities."""
     out: list[Twist] = []
     for i, place in enumerate(places):
         parent = place.segment.parent
@@ -129,7 +129,7 @@ def motions(places: Sequence[Placement], v: Column, v_r: Column, a_r: Column, gr
 
 
 def angular_velocities(places: Sequence[Placement], rate: Column) -> list[Vec]:
-    """Every link's angular velocity under joint velocities."""
+    """Angular velocity (rad/s) of every link in its own frame under joint velocities."""
     out: list[Vec] = []
     for i, place in enumerate(places):
         segment = place.segment

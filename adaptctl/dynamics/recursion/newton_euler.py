@@ -11,7 +11,7 @@ from adaptctl.scalars import Column, Scalar, cross, dot
 
 
 def joint_torques(places: Sequence[Placement], moving: Sequence[LinkMotion], parameters: Column) -> Column:
-    """The backward recursion: what every joint must exert for its links to move so."""
+    """Torques (n,) that the joints must exert for their links to move so: the backward recursion."""
     loads = [wrench(motion, parameters.of[10 * i : 10 * i + 10]) for i, motion in enumerate(moving)]
     torques: list[Scalar] = [0.0] * len(places)
     for i in reversed(range(len(places))):
@@ -57,7 +57,7 @@ def joint_twists(place: Placement, i: int, done: Sequence[dict[int, Twist]]) -> 
 
 
 def kept_by_link(columns: Sequence[int], links: int) -> list[list[int]]:
-    """For each link, which of its ten are among the asked columns."""
+    """For each link, the indices among its ten parameters of the asked columns."""
     kept: list[list[int]] = [[] for _ in range(links)]
     for column in columns:
         kept[column // 10].append(column % 10)

@@ -96,7 +96,7 @@ def segments(description: Description) -> tuple[Segment, ...]:
 
 
 def placements(links: tuple[Segment, ...], q: Column) -> list[Placement]:
-    """Every link in its parent at tree configuration q."""
+    """Pose of every link in its parent at tree configuration q (n,)."""
     return [link.at(q[i]) for i, link in enumerate(links)]
 
 

@@ -43,11 +43,11 @@ class ExactEnergies:
     strict: bool = False
     """Whether relations that hold to a file's round-off alone, in closed loops, do not hold."""
     by_frames: bool = False
-    """Whether geometry is told from frame to frame, as in the file, or from axis to axis."""
+    """True for geometry from frame to frame, as in the file; else from axis to axis."""
 
     @property
     def method(self) -> str:
-        """What the energies are computed in, in words."""
+        """Arithmetic that the energies are computed in, in words."""
         return DIGITS if self.closed else FIELD
 
     @cached_property
@@ -72,7 +72,8 @@ class ExactEnergies:
         return tuple(sorted(elimination.independent_columns(self._differences, backward)))
 
     def keeps(self, kept: tuple[int, ...], order: Sequence[int]) -> bool:
-        """Whether an order of removal leaves these parameters (k,), with the geometry told in one way or the other.
+        """True if an order of removal leaves these parameters (k,), with the geometry described from axis to axis or
+        from frame to frame.
 
         From axis to axis nothing is lost that the rank depends on, but skew axes spoil zeros of the file's offsets, on
         which it depends what is kept; from frame to frame it is the other way round.
@@ -85,7 +86,7 @@ class ExactEnergies:
 
     @property
     def closed(self) -> bool:
-        """Whether the mechanism has closed loops."""
+        """True if the mechanism has closed loops."""
         loops = self.mechanism.description.loops
         return loops is not None and bool(loops.closures)
 
@@ -105,7 +106,7 @@ class ExactEnergies:
 
     @cached_property
     def frames(self) -> CanonicalFrames:
-        """The joints told from axis to axis, in floats."""
+        """The joints' placements from axis to axis, in floats."""
         return canonical_frames(self.mechanism.description, characteristic_length(self.mechanism), self.precision)
 
     @cached_property

@@ -7,12 +7,14 @@ from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import reduce
 from typing import Any
 
 from adaptctl.description import GROUND, Description, Link, Pose
 from adaptctl.dynamics.recursion.segment import Segment
-from adaptctl.identifiability.proof.joint_frames import CanonicalFrames, FloatFrame, FramePlacement, about_z
+from adaptctl.identifiability.proof.joint_frames import CanonicalFrames, FloatFrame, FramePlacement
 from adaptctl.identifiability.proof.simplest import AS_GIVEN, Precision, simplest_rational, turn
+from adaptctl.identifiability.proof.turns import Turns, turned, turns_of
 from adaptctl.scalars import Mat, Vec, product
 
 Number = Callable[[Fraction], Any]
@@ -23,13 +25,13 @@ QUARTERS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 
 @dataclass(frozen=True)
 class Reading:
-    """How floats become exact scalars."""
+    """Rule by which floats become exact scalars."""
 
     number: Number
     size: float
     """The mechanism's length, m."""
     unit: Fraction = Fraction(1)
-    """The unit in which lengths are told, m."""
+    """The unit of lengths, m."""
     precision: Precision = AS_GIVEN
     equal: tuple[float, ...] = ()
     """Lengths (m), rising, each of which stands for those that are longer by less than the precision."""
@@ -49,6 +51,11 @@ class Reading:
         c, s = found.cosine_and_sine
         return self.number(c), self.number(s)
 
+    def rotation(self, turns: Turns) -> Mat:
+        """The product of turns about coordinate axes."""
+        first, *rest = (turned(axis, *self.turned(angle)) for axis, angle in turns)
+        return reduce(product, rest, first)
+
 
 @dataclass(frozen=True)
 class ExactFrame:
@@ -60,15 +67,14 @@ class ExactFrame:
     @classmethod
     def of(cls, placement: FramePlacement, reading: Reading) -> ExactFrame:
         """The rational frame that a placement in floats stands for."""
-        yaw, tilt, spin, bearing = (reading.turned(x) for x in placement[:4])
-        radius, height = (reading.length(x) for x in placement[4:])
-        rotation = product(product(about_z(*yaw), _about_x(*tilt)), about_z(*spin))
-        return cls(rotation, Vec(radius * bearing[0], radius * bearing[1], height))
+        radius, height = reading.length(placement.radius), reading.length(placement.height)
+        c, s = reading.turned(placement.bearing)
+        return cls(reading.rotation(placement.turns), Vec(radius * c, radius * s, height))
 
 
 @dataclass(frozen=True)
 class ExactGeometry:
-    """The links of a tree in exact numbers, and how frames that are fixed to them are told."""
+    """The links of a tree in exact numbers, and the placement of frames that are fixed to them."""
 
     links: tuple[Segment, ...]
     shifts: tuple[float, ...]
@@ -80,7 +86,7 @@ class ExactGeometry:
 
     @classmethod
     def by_axes(cls, description: Description, frames: CanonicalFrames, reading: Reading) -> ExactGeometry:
-        """The geometry told from axis to axis: axes that are parallel, meet or are at right angles are so exactly."""
+        """The geometry from axis to axis: axes that are parallel, meet or are at right angles are so exactly."""
         on_joints = tuple(ExactFrame.of(joint.link, reading) for joint in frames.joints)
         links = tuple(
             _segment(
@@ -105,7 +111,7 @@ class ExactGeometry:
 
     @classmethod
     def by_frames(cls, description: Description, reading: Reading) -> ExactGeometry:
-        """The geometry told from frame to frame as the file does: entries that are zero there are so exactly."""
+        """The geometry described from frame to frame as the file does: entries that are zero there are so exactly."""
 
         def fixed(_: int, pose: Pose) -> ExactFrame:
             return _as_written(pose, reading)
@@ -116,9 +122,8 @@ class ExactGeometry:
 
 
 def _as_written(pose: Pose, reading: Reading) -> ExactFrame:
-    """A pose with the file's own lengths; its rotation by three angles."""
-    placement = FramePlacement.of(FloatFrame.of(pose), reading.size, reading.precision)
-    rotation = ExactFrame.of(placement, reading).rotation
+    """A pose with the file's own lengths; its rotation by turns."""
+    rotation = reading.rotation(turns_of(FloatFrame.of(pose).rotation, reading.precision))
     return ExactFrame(rotation, Vec(*(reading.length(x) for x in pose.translation.tolist())))
 
 
@@ -141,7 +146,8 @@ def _as_in_file(link: Link, reading: Reading) -> Segment:
 
 
 def _segment(parent: int, turns: bool, joint: ExactFrame, before: ExactFrame | None, own: ExactFrame) -> Segment:
-    """A joint whose frame is told in that of the joint before, on a link whose frame stands at `before` there."""
+    """A segment whose joint's frame is given in that of the joint before, on a link whose frame stands at `before`
+    there."""
     turned, near = joint.rotation, joint.origin
     if before is not None:
         turned = product(before.rotation.T, joint.rotation)
@@ -158,10 +164,6 @@ def _segment(parent: int, turns: bool, joint: ExactFrame, before: ExactFrame | N
         near=near,
         far=outward @ own.origin,
     )
-
-
-def _about_x(c: Any, s: Any) -> Mat:
-    return Mat(Vec(1.0, 0.0, 0.0), Vec(0.0, c, -s), Vec(0.0, s, c))
 
 
 def _unless_identity(rotation: Mat) -> Mat | None:

@@ -10,10 +10,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from adaptctl.description import GROUND, Description, Pose
 from adaptctl.identifiability.proof.simplest import Precision
+from adaptctl.identifiability.proof.turns import Turns, bearing, turned, turns_of
 from adaptctl.scalars import Mat, Vec, cross, dot, product
 
 
@@ -40,14 +41,12 @@ class FloatFrame(NamedTuple):
 
 
 class FramePlacement(NamedTuple):
-    """A frame in another one: R = Rz(yaw) Rx(tilt) Rz(spin), origin (radius cos(bearing), radius sin(bearing), height).
+    """A frame in another one: its rotation as turns, its origin (radius cos(bearing), radius sin(bearing), height).
 
     Angles in rad, lengths in m.
     """
 
-    yaw: float
-    tilt: float
-    spin: float
+    turns: Turns
     bearing: float
     radius: float
     height: float
@@ -55,15 +54,9 @@ class FramePlacement(NamedTuple):
     @classmethod
     def of(cls, frame: FloatFrame, length: float, precision: Precision) -> FramePlacement:
         """The same as a frame in a mechanism of a length (m); what is less than the precision is zero."""
-        up, out = frame.rotation.T.z, frame.rotation.z
-        tilt = math.atan2(_across(up), _height(up))
-        if _across(up) <= precision.angle:
-            yaw, spin = _bearing(frame.rotation.T.x, precision), 0.0
-        else:
-            yaw, spin = _bearing(_normal(up), precision), _bearing(Vec(out.y, out.x, 0.0), precision)
         radius = _across(frame.origin)
-        bearing = _bearing(frame.origin, precision) if radius > precision.length * length else 0.0
-        return cls(yaw, tilt, spin, bearing, radius, _height(frame.origin))
+        angle = _bearing(frame.origin, precision) if radius > precision.length * length else 0.0
+        return cls(turns_of(frame.rotation, precision), angle, radius, _height(frame.origin))
 
 
 @dataclass(frozen=True)
@@ -80,7 +73,7 @@ class CanonicalJoint:
 
 @dataclass(frozen=True)
 class CanonicalFrames:
-    """All joints' placements, and frames on links by whom the placements of other things can be told."""
+    """Placements of all joints, and frames on links relative to which other things are placed."""
 
     joints: tuple[CanonicalJoint, ...]
     on_links: tuple[FloatFrame, ...]
@@ -94,7 +87,7 @@ class CanonicalFrames:
 
 
 def canonical_frames(description: Description, length: float, precision: Precision) -> CanonicalFrames:
-    """Of a mechanism's tree, links in depth-first order."""
+    """Canonical placements of the joints of a mechanism's tree, links in depth-first order, `length` in m."""
     links = description.links
     children: dict[int, list[int]] = {i: [] for i in range(GROUND, len(links))}
     for i, link in enumerate(links):
@@ -104,8 +97,8 @@ def canonical_frames(description: Description, length: float, precision: Precisi
 
     def gauged(frame: FloatFrame, link: int) -> tuple[FloatFrame, float]:
         carried = ((frame.inverse @ nears[k], axes[k]) for k in children[link])
-        angle = _gauge(carried, frame.inverse, length, precision)
-        return FloatFrame(product(frame.rotation, about_z(math.cos(angle), math.sin(angle))), frame.origin), angle
+        angle = _gauge(carried, frame.inverse.rotation, length, precision)
+        return FloatFrame(product(frame.rotation, turned(2, math.cos(angle), math.sin(angle))), frame.origin), angle
 
     on_links = {GROUND: gauged(_upright(description), GROUND)[0]}
     joints = []
@@ -128,11 +121,6 @@ def canonical_frames(description: Description, length: float, precision: Precisi
     return CanonicalFrames(tuple(joints), tuple(on_links[i] for i in (*range(len(links)), GROUND)), length, precision)
 
 
-def about_z(c: Any, s: Any) -> Mat:
-    """Child to parent coordinates after a turn about z."""
-    return Mat(Vec(c, -s, 0.0), Vec(s, c, 0.0), Vec(0.0, 0.0, 1.0))
-
-
 def _axis_frame(standing: FloatFrame, axis: Vec, turns: bool, length: float, precision: Precision) -> FloatFrame:
     """A frame on a joint's axis, x along the common normal with the z axis; at the foot of that normal if the joint
     turns, and else, since a sliding joint's axis has no place, at the origin."""
@@ -151,7 +139,7 @@ def _axis_frame(standing: FloatFrame, axis: Vec, turns: bool, length: float, pre
     return FloatFrame(rotation, m + slide * u if turns else Vec(0.0, 0.0, 0.0))
 
 
-def _gauge(carried: Iterable[tuple[FloatFrame, Vec]], link: FloatFrame, length: float, precision: Precision) -> float:
+def _gauge(carried: Iterable[tuple[FloatFrame, Vec]], link: Mat, length: float, precision: Precision) -> float:
     """The bearing of the first joint that the link carries and that has one, else of the link's own frame."""
     for standing, axis in carried:
         u, m = standing.rotation @ axis, standing.origin
@@ -159,7 +147,8 @@ def _gauge(carried: Iterable[tuple[FloatFrame, Vec]], link: FloatFrame, length: 
             return _bearing(_normal(u), precision)
         if _across(m) > precision.length * length:
             return _bearing(m, precision)
-    return FramePlacement.of(link, length, precision).yaw
+    up = link.T.z
+    return _bearing(_normal(up) if _across(up) > precision.angle else link.T.x, precision)
 
 
 def _across(u: Vec) -> float:
@@ -182,9 +171,7 @@ def _normal(u: Vec) -> Vec:
 def _bearing(u: Vec, precision: Precision) -> float:
     """The angle of a vector's share in that plane, a multiple of a right one where it nearly is."""
     x, y, _ = u
-    angle = math.atan2(y, x)
-    quarters = round(angle / (math.pi / 2))
-    return quarters * (math.pi / 2) if abs(angle - quarters * (math.pi / 2)) <= precision.angle else angle
+    return bearing(math.atan2(y, x), precision)
 
 
 def _upright(description: Description) -> FloatFrame:

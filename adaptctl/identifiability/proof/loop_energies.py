@@ -57,7 +57,7 @@ def _exact_loop(loop: Loop, closure: Closure, description: Description, geometry
 
 
 def _exact_follower(follower: Follower, geometry: ExactGeometry) -> Follower:
-    """With its offset among shifted joints, and lengths in the geometry's unit."""
+    """The follower with its offset among shifted joints, and lengths in the geometry's unit."""
     shifts, links = geometry.shifts, geometry.links
     over = {False: float(1 / geometry.reading.unit), True: 1.0}
     own, other = over[links[follower.follower].turns], over[links[follower.leader].turns]

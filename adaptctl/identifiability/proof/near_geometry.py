@@ -12,8 +12,8 @@ from adaptctl.identifiability.right_angles import near_right_angles
 
 
 def near_coincidences(description: Description, frames: CanonicalFrames) -> tuple[str, ...]:
-    """What nearly coincides, in words: angles within 1e-3 rad of right ones, offsets within 1e-4 of the mechanism's
-    length of zero, and in closed loops also lengths that are so nearly equal."""
+    """Near coincidences, in words: angles within 1e-3 rad of right ones, offsets within 1e-4 of the mechanism's length
+    of zero, and in closed loops also lengths that are so nearly equal."""
     angles = [str(angle) for angle in near_right_angles(description, AS_GIVEN.angle)]
     return (*angles, *_near_offsets(description, frames), *_near_equals(description, frames))
 

@@ -11,7 +11,7 @@ _UNITS = 10**15
 
 
 class Precision(NamedTuple):
-    """How exactly floats say what they mean."""
+    """Precision of floats: differences below these are taken as meant to be none."""
 
     angle: float
     """rad: angles nearer to a right one, or to zero, are meant to be it."""

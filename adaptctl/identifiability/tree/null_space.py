@@ -66,7 +66,7 @@ class TreeNullSpace:
         return by_null_vectors(self.null_basis, order, tolerance)
 
     def _by_links(self, order: Sequence[int], tolerance: float) -> Regrouping:
-        """By the choices made link by link alone, told among parameters over their scales."""
+        """The regrouping by choices made link by link alone, with coefficients among parameters over their scales."""
         found = tree_regrouping(self.transfers, order, tolerance)
         own = parameter_units(self.mechanism, self.transfers.frames.length) / self.scales
         kept, removed = list(found.kept), list(found.removed)

@@ -104,7 +104,7 @@ class InertialTransfers:
         return count
 
     def massless(self, i: int) -> bool:
-        """Whether a link has no ten of its own."""
+        """True if a link does not own all ten inertial parameters."""
         return len(self.own[i].indices) < 10
 
 
@@ -190,7 +190,7 @@ def _null_space(matrix: Array) -> Array:
 
 
 def _own(mechanism: Mechanism, to_joint: Array) -> tuple[LinkParameters, ...]:
-    """Every link's own parameters; `to_joint` (N, 10, 10) takes tens from links' frames to their joints'."""
+    """Own parameters of every link; `to_joint` (N, 10, 10) takes tens from links' frames to their joints'."""
     description = mechanism.description
     own = [LinkParameters(np.zeros(0, dtype=np.int64), np.zeros((BODY, 0)))] * len(description.links)
     for place, i in enumerate(description.bodies):

@@ -23,7 +23,7 @@ class Example(NamedTuple):
 
 @contextmanager
 def example(name: str) -> Iterator[Example]:
-    """The files of an example, there for as long as the block runs. Raises `NotFoundError`."""
+    """The files of an example, there for as long as the block runs. Raises `NotFoundError` for an unknown name."""
     if name not in NAMES:
         raise NotFoundError(f"unknown example {name!r}; there is {', '.join(NAMES)}")
     with as_file(files(__name__) / name) as folder:

@@ -14,7 +14,8 @@ from adaptctl.identification.reading.table import MAX_ROWS, LogTable, table
 def read_delimited(path: str | Path) -> LogTable:
     """The columns of a text file separated by commas, semicolons or tabs, whichever its first line has most of.
 
-    Cells may be empty or words, which become NaN and are refused where the column is needed. Raises `FileError`.
+    Cells may be empty or words, which become NaN and are refused where the column is needed. Raises `FileError` for a
+    file that is no table, or too long.
     """
     from pyarrow import ArrowInvalid
     from pyarrow.csv import ConvertOptions, ParseOptions, read_csv

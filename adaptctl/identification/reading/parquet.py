@@ -13,7 +13,8 @@ from adaptctl.identification.reading.table import MAX_ROWS, LogTable, table
 
 
 def read_parquet(path: str | Path) -> LogTable:
-    """The numeric columns of a Parquet file, a list of numbers as `name[0]`, `name[1]`. Raises `FileError`."""
+    """The numeric columns of a Parquet file, a list of numbers as `name[0]`, `name[1]`. Raises `FileError` for another
+    file, or one too long."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 

@@ -12,7 +12,8 @@ BAGS = (".mcap", ".bag", ".db3")
 
 
 def read_log(path: str | Path, topic: str | None = None) -> LogTable:
-    """The columns of a log, read by its suffix; a folder is taken as a ROS 2 bag. Raises `FileError`."""
+    """The columns of a log, read by its suffix; a folder is taken as a ROS 2 bag. Raises `FileError` for a file that is
+    missing, too large or of an unknown kind, and as its reader does."""
     place = Path(path)
     suffix = place.suffix.lower()
     if not place.exists():

@@ -14,7 +14,7 @@ from adaptctl.identification.reading.table import MAX_ROWS, LogTable, table
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 FIELDS = (("position", "rad"), ("velocity", "rad/s"), ("effort", "N m"))
-"""What a JointState holds, in the units that its definition states for joints that turn."""
+"""Fields of a JointState, in the units that its definition states for joints that turn."""
 
 
 def read_ros_bag(path: str | Path, topic: str | None = None) -> LogTable:

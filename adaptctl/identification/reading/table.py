@@ -28,7 +28,7 @@ class LogTable:
         return len(next(iter(self.columns.values()), ()))
 
     def column(self, name: str, what: str) -> Array:
-        """A column, finite in every row. Raises `FileError` naming the column and the first bad row."""
+        """A column (n,), finite in every row. Raises `FileError` naming the column and the first bad row."""
         if name not in self.columns:
             raise FileError(f"{self.source}: there is no column {name!r} for {what}; {self._known(name)}")
         values = self.columns[name]
@@ -48,7 +48,7 @@ class LogTable:
 
 
 def table(source: str, columns: Iterable[tuple[str, Array]], units: Mapping[str, str] | None = None) -> LogTable:
-    """A table of checked size and names. Raises `FileError`."""
+    """A table of checked size and names. Raises `FileError` without a row, and for two columns of one name."""
     found: dict[str, Array] = {}
     for name, values in columns:
         if name in found:

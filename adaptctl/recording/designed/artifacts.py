@@ -18,7 +18,7 @@ from adaptctl.recording import views
 from adaptctl.recording.comparison import ControllerRun
 from adaptctl.recording.designed.figures import drawings
 from adaptctl.recording.designed.picture import log_costs
-from adaptctl.recording.designed.wording import change, facts, header, place, quantities, told
+from adaptctl.recording.designed.wording import change, facts, header, outcome_words, place, quantities
 from adaptctl.recording.drawing import Drawing, write_drawings
 from adaptctl.recording.page import Figure, embedded, rendered
 from adaptctl.recording.palette import run_color
@@ -39,7 +39,7 @@ AVERAGE = 0.25
 
 @dataclass(frozen=True)
 class Named:
-    """What names a study, and what else is to be told and shown of it."""
+    """Name, title and further contents of a study, for its files and pages."""
 
     experiment: str
     title: str
@@ -47,7 +47,7 @@ class Named:
     """name of the file with its numbers"""
     seed: int = 0
     complete: bool = True
-    told: str = ""
+    outcome_words: str = ""
     """the outcome, where it is not the study's own"""
     facts: tuple[tuple[str, str], ...] = ()
     drawings: tuple[Drawing, ...] = ()
@@ -63,7 +63,8 @@ def write_study(
     named: Named | None = None,
     progress: Callable[[str, float], object] = silent,
 ) -> None:
-    """Write a study into a folder that is ready, every file whole or not at all. Raises FileError."""
+    """Write a study into a folder that is ready, every file whole or not at all. Raises FileError where it cannot be
+    written."""
     called = named or Named("design", f"{study.task.mechanism.name}: where a mass may be added", "design.json")
     write_json(folder / called.content, content)
     progress("figures", 0.1)
@@ -86,7 +87,7 @@ def page(study: DesignStudy, named: Named, figures: Mapping[str, Figure]) -> str
         PACKAGE,
         title=named.title,
         eyebrow=named.experiment,
-        lead=named.told or told(study),
+        lead=named.outcome_words or outcome_words(study),
         facts=list(named.facts or facts(study)),
         task=header(study),
         mass=f"{study.body.mass:g}",
@@ -170,4 +171,7 @@ def _markdown(study: DesignStudy, named: Named) -> str:
     gone = [f"| {r.words} | {', '.join(r.gone)} | {r.rank} | {saved} |" for r, saved in study.worthwhile]
     table = ["| | as described | with counterweights |", "|---|---|---|", *rows]
     more = ["| what to do | parameters that go | left | operations saved |", "|---|---|---|---|", *gone]
-    return "\n\n".join((named.told or told(study), header(study), "\n".join(table), "\n".join(more))) + "\n"
+    return (
+        "\n\n".join((named.outcome_words or outcome_words(study), header(study), "\n".join(table), "\n".join(more)))
+        + "\n"
+    )

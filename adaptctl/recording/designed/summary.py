@@ -37,7 +37,7 @@ def as_builtins(study: DesignStudy, detail: AddedMass | None = None) -> dict[str
 
 
 def costs(task: DesignTask, percent: float) -> dict[str, Any]:
-    """What a mechanism's motion costs over a task."""
+    """Costs of a mechanism's motion over a task, in JSON's types."""
     return {
         "rank": task.basis.rank,
         "carried": len(task.carried()),
@@ -51,7 +51,7 @@ def costs(task: DesignTask, percent: float) -> dict[str, Any]:
 
 
 def added_as_builtins(added: AddedMass) -> dict[str, Any]:
-    """What a body at a place changes."""
+    """Changes by a body at a place, in JSON's types."""
     return {
         "link": added.link,
         "place": added.body.center.tolist(),

@@ -1,4 +1,4 @@
-"""What studies of designs say, the same in the terminal, the report and the recording."""
+"""Words for studies of designs, the same in the terminal, the report and the recording."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def header(study: DesignStudy) -> str:
     )
 
 
-def told(study: DesignStudy) -> str:
+def outcome_words(study: DesignStudy) -> str:
     """The outcome in a sentence or two."""
     found, best = study.counterweights, min(study.links, key=lambda cost: cost.least)
     worst = max(study.links, key=lambda cost: cost.most)
@@ -51,7 +51,7 @@ def _fall(before: float, after: float, unit: str) -> str:
 
 
 def quantities(task: DesignTask, percent: float) -> Iterator[tuple[str, str]]:
-    """What a motion costs, in words and numbers."""
+    """Costs of a motion, as pairs of a label and a number with its unit."""
     yield "independent parameters", f"{task.basis.rank}"
     yield "of them not zero", f"{len(task.carried())}"
     yield f"components to {percent:g} % of energy", f"{task.components(percent)}"
@@ -68,5 +68,5 @@ def change(share: float) -> str:
 
 
 def place(x: Array) -> str:
-    """A place in m."""
+    """Text of a place in m."""
     return f"({', '.join(f'{value:.3f}' for value in x + 0.0)})"

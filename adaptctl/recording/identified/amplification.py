@@ -1,4 +1,4 @@
-"""How far torques that are off throw two estimators off: a result that can be told and kept."""
+"""Amplification of errors in the torques by two estimators: a result with a headline, facts and files."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from adaptctl.arrays import Array
 from adaptctl.files import write_json, write_text
+from adaptctl.recording import views
 from adaptctl.recording.drawing import WIDTH, Drawing, write_drawings
 from adaptctl.recording.page import embedded, rendered
 from adaptctl.recording.palette import run_color
@@ -22,7 +23,7 @@ from adaptctl.recording.stream import log_markdown, saved_stream
 
 
 class TorqueCase(NamedTuple):
-    """What both estimators make of one kind of torques: errors on the log's end, over the torques there."""
+    """Errors of both estimators with one kind of torques: on the log's end, over the torques there."""
 
     torques: str
     off: float
@@ -43,7 +44,7 @@ class Curves(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Amplification:
-    """How far torques that are off throw either estimator off."""
+    """Errors of either estimator against errors in the torques."""
 
     experiment: str
     title: str
@@ -54,7 +55,7 @@ class Amplification:
     complete: bool = True
 
     def headline(self) -> str:
-        """The finding."""
+        """The finding, in a sentence or two."""
         last, exact = self.measured[-1], self.measured[0]
         return (
             f"From exact torques, energy differences predict to {exact.energy:.2%}; from measured ones to "
@@ -63,7 +64,7 @@ class Amplification:
         )
 
     def facts(self) -> Iterator[tuple[str, str]]:
-        """Each kind of torques."""
+        """Pairs of a kind of torques and its errors."""
         for entry in self.measured:
             yield entry.torques, f"filtered dynamics {entry.momentum:.2%}, energy differences {entry.energy:.2%}"
 
@@ -95,9 +96,15 @@ class Amplification:
     def _record(self, path: Path) -> None:
         """Torques over time, a joint a view."""
         curves = self.curves
-        views = [rrb.TimeSeriesView(origin=entity(name), name=f"{name}: torque") for name in curves.joints]
-        text = rrb.TextDocumentView(origin="summary", name="summary")
-        layout = rrb.Blueprint(rrb.Vertical(text, *views), collapse_panels=True)
+        start, end = float(curves.time[0]), float(curves.time[-1])
+        torques = [
+            views.curves(entity(name), f"{name}: torque [N m]", end, room=views.LONG, start=start)
+            for name in curves.joints
+        ]
+        summary = views.text("summary", "Summary")
+        layout = views.tabs(
+            rrb.Vertical(summary, rrb.Grid(*torques, grid_columns=2), row_shares=[1, 8], name="Torques")
+        )
         with saved_stream(path, self, curves.energy.tobytes(), layout) as recording:
             log_markdown(recording, "summary", self.headline())
             for j, name in enumerate(curves.joints):

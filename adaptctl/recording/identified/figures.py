@@ -48,7 +48,7 @@ def drawings(found: Identification) -> Iterator[Drawing]:
 
 
 def write_figures(folder: str | Path, found: Identification) -> dict[str, Path]:
-    """As PNG; returns the files by name."""
+    """Write the figures as PNG into a folder; returns their files by name."""
     return write_drawings(folder, drawings(found))
 
 

@@ -52,7 +52,7 @@ def verdict(found: Identification) -> str:
 
 
 def consistency(found: Identification) -> str:
-    """Whether bodies can have the parameters, and what that costs."""
+    """Sentence on whether rigid bodies can have the parameters, and on the misfit that this costs."""
     wrong = found.mechanism.description.inconsistent_links
     cost = f"The training rows are fitted {found.misfit_ratio - 1.0:.1%} worse than by least squares without that."
     return (

@@ -20,7 +20,7 @@ SUMMARY_SCHEMA, ESTIMATES_SCHEMA, VALIDATION_SCHEMA = (
 
 
 def write_summary(path: str | Path, found: Identification) -> None:
-    """What was chosen and how well it predicts, as JSON."""
+    """Write the chosen settings and the prediction errors as JSON."""
     write_json(path, summary(found))
 
 

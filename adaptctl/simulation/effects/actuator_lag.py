@@ -30,11 +30,11 @@ class ActuatorLag(ActuatorEffect):
         """Raise nothing: a lag fits any plant."""
 
     def start(self, torque: Array, control_period: float) -> Array:
-        """The memory (r,): the torque now."""
+        """The memory (r,): the torque now, N m."""
         return torque
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """The mean torque over the period, and the torque at its end."""
+        """The mean torque (r,) N m over the period, and the torque at its end."""
         ratio = control_period / self.time_constant
         mean = -math.expm1(-ratio) / ratio
         behind = memory - torque

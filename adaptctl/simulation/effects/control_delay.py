@@ -42,11 +42,11 @@ class ControlDelay(ActuatorEffect):
         """Raise nothing: a delay fits any plant."""
 
     def start(self, torque: Array, control_period: float) -> Array:
-        """The memory (ticks r,): the torques on their way, the oldest first."""
+        """The memory (ticks r,): the torques (N m) on their way, the oldest first."""
         return np.tile(torque, self.ticks)
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """The oldest torque on its way, and the memory with the newest at its end."""
+        """The oldest torque (r,) N m on its way, and the memory with the newest at its end."""
         if self.ticks == 0:
             return torque, memory
         dof = len(torque)

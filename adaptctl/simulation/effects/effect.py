@@ -39,7 +39,7 @@ class ActuatorEffect(Effect):
 
     @abstractmethod
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """The torque that is passed on of a torque (r,) in one control period (s), and the memory after it."""
+        """The torque (r,) N m that is passed on of a torque (r,) in one control period (s), and the memory after it."""
 
 
 class SensorEffect(Effect):
@@ -56,7 +56,8 @@ class SensorEffect(Effect):
     def measure(
         self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
     ) -> tuple[Column, Column, Column]:
-        """The measured p and v (r,), and the memory after it; `noise` (2r,) is standard normal."""
+        """The measured p (rad or m) and v (rad/s or m/s), (r,) each, and the memory after it; `noise` (2r,) is standard
+        normal."""
 
 
 class JointEffect(Effect):

@@ -12,7 +12,7 @@ from adaptctl.errors import InputError
 from adaptctl.simulation.effects.effect import Effect, at_least_zero
 
 LINK, MOTOR = "link", "motor"
-"""Where encoders may sit."""
+"""Places of encoders: before the spring or behind it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +27,7 @@ class ElasticJoints(Effect):
     rotor inertia. Friction stays with the links. Rotors turn about their joints' axes alone, as Spong assumes: their
     energy does not depend on how the links that carry them move.
 
-    `encoders` sit behind the spring, on the "link", or before it, on the "motor": there controllers are told theta and
+    `encoders` sit behind the spring, on the "link", or before it, on the "motor": there controllers measure theta and
     w, as most robots tell them. The state of the motors is the last 2r numbers of `PlantState.drives`: theta, then w.
     """
 

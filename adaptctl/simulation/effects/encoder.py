@@ -45,7 +45,7 @@ class Encoder(SensorEffect):
     def measure(
         self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
     ) -> tuple[Column, Column, Column]:
-        """The positions in whole counts and the noisy velocities."""
+        """Positions (r,) in whole counts, noisy velocities (r,), and the memory."""
         dof = len(p)
         jitter, steps, shake = (
             at_least_zero(values, dof, "encoder").tolist()

@@ -47,7 +47,7 @@ class FilteredDifferences(SensorEffect):
     def measure(
         self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
     ) -> tuple[Column, Column, Column]:
-        """The positions unchanged, the filtered differences, and the memory after them."""
+        """Positions (r,) unchanged, velocities (r,) by filtered differences, and the memory after them."""
         dof, kept = len(p), math.exp(-2.0 * math.pi * self.cutoff * control_period)
         before, rate = Column(memory.of[:dof]), Column(memory.of[dof:])
         after = kept * rate + ((1.0 - kept) / control_period) * (p - before)

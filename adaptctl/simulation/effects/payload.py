@@ -11,15 +11,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array
+from adaptctl.caching import sent_as_made
 from adaptctl.description.description import LARGEST_INERTIA
 from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.errors import InputError, NotFoundError
 
 
+@sent_as_made
 @dataclass(frozen=True, eq=False)
 class Payload:
     """A body held by the last link: `mass` in kg, `center` (3,) in m in that link's frame, and `inertia` (3, 3)
-    in kg m^2 about that centre. A point in the frame's origin unless told otherwise."""
+    in kg m^2 about that centre. A point in the frame's origin unless given."""
 
     mass: float
     center: Array = field(default_factory=lambda: np.zeros(3))
@@ -40,7 +42,8 @@ class Payload:
 
     @classmethod
     def of(cls, given: float | Mapping[str, Any] | Payload) -> Payload:
-        """A payload from a mass in kg, or from a mapping with `mass`, `center` and `inertia`. Raises `InputError`."""
+        """A payload from a mass in kg, or from a mapping with `mass`, `center` and `inertia`. Raises `InputError` for
+        what is none, `NotFoundError` for an unknown entry."""
         if isinstance(given, Payload):
             return given
         if not isinstance(given, Mapping):

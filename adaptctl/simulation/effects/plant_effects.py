@@ -1,4 +1,4 @@
-"""All effects of a plant, in the order of their places."""
+"""Effects of a plant together, in the order of their places."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class PlantEffects:
 
     @property
     def senses_motors(self) -> bool:
-        """Whether encoders sit on motors that springs part from the links."""
+        """True if encoders sit on motors that springs separate from the links."""
         return self.elastic is not None and self.elastic.encoders == MOTOR
 
     @property

@@ -34,6 +34,6 @@ class TorqueLimit(ActuatorEffect):
         return np.zeros(0)
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """The nearest torque (r,) within the limits, and the empty memory."""
+        """The nearest torque (r,) N m within the limits, and the empty memory."""
         limits = at_least_zero(self.limit, len(torque), "torque limit").tolist()
         return Column(clip(x, -most, most) for x, most in zip(torque, limits, strict=True)), memory

@@ -26,11 +26,11 @@ class TorqueRateLimit(ActuatorEffect):
         at_least_zero(self.rate, dof, "torque rate limit")
 
     def start(self, torque: Array, control_period: float) -> Array:
-        """The memory (r,): the torque now."""
+        """The memory (r,): the torque now, N m."""
         return torque
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """The nearest torque (r,) within reach of the last one, which is the memory after it too."""
+        """The nearest torque (r,) N m within reach of the last one, which is the memory after it too."""
         steps = (at_least_zero(self.rate, len(torque), "torque rate limit") * control_period).tolist()
         given = Column(clip(x, y - step, y + step) for x, y, step in zip(torque, memory, steps, strict=True))
         return given, given

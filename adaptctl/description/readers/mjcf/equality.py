@@ -52,7 +52,7 @@ class Places:
         self.bodies.setdefault("world", Standing(GROUND, still, still))
 
     def touched(self, element: Element) -> bool:
-        """Whether an equality names anything of these but the world."""
+        """True if an equality names a body, site or joint of these, other than the world."""
         known = {"body": self.bodies.keys() - {"world"}, "site": self.sites.keys(), "joint": self.joints.keys()}
         return any(element.get(f"{kind}{k}") in names for kind, names in known.items() for k in (1, 2))
 
@@ -74,7 +74,8 @@ def equalities(
     root: Element, settings: Settings, places: Places, links: Sequence[str], driven: Sequence[str], part: bool = False
 ) -> Loops | None:
     """The loops that active equalities close; None where there are none. `links` are the links' names, `driven` the
-    joints that actuators drive. Where the mechanism is a `part` of a scene, equalities of the rest are left out."""
+    joints that actuators drive. Where the mechanism is a `part` of a scene, equalities of the rest are left out. Raises
+    `InputError` for an equality that is not read."""
     closures: list[Closure] = []
     couplings: list[Coupling] = []
     for number, element in enumerate(_active(root, settings)):
@@ -99,7 +100,7 @@ def equalities(
 
 
 def _active(root: Element, settings: Settings) -> list[Element]:
-    """With their defaults, which MJCF keeps under the tag equality."""
+    """The active equalities with their defaults, which MJCF keeps under the tag equality."""
     flags = [flag for option in root.findall("option") for flag in option.findall("flag")]
     if any(flag.get("equality") == "disable" for flag in flags):
         return []

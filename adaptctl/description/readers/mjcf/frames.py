@@ -1,4 +1,4 @@
-"""Where MJCF puts things: positions, and attitudes in MuJoCo's five ways of writing them."""
+"""Poses in MJCF: positions, and attitudes in MuJoCo's five ways of writing them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ def placed(element: Element, settings: Settings, where: str) -> Pose:
 
 
 def attitude(element: Element, settings: Settings, where: str) -> Array:
-    """The rotation (3, 3) by quat, axisangle, xyaxes, zaxis or euler, of which one may be given."""
+    """The rotation (3, 3) by quat, axisangle, xyaxes, zaxis or euler, of which one may be given. Raises `InputError`
+    where there are more."""
     given = [name for name in ORIENTATIONS if name in element.attrib]
     if len(given) > 1:
         raise InputError(f"{where}: <{element.tag}> has {' and '.join(given)}: keep one")
@@ -59,7 +60,7 @@ def from_quaternion(values: Array, where: str) -> Array:
 
 
 def facing(direction: Array) -> Array:
-    """The rotation by the least angle that takes the z axis to a unit vector."""
+    """The rotation (3, 3) by the least angle that takes the z axis to a unit vector (3,)."""
     axis = np.cross((0.0, 0.0, 1.0), direction)
     sine = float(np.linalg.norm(axis))
     if sine < 1e-12:

@@ -16,7 +16,8 @@ MOST_FILES = 100
 def included(root: Element, path: str | Path) -> Element:
     """The root with every <include> replaced by what stands in the file that it names, each file at most once.
 
-    Files are found from the folder of the main file, and must be in it or below. Raises `InputError`.
+    Files are found from the folder of the main file, and must be in it or below. Raises `InputError` for more elements
+    than are read, and as `parsed` does.
     """
     folder, seen = Path(path).parent, {Path(path).resolve()}
     pending = [root]
@@ -40,7 +41,8 @@ def included(root: Element, path: str | Path) -> Element:
 
 
 def _content(element: Element, folder: Path, seen: set[Path]) -> list[Element]:
-    """What stands in the file that an <include> names."""
+    """The elements of the file that an <include> names. Raises `InputError` for a file outside the folder, one included
+    twice, or one that cannot be read."""
     name = attribute(element, "file", "<include>")
     file = (folder / name).resolve()
     if not file.is_relative_to(folder.resolve()):

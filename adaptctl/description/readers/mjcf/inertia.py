@@ -27,7 +27,7 @@ _WITHOUT_MASS = ("plane", "hfield")
 def body_inertia(
     inertial: Element | None, geoms: Sequence[tuple[Element, Pose]], settings: Settings, where: str
 ) -> Array:
-    """The ten in the body's frame. Geoms have their defaults, and come with the frames they stand in."""
+    """The ten (10,) of a body in its frame. Geoms have their defaults, and come with the frames they stand in."""
     if inertial is not None and (settings.inertia_from_geoms != "true" or not geoms):
         return _written(inertial, settings, where)
     if settings.inertia_from_geoms == "false":

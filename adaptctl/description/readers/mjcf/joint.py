@@ -26,7 +26,8 @@ _KINDS = ("hinge", "slide")
 
 
 def joint_of(joint: Element, name: str, settings: Settings, effort: float | None) -> Joint:
-    """The joint, its axis in the frame it stands in; `effort` is its actuators' bound, None without actuators."""
+    """The joint, its axis in the frame it stands in; `effort` is its actuators' bound, None without actuators. Raises
+    `InputError` for a ball joint or an unknown type."""
     where = f"joint {name!r}"
     _require_known(joint, _ATTRIBUTES, where)
     kind = joint.get("type", "hinge")
@@ -53,7 +54,7 @@ def unfolded(joint: Element, body: str) -> list[Element]:
     """The slides and hinges that a free joint is made of, named after it or else after its body.
 
     MuJoCo gives it a quaternion, and ignores its place, axis and range. Its damping and armature would act on the
-    angular velocity, not on the hinges' rates, so they are refused.
+    angular velocity, not on the hinges' rates, so they are refused. Raises `InputError` where one of them is not 0.
     """
     name = joint.get("name") or body
     where = f"joint {name!r}"
@@ -69,7 +70,7 @@ def unfolded(joint: Element, body: str) -> list[Element]:
 
 
 def offset_of(joint: Element, moving: Joint, settings: Settings) -> tuple[float, Pose]:
-    """The coordinate at which the joint stands as the file draws it, and the motion back from there to zero."""
+    """The coordinate (rad or m) of the joint as the file draws it, and the motion back from there to zero."""
     where = f"joint {moving.name!r}"
     ref = number(joint, "ref", where) if "ref" in joint.attrib else 0.0
     if moving.kind.turns:

@@ -91,8 +91,8 @@ class MjcfBody:
 
 @dataclass(frozen=True, eq=False)
 class MjcfBodies:
-    """What a writer of inertias needs to know of a file: the body at the joint of each link, and whether inertials do
-    not count."""
+    """A file's bodies, for a writer of inertias: the body at the joint of each link, and `from_geoms`, true if the file
+    lets inertias be computed from geoms and ignores inertials."""
 
     of_links: dict[int, MjcfBody]
     from_geoms: bool
@@ -213,7 +213,7 @@ class _Reader:
         raise NotFoundError(unknown_body(base, known))
 
     def _inside(self, body: Element, childclass: str) -> Iterator[tuple[Element, Pose, str]]:
-        """What stands in a body, also within frames: elements, the frames they stand in, their default class."""
+        """The elements of a body, also those within frames, each with the pose of its frame and its default class."""
         pending = [(child, Pose.identity(), childclass) for child in body][::-1]
         while pending:
             child, pose, name = pending.pop()

@@ -1,4 +1,4 @@
-"""What an MJCF file says once for all its elements: compiler settings, and defaults by class."""
+"""Settings of a whole MJCF file: compiler settings, and defaults by class."""
 
 from __future__ import annotations
 

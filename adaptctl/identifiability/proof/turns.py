@@ -1,0 +1,50 @@
+"""Rotations as turns about coordinate axes, so chosen that entries that are zero come back as exact zeros."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from adaptctl.identifiability.proof.simplest import Precision
+from adaptctl.scalars import Mat, Vec
+
+Turns = tuple[tuple[int, float], ...]
+"""Axes (0, 1, 2 for x, y, z) and angles (rad): the product of the turns about them, in this order."""
+QUARTER = math.pi / 2
+
+
+def turns_of(rotation: Mat, precision: Precision) -> Turns:
+    """The turns whose product is a rotation (floats).
+
+    A zero off the diagonal, in row r and column c, is one exactly where R = R_r(a) R_c(g); one on the diagonal where
+    R = R_r(a) R_j(90 degrees) R_r(g), j the axis after r. A rotation has one zero, or four and more, of which two such
+    turns keep all. Without zeros, R = Rz Rx Rz.
+    """
+    R = [list(row) for row in rotation]
+    size, row, column = min((abs(R[i][j]), i, j) for i in range(3) for j in range(3))
+    if size > precision.angle:
+        tilt = math.atan2(math.hypot(R[0][2], R[1][2]), R[2][2])
+        return (2, math.atan2(R[0][2], -R[1][2])), (0, tilt), (2, math.atan2(R[2][0], R[2][1]))
+    j, k = (row + 1) % 3, (row + 2) % 3
+    if row == column:
+        a, g = math.atan2(R[j][row], -R[k][row]), math.atan2(R[row][j], R[row][k])
+        return (row, bearing(a, precision)), (j, QUARTER), (row, bearing(g, precision))
+    third = 3 - row - column
+    sign = 1.0 if column == j else -1.0
+    a, g = math.atan2(sign * R[third][column], R[column][column]), math.atan2(sign * R[row][third], R[row][row])
+    return (row, bearing(a, precision)), (column, bearing(g, precision))
+
+
+def bearing(angle: float, precision: Precision) -> float:
+    """An angle (rad), made a multiple of a right one where it nearly is."""
+    quarters = round(angle / QUARTER)
+    return quarters * QUARTER if abs(angle - quarters * QUARTER) <= precision.angle else angle
+
+
+def turned(axis: int, c: Any, s: Any) -> Mat:
+    """Child to parent coordinates after a turn about a coordinate axis, from its cosine and sine."""
+    if axis == 0:
+        return Mat(Vec(1.0, 0.0, 0.0), Vec(0.0, c, -s), Vec(0.0, s, c))
+    if axis == 1:
+        return Mat(Vec(c, 0.0, s), Vec(0.0, 1.0, 0.0), Vec(-s, 0.0, c))
+    return Mat(Vec(c, -s, 0.0), Vec(s, c, 0.0), Vec(0.0, 0.0, 1.0))

@@ -1,0 +1,16 @@
+from adaptctl.simulation.effects.actuator_lag import ActuatorLag as ActuatorLag
+from adaptctl.simulation.effects.control_delay import ControlDelay as ControlDelay
+from adaptctl.simulation.effects.effect import ActuatorEffect as ActuatorEffect
+from adaptctl.simulation.effects.effect import Effect as Effect
+from adaptctl.simulation.effects.effect import JointEffect as JointEffect
+from adaptctl.simulation.effects.effect import LoadEffect as LoadEffect
+from adaptctl.simulation.effects.effect import SensorEffect as SensorEffect
+from adaptctl.simulation.effects.elastic_joints import ElasticJoints as ElasticJoints
+from adaptctl.simulation.effects.encoder import Encoder as Encoder
+from adaptctl.simulation.effects.filtered_differences import FilteredDifferences as FilteredDifferences
+from adaptctl.simulation.effects.friction import Friction as Friction
+from adaptctl.simulation.effects.payload import Payload as Payload
+from adaptctl.simulation.effects.payload_held import PayloadHeld as PayloadHeld
+from adaptctl.simulation.effects.plant_effects import PlantEffects as PlantEffects
+from adaptctl.simulation.effects.torque_limit import TorqueLimit as TorqueLimit
+from adaptctl.simulation.effects.torque_rate_limit import TorqueRateLimit as TorqueRateLimit

@@ -1,0 +1,83 @@
+"""The largest rise of the Lyapunov function, found while a run goes on, so that no sample has to be kept."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from adaptctl.arrays import Array
+from adaptctl.control.controller import GAINS, ReferencePoint
+from adaptctl.control.lyapunov import has_sliding_variable
+from adaptctl.scalars import Column, Scalar, column, maximum, where
+from adaptctl.simulation.closed_loop import ClosedLoop, Sample
+from adaptctl.simulation.error_sums import LARGEST
+
+TRUTH = "truth"
+"""Name of the column of the true values of the parameters that are adapted."""
+
+
+class LyapunovRise(NamedTuple):
+    """V at the latest tick and its largest rise so far, until a run diverges; as columns, or as arrays (M, n), empty
+    where V is not known."""
+
+    lyapunov: Any
+    """(1,) J, V itself"""
+    lyapunov_rise: Any
+    """(1,) J, its largest rise from one tick to the next, 0 where it never rose"""
+
+
+def rise_sizes(loop: ClosedLoop) -> dict[str, int]:
+    """Lengths of the columns."""
+    known = int(has_lyapunov(loop))
+    return LyapunovRise(known, known)._asdict()
+
+
+def truth_size(loop: ClosedLoop) -> dict[str, int]:
+    """Length of the column of true parameters that stays."""
+    return {TRUTH: len(loop.controller.model.names)} if has_lyapunov(loop) else {}
+
+
+def has_lyapunov(loop: ClosedLoop) -> bool:
+    """True where V follows from the joints, the estimate and the true parameters alone: for Slotine and Li's law, with
+    an adaptation law whose term depends on no more, on rigid joints of the model's own geometry, and on links that
+    carry the same all the time."""
+    controller, plant = loop.controller, loop.plant
+    if not has_sliding_variable(controller) or plant.loads or plant.is_elastic:
+        return False
+    if controller.model.mechanism.equations != plant.mechanism.equations or plant.mechanism.equations.has_known_share:
+        return False
+    law, start = controller.adaptation_law, controller.initial
+    return law is None or law.distance(controller.model, start, start) is not None
+
+
+def first_rise(loop: ClosedLoop, parameters: Array) -> tuple[dict[str, Any], dict[str, Array]]:
+    """The columns before the first tick, by name, with a V from which nothing rises; and those that stay, of arms whose
+    parameters are (M, P)."""
+    if not has_lyapunov(loop):
+        return {}, {}
+    return LyapunovRise(LARGEST, 0.0)._asdict(), {TRUTH: parameters @ loop.controller.model.regrouping.T}
+
+
+def risen(
+    loop: ClosedLoop, sample: Sample, point: ReferencePoint, runs: Any, columns: Mapping[str, Column]
+) -> LyapunovRise:
+    """The columns after a control period; `runs` is a condition that holds until a run diverges."""
+    before = LyapunovRise(*(columns[name] for name in LyapunovRise._fields))
+    if not len(before.lyapunov):
+        return before
+    value, rise = _lyapunov(loop, sample, point, columns), before.lyapunov_rise[0]
+    larger = maximum(rise, value - before.lyapunov[0])
+    return LyapunovRise(Column((value,)), Column((where(runs, larger, rise),)))
+
+
+def _lyapunov(loop: ClosedLoop, sample: Sample, point: ReferencePoint, columns: Mapping[str, Column]) -> Scalar:
+    """V = s'Ms/2 and the adaptation law's term, in J; the first is the kinetic energy of joints that move at s, which
+    the adapted parameters tell."""
+    law: Any = loop.controller.substituted(columns[GAINS]) if GAINS in columns else loop.controller
+    true, equations = columns[TRUTH], loop.plant.mechanism.equations
+    s = sample.v - point.v + column(law.bandwidth) * (loop.plant.primary(sample.q) - point.p)
+    moving = equations.energy_regressor(sample.q, s) - equations.potential_regressor(sample.q)
+    kinetic: Scalar = Column(moving[j] for j in law.model.columns) @ true
+    if law.adaptation_law is None:
+        return kinetic
+    return kinetic + law.adaptation_law.lyapunov_term(law.model, sample.estimate, true)
