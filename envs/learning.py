@@ -55,7 +55,7 @@ class NormalisedView:
         """The space of what is seen of one arm."""
         return gymnasium.spaces.Box(-1.0, 1.0, self.scale.shape, np.float32)
 
-    def __call__(self, observation: Array) -> Observation:
+    def __call__(self, observation: Any) -> Observation:
         """The normalised values (..., n) of observations (..., n)."""
         p, v, desired, rate, acceleration = (observation[..., part] for part in list(self.slices.values())[:5])
         ahead = observation[..., self.slices["look_ahead"]]
@@ -64,7 +64,7 @@ class NormalisedView:
         return np.asarray(seen / (np.abs(seen) + self.scale), dtype=np.float32)
 
 
-class LearningEnv(gymnasium.Wrapper[Observation, Any, Array, Array], RecordConstructorArgs):
+class LearningEnv(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     """
     ## Description
 
@@ -119,8 +119,8 @@ class LearningEnv(gymnasium.Wrapper[Observation, Any, Array, Array], RecordConst
 
     def step(self, action: Any) -> tuple[Observation, Any, bool, bool, dict[str, Any]]:
         """One control period."""
-        observation, *rest = self.env.step(scaled(action, self._scale))
-        return self._view(observation), *rest
+        observation, reward, terminated, truncated, info = self.env.step(scaled(action, self._scale))
+        return self._view(observation), reward, terminated, truncated, info
 
 
 class LearningVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any]):

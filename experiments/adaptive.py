@@ -12,6 +12,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.control import AdaptationLaw, Gains, SlotineLi
+from adaptctl.control.references import Sinusoids
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError
 from adaptctl.experiments.contest import Contender, Outcome
@@ -176,8 +177,8 @@ def _tuned(experiment: AdaptiveTracking, mechanism: Mechanism) -> Tuning:
         "seed": experiment.seed,
     }
     tuning = tune(mechanism, **chosen)
-    if experiment.plant != "mujoco":
+    if experiment.plant != "mujoco" or not isinstance(drawn := tuning.reference, Sinusoids):
         return tuning
     plant = MuJoCoPlant.of(experiment.scene(mechanism), experiment.control_period, **experiment.scene_settings)
-    clear = clear_of_contacts(plant, tuning.reference)
-    return tuning if clear is tuning.reference else tune(mechanism, reference=clear, **chosen)
+    clear = clear_of_contacts(plant, drawn)
+    return tuning if clear is drawn else tune(mechanism, reference=clear, **chosen)

@@ -73,7 +73,7 @@ def main() -> None:
     """Train, and tell how it went."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--algorithm", choices=("ppo", "sac"), default="sac")
-    parser.add_argument("--seconds", type=float, default=400.0, help="of processor time")
+    parser.add_argument("--seconds", type=float, default=1100.0, help="of processor time")
     parser.add_argument("--seed", type=int, default=0)
     chosen = parser.parse_args()
     torch.set_num_threads(1)

@@ -35,8 +35,9 @@ class LearnerView:
             )
         self.env: Any = env
         self.observation_space = env.single_observation_space
-        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, env.single_action_space.shape, np.float32)
-        self._largest, self._dof = np.asarray(self.env.single_action_space.high), inner.single.plant.dof
+        own: Any = env.single_action_space
+        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, own.shape, np.float32)
+        self._largest, self._dof = np.asarray(own.high), inner.single.plant.dof
 
     def reset(self, seeds: Sequence[int | None], options: Sequence[Mapping[str, Any]]) -> Array:
         """Begin an episode of every arm, with a seed and options of its own (N,). Returns observations (N, n). Raises
