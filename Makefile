@@ -9,7 +9,7 @@ DOCS := docs/_build/html
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: architecture help demo test bench gallery sdist figures check-stability check-export check-page check-pages mutants lint types docs format licences audit lock clean
+.PHONY: architecture help demo test bench gallery sdist figures check-stability check-export check-page check-pages check-learners mutants lint types docs format licences audit lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-15s %s\n", $$1, $$2}' Makefile
@@ -44,6 +44,12 @@ check-pages: docs ## documentation and reports in a browser without a window: ax
 
 mutants: $(STAMP) ## small changes of identifiability, dynamics and control that tests ought to notice; an hour
 	nice -n 12 $(BIN)/python tests/mutants.py $(MUTANTS)
+
+check-learners: ## PPO, SAC and residual learning by the documented recipes, in .venv-learn; 20 minutes (RECIPES="ppo sac")
+	test -x .venv-learn/bin/python || $(PYTHON) -m venv .venv-learn
+	.venv-learn/bin/python -c 'import torch, stable_baselines3' 2> /dev/null || .venv-learn/bin/pip install --quiet torch stable-baselines3 || true
+	.venv-learn/bin/pip install --quiet --require-hashes --no-deps --only-binary :all: -r requirements.lock
+	PYTHONPATH=. .venv-learn/bin/python tests/check_learners.py $(RECIPES)
 
 lint: $(STAMP) ## style of the code
 	$(BIN)/ruff check .
@@ -83,7 +89,7 @@ lock: ## resolve the dependencies anew into requirements.lock
 		--no-emit-index-url --no-emit-find-links --no-header --quiet -o requirements.lock
 
 clean: ## remove what was installed and built; results/ stays
-	rm -rf .venv .venv-lock build dist *.egg-info docs/_build
+	rm -rf .venv .venv-lock .venv-learn build dist *.egg-info docs/_build
 
 # Asked first: with a Python that is too old, pip would only say that it finds no matching distribution.
 $(STAMP): requirements.lock pyproject.toml

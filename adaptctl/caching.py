@@ -110,8 +110,10 @@ def _read_only(content: Mapping[Any, Any]) -> tuple[Path, ...]:
 
 
 def _protected(content: Content, paths: tuple[Path, ...]) -> Content:
+    """The same content, arrays there read-only."""
     for path in paths:
-        functools.reduce(operator.getitem, path, cast(Any, content)).flags.writeable = False
+        array: Any = functools.reduce(operator.getitem, path, content)
+        array.flags.writeable = False
     return content
 
 
