@@ -10,6 +10,7 @@ import base64
 import json
 import os
 import re
+import resource
 import shutil
 import subprocess
 import tempfile
@@ -135,6 +136,12 @@ def in_browser(browser: str, live: LiveArm, label: str) -> dict[str, Any]:
         raise SystemExit(f"check-page: {browser} did not run the page: {done.stderr[-500:]}")
     said: dict[str, Any] = json.loads(found[1])
     return said
+
+
+def processor_time() -> float:
+    """Seconds that processes begun here and ended have taken."""
+    spent = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return spent.ru_utime + spent.ru_stime
 
 
 def report() -> Iterator[str]:
