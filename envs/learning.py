@@ -56,7 +56,7 @@ class NormalisedView:
         return gymnasium.spaces.Box(-1.0, 1.0, self.scale.shape, np.float32)
 
     def __call__(self, observation: Array) -> Observation:
-        """What is seen (..., n) of observations (..., n)."""
+        """Normalised views (..., n) of observations (..., n)."""
         p, v, desired, rate, acceleration = (observation[..., part] for part in list(self.slices.values())[:5])
         ahead = observation[..., self.slices["look_ahead"]]
         ahead = ahead - np.tile(desired, ahead.shape[-1] // desired.shape[-1])
@@ -151,9 +151,9 @@ class LearningVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any])
 
 
 DEFAULTS: dict[str, Any] = {"control_period": 0.02, "duration": 5.0}
-"""What differs from `TrackingEnv`."""
+"""Settings that differ from those of `TrackingEnv`."""
 MANY: dict[str, Any] = DEFAULTS | {"autoreset_mode": "SameStep"}
-"""What differs from `VectorTrackingEnv`: learners want the last observation and the first in one step."""
+"""Settings that differ from those of `VectorTrackingEnv`: learners want the last observation and the first in one step."""
 
 
 def learning(**settings: Any) -> LearningEnv:

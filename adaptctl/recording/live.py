@@ -109,7 +109,7 @@ class Live:
         return Viewer(url=self.url, **options)
 
     def _ipython_display_(self) -> None:
-        """What a notebook shows of a live view: its viewer."""
+        """Notebook's view of a live view: its viewer."""
         self.viewer().display()
 
     def __enter__(self) -> Live:
