@@ -153,7 +153,7 @@ class LearningVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any])
 DEFAULTS: dict[str, Any] = {"control_period": 0.02, "duration": 5.0}
 """Settings that differ from those of `TrackingEnv`."""
 MANY: dict[str, Any] = DEFAULTS | {"autoreset_mode": "SameStep"}
-"""Settings that differ from those of `VectorTrackingEnv`: learners want the last observation and the first in one step."""
+"""Settings unlike those of `VectorTrackingEnv`: learners want the last observation and the first in one step."""
 
 
 def learning(**settings: Any) -> LearningEnv:
