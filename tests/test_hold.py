@@ -179,3 +179,4 @@ def test_friction_in_joints_that_move_each_other_weighs_as_the_exact_hold_has_it
     expected = period * np.linalg.eigvals(np.linalg.solve(carrying, np.diag(K))).real.max()
     assert expected < 0.95 * period * np.linalg.eigvals(np.linalg.solve(M, np.diag(K))).real.max()
     assert hold_numbers(arm, p, K, period) == pytest.approx(expected, rel=1e-9)
+    assert hold_numbers(arm, np.stack([-p, p]), K, period)[1] == pytest.approx(expected, rel=1e-9)
