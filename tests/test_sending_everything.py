@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 import pytest
 from comparisons import comparison
+from every_law import ARM, GAIN, LAWS, MODEL, slotine_li
 from synthetic_logs import known
-from test_tunable import ARM, GAIN, LAWS, MODEL, POINT, slotine_li, ticks
+from test_tunable import POINT, ticks
 
 from adaptctl import codegen, control, envs, identifiability, recording, simulation
 from adaptctl.description import Coupling
