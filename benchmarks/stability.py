@@ -217,13 +217,13 @@ class LoopCounts(NamedTuple):
 
     @property
     def as_promised(self) -> bool:
-        """Whether all shares are within what is promised."""
+        """True if all shares are within what is promised."""
         kept = self.lost_certified == 0 and self.lost <= 1e-3 * self.loops and self.rings <= 1e-2 * self.loops
         return kept and self.offered >= 0.95 * self.arms
 
 
 def counted(seed: int, count: int, duration: float) -> LoopCounts:
-    """So many loops of the arm of a seed."""
+    """Counts of so many loops of the arm of a seed."""
     rng = np.random.default_rng(seed)
     arm = random_arm(rng)
     model = ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm)))

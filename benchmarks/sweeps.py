@@ -63,7 +63,7 @@ def by_experiment(settings: Mapping[str, Any]) -> float:
 
 
 def by_hand(runs: int) -> list[float]:
-    """What somebody writes who has Dask and the experiment."""
+    """Errors (rad) by a loop that a user of Dask would write over the experiment."""
     with Cluster(jobs=WORKERS).client() as client:
         return list(client.gather(client.map(by_experiment, list(study(runs).runs()), pure=False)))
 
@@ -75,11 +75,11 @@ def _basis(mechanism: Any) -> Any:
 
 
 @contextmanager
-def processor(told: Callable[[float, float], object]) -> Iterator[None]:
+def processor(report: Callable[[float, float], object]) -> Iterator[None]:
     """Tell the processor's seconds of what is done, in this process and its children, and those on the clock."""
     before, started = _spent(), time.perf_counter()
     yield
-    told(_spent() - before, time.perf_counter() - started)
+    report(_spent() - before, time.perf_counter() - started)
 
 
 def _spent() -> float:

@@ -86,20 +86,20 @@ def _numbers(run: Verification) -> dict[str, Any]:
 def rows(found: Path) -> list[dict[str, Any]]:
     """The rows of a file, the last one of each robot."""
     lines = found.read_text(encoding="utf-8").splitlines() if found.exists() else []
-    return list({told["name"]: told for told in map(json.loads, lines)}.values())
+    return list({entry["name"]: entry for entry in map(json.loads, lines)}.values())
 
 
 def published(done: list[dict[str, Any]]) -> str:
     """The table of all rows, and what it comes to."""
-    tuned, refused = ([told for told in done if ("error" in told) == wrong] for wrong in (False, True))
+    tuned, refused = ([entry for entry in done if ("error" in entry) == wrong] for wrong in (False, True))
     head = ("Robot", "joints", "first second", "last 2 s", "adaptation off", "torque late", "links 30 % off", "both")
-    parts = [_counts("The rule", [told["rule"] for told in tuned], len(done))]
-    if searched := [told["search"] for told in tuned if "search" in told]:
+    parts = [_counts("The rule", [entry["rule"] for entry in tuned], len(done))]
+    if searched := [entry["search"] for entry in tuned if "search" in entry]:
         parts.append(_counts("With `--search 20`", searched, len(searched)))
-    seconds = [(told["cpu"], told["dof"]) for told in tuned]
+    seconds = [(entry["cpu"], entry["dof"]) for entry in tuned]
     times = ", ".join(f"{cpu:.2g} s for {dof} joints" for cpu, dof in (max(seconds), *_of_joints(seconds, 7)))
     parts.append(f"Processor time, its code in memory, at most: {times}.")
-    parts += [f"`{told['name']}` is refused: {told['error']}" for told in refused]
+    parts += [f"`{entry['name']}` is refused: {entry['error']}" for entry in refused]
     return "\n\n".join((table(head, map(_line, tuned)), *parts)) + "\n"
 
 
@@ -121,12 +121,12 @@ def _counts(who: str, found: list[dict[str, Any]], count: int) -> str:
     )
 
 
-def _line(told: dict[str, Any]) -> tuple[str, ...]:
+def _line(entry: dict[str, Any]) -> tuple[str, ...]:
     """Cells of a row; errors of runs that do not learn are in brackets."""
-    runs = [told["rule"][name] for name in CASES]
+    runs = [entry["rule"][name] for name in CASES]
     first, off = _mrad(runs[0]["first"]), _mrad(runs[0]["off"])
     last = [_mrad(run["last"]) if run["learns"] else f"({_mrad(run['last'])})" for run in runs]
-    return told["name"], str(told["dof"]), first, last[0], off, *last[1:]
+    return entry["name"], str(entry["dof"]), first, last[0], off, *last[1:]
 
 
 def _mrad(error: float | None) -> str:
@@ -155,10 +155,10 @@ def main() -> None:
         for name, mechanism in robots(given.names):
             if any(row["name"] == name and ("search" in row or not given.search) for row in done):
                 continue
-            told = row(name, mechanism, given.search, given.seed)
-            out.write(json.dumps(told) + "\n")
+            entry = row(name, mechanism, given.search, given.seed)
+            out.write(json.dumps(entry) + "\n")
             out.flush()
-            print(json.dumps(told)[:300], flush=True)
+            print(json.dumps(entry)[:300], flush=True)
 
 
 if __name__ == "__main__":

@@ -16,13 +16,13 @@ from adaptctl.recording import ControllerRun, Finding
 
 def memory_findings(controller: Controller[Any], run: ControllerRun, mechanism: Mechanism) -> Iterator[Finding]:
     """Findings: the share of periods that were remembered, and the smallest eigenvalue of bodies' pseudo-inertias."""
-    law, told = getattr(getattr(controller, "of", controller), "adaptation_law", None), run.rollout.learning
+    law, learning = getattr(getattr(controller, "of", controller), "adaptation_law", None), run.rollout.learning
     if isinstance(law, Natural):
         yield smallest_eigenvalue(mechanism, run, run.rollout.estimate)
     elif isinstance(law, ConsistentLift):
-        yield smallest_eigenvalue(mechanism, run, told)
-    elif told.size and (threshold := getattr(law, "threshold", None)) is not None:
-        share = float(np.mean(told > 0.0))
+        yield smallest_eigenvalue(mechanism, run, learning)
+    elif learning.size and (threshold := getattr(law, "threshold", None)) is not None:
+        share = float(np.mean(learning > 0.0))
         meaning = f"{run.label}: share of periods whose excitation passed its threshold of {threshold:g} 1/s"
         yield Finding(f"remembered.{run.name}", share, "1", meaning if share else f"{meaning}: nothing was remembered")
 

@@ -93,8 +93,8 @@ def test_tables_take_the_place_of_the_last_ones() -> None:
 
 
 def test_there_is_a_place_for_everything() -> None:
-    for page in ("README.md", "docs/speed.md"):
-        inserted((ROOT / page).read_text(encoding="utf-8"), "")
+    for page, command in (("docs/speed.md", "make bench"), ("docs/verification.md", "make figures")):
+        inserted((ROOT / page).read_text(encoding="utf-8"), "", command)
     inserted((ROOT / "docs/speed.md").read_text(encoding="utf-8"), "", "python -m benchmarks.other_compilers")
     inserted(tuning_table.PAGE.read_text(encoding="utf-8"), "", tuning_table.COMMAND)
 
@@ -136,10 +136,10 @@ def test_the_table_of_tuned_robots_counts_its_rows(tmp_path: Path) -> None:
 def test_loops_of_random_arms_are_counted() -> None:
     """In earnest, for a moment: gains are offered, none is lost so soon, and the promise is judged on the sums."""
     found = stability.counted(0, 5, 0.05)
-    assert found == stability.Counts(1, 1, 5, found.certified)
-    both = found + stability.Counts(arms=1)
+    assert found == stability.LoopCounts(1, 1, 5, found.certified)
+    both = found + stability.LoopCounts(arms=1)
     assert (both.arms, both.offered, both.loops) == (2, 1, 5)
     assert found.as_promised
     assert not both.as_promised
-    assert not (found + stability.Counts(loops=1000, lost=2)).as_promised
-    assert not (found + stability.Counts(loops=1000, lost_certified=1)).as_promised
+    assert not (found + stability.LoopCounts(loops=1000, lost=2)).as_promised
+    assert not (found + stability.LoopCounts(loops=1000, lost_certified=1)).as_promised

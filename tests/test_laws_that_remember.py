@@ -204,8 +204,8 @@ def test_nothing_is_remembered_of_periods_that_guards_hold_back(kind: type[Adapt
     free, held = (Guarded(bare, torque_limits=limit) for limit in (1e6, 1e-3))
     alone, ours, weak = (loop(law, mechanism, swinging(mechanism), 0.05) for law in (bare, free, held))
     np.testing.assert_allclose(ours.torque, alone.torque, atol=1e-9 * np.abs(alone.torque).max())
-    assert max(float(state.told[0]) for state in ours.states) > 0.0
-    assert max(float(state.told[0]) for state in weak.states) == 0.0
+    assert max(float(state.recorded[0]) for state in ours.states) > 0.0
+    assert max(float(state.recorded[0]) for state in weak.states) == 0.0
     np.testing.assert_array_equal(weak.estimate, np.zeros_like(weak.estimate))
 
 
@@ -222,7 +222,7 @@ def test_what_no_motion_tells_is_left_alone_among_all_parameters(kind: type[Adap
     hidden = space.null_basis / np.sqrt(gain)[:, None]
     hidden /= np.linalg.norm(hidden, axis=0)
     assert np.abs(hidden.T @ moved).max() < 1e-8 * np.linalg.norm(moved)
-    assert max(float(state.told[0]) for state in run.states) > 0.0
+    assert max(float(state.recorded[0]) for state in run.states) > 0.0
     assert np.linalg.norm(run.s[-1]) < 0.2 * np.linalg.norm(run.s[0])
 
 
@@ -298,3 +298,8 @@ def test_a_halted_reference_comes_to_rest_with_its_own_derivatives() -> None:
     np.testing.assert_array_equal(point.p[before], swinging(arm(SMALL))(t[before]).p)
     assert np.abs(point.v[t > 1.5]).max() == 0.0
     assert np.abs(point.a[t > 1.5]).max() == 0.0
+
+
+@pytest.mark.parametrize("samples", [1, 64])
+def test_the_shortest_and_the_longest_stack_are_accepted(samples: int) -> None:
+    assert ConcurrentLearning(ONES, samples=samples).samples == samples

@@ -67,7 +67,7 @@ class CStatements:
     def operand(self, x: Expression | float) -> str:
         """The text of a number."""
         if not isinstance(x, Expression):
-            return self._number.told(x)
+            return self._number.text(x)
         if x.index not in self._text:
             self._text[x.index] = self._place(x) or f"passed[{self._found[x.index]}]"
         return self._text[x.index]

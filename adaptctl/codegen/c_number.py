@@ -48,7 +48,7 @@ class CNumber:
         text = f"{repr(rounded) if short else rounded.hex()}{self.suffix}"
         return f"({text})" if text.startswith("-") else text
 
-    def told(self, x: float) -> str:
+    def text(self, x: float) -> str:
         """C's text for a number within the law, with what it stands for in a comment."""
         name = self.names.get(abs(x))
         return f"{self.constant(x)} /* {name} */" if name else self.constant(x)

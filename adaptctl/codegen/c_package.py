@@ -203,11 +203,11 @@ class CPackage:
         if not field.values.shape:
             return self.number.constant(float(field.values))
         flat = field.values.ravel().tolist()
-        told = [f"{self.number.constant(x)}{_comment(field.label(k))}" for k, x in enumerate(flat)]
+        texts = [f"{self.number.constant(x)}{_comment(field.label(k))}" for k, x in enumerate(flat)]
         if field.values.ndim == 1:
-            return "{ " + ", ".join(told) + " }"
+            return "{ " + ", ".join(texts) + " }"
         width = field.values.shape[-1]
-        rows = ["{ " + ", ".join(told[k : k + width]) + " }" for k in range(0, len(told), width)]
+        rows = ["{ " + ", ".join(texts[k : k + width]) + " }" for k in range(0, len(texts), width)]
         return "{ " + ", ".join(rows) + " }"
 
     def _array(self, values: Array) -> str:

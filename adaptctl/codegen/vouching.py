@@ -50,14 +50,14 @@ def vouched(interface: Interface, reference: Reference, duration: float = DURATI
     last = round(min(10.0, duration) / period)
     return {
         "duration": duration,
-        "reference": told(reference),
+        "reference": stated(reference),
         "finite": True,
         "rms_error_first_10_s": float(np.sqrt((errors[:last] ** 2).mean())) if squares else None,
         "rms_error_last_10_s": float(np.sqrt((errors[-last:] ** 2).mean())) if squares else None,
     }
 
 
-def told(reference: Reference) -> dict[str, Any]:
+def stated(reference: Reference) -> dict[str, Any]:
     """A reference in JSON's types."""
     if not isinstance(reference, Sinusoids):
         return {"kind": type(reference).__name__}

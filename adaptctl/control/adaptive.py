@@ -45,9 +45,9 @@ class AdaptiveState(NamedTuple):
     """the control law's own memory besides"""
 
     @property
-    def told(self) -> Any:
+    def recorded(self) -> Any:
         """Part of the adaptation law's memory that a run keeps, where it keeps any."""
-        return self.learning.told
+        return self.learning.recorded
 
 
 class AdaptiveController(Controller[AdaptiveState]):

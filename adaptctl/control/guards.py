@@ -59,9 +59,9 @@ class GuardedState(NamedTuple):
         return self.of.estimate
 
     @property
-    def told(self) -> Any:
+    def recorded(self) -> Any:
         """Part of the adaptation law's memory that a run keeps, where it keeps any."""
-        return self.of.told
+        return self.of.recorded
 
 
 @dataclass(frozen=True, eq=False)

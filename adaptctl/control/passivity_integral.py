@@ -50,7 +50,8 @@ class PassivityIntegral(SlotineLi):
     def reference_velocity(
         self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> ReferenceVelocity:
-        """v_r = v_d - 2 Lambda e - Lambda^2 (integral of e) and its derivative."""
+        """The reference velocity v_r = v_d - 2 Lambda e - Lambda^2 (integral of e) (r,), 1/s times rad or m, and its
+        derivative."""
         bandwidth = column(self.bandwidth)
         twice, square = 2.0 * bandwidth, bandwidth * bandwidth
         before: Integral = memory.more

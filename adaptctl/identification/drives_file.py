@@ -52,7 +52,7 @@ class PayloadEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class DrivesFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """A whole file. Row i of `transmission` says how fast motor i turns with each of `joints`."""
+    """Contents of a whole drives file. Row i of `transmission` says how fast motor i turns with each of `joints`."""
 
     schema: Literal["adaptctl/drives/1"]
     joints: Annotated[list[Name], msgspec.Meta(min_length=1, max_length=MAX_ENTRIES)]
@@ -83,15 +83,15 @@ class Drives:
     source: str = ""
 
     def position(self, motor: Array) -> Array:
-        """Joint positions (..., r) of motor positions."""
+        """Joint positions (..., r) in rad or m of motor positions (..., r)."""
         return motor @ self._inverse.T + self.offsets
 
     def velocity(self, motor: Array) -> Array:
-        """Joint velocities (..., r) of motor velocities."""
+        """Joint velocities (..., r) in rad/s or m/s of motor velocities (..., r)."""
         return motor @ self._inverse.T
 
     def torque(self, motor: Array) -> Array:
-        """Joint torques (..., r) of motor torques."""
+        """Joint torques (..., r) in N m or N of motor torques (..., r)."""
         return motor @ self.transmission
 
     @cached_property
@@ -105,7 +105,7 @@ class Drives:
         return np.array([math.nan if k == "unknown" else 1.0 if k is None else float(k) for k in given])
 
     def of(self, mechanism: Mechanism) -> Drives:
-        """The same in the mechanism's order of joints. Raises `InputError` where they are not its primary joints."""
+        """These drives in a mechanism's order of joints. Raises `InputError` unless they are its primary joints."""
         names = [joint.name for joint in mechanism.primary_joints]
         if sorted(names) != sorted(self.joints):
             raise InputError(

@@ -27,7 +27,7 @@ class ReachableSpace:
     """of one configuration (r,); None where no geometry is known"""
 
     def allows(self, p: Array) -> bool:
-        """True if all positions (n, r) are inside the box and free of collisions."""
+        """True if all positions (n, r), rad or m, are inside the box and free of collisions."""
         places = link_poses(self.mechanism, p).translations
         if np.any(places < self.lower) or np.any(places > self.upper):
             return False

@@ -101,7 +101,7 @@ class ClosedLoop:
         marks = Column((*outcome.marks, *(mark[0] for mark in guards(after))))
         estimate = Column(getattr(after, "estimate", ()))
         energy = Column((self.plant.energy_equation(q, v, columns["parameters"], columns["drives"]),))
-        done = torque, outcome.applied, outcome.clipped, estimate, marks, Column(getattr(after, "told", ()))
+        done = torque, outcome.applied, outcome.clipped, estimate, marks, Column(getattr(after, "recorded", ()))
         return [*outcome[:4], *next_measured, *leaves(after)], Sample(q, v, *measured, energy, *done)
 
     @cached_property

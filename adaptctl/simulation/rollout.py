@@ -152,9 +152,9 @@ class _SteppedRun:
 class _Record:
     """Memory for the samples of a run, made at once where its length is known."""
 
-    def __init__(self, capacity: int, observed: int, dof: int, estimates: int, marks: int, told: int) -> None:
+    def __init__(self, capacity: int, observed: int, dof: int, estimates: int, marks: int, learning: int) -> None:
         self.observation, self.state = np.empty((capacity, observed)), np.empty((capacity, 2 * dof))
-        self.marks, self.learning = np.empty((capacity, marks)), np.empty((capacity, told))
+        self.marks, self.learning = np.empty((capacity, marks)), np.empty((capacity, learning))
         self.torque, self.applied = np.empty((capacity, dof)), np.empty((capacity, dof))
         self.estimate, self.scalars = np.empty((capacity, estimates)), np.empty((capacity, 4))
 
@@ -205,4 +205,4 @@ def _estimate(state: object) -> Array:
 
 
 def _told(state: object) -> Array:
-    return np.asarray(getattr(state, "told", ()), dtype=np.float64)
+    return np.asarray(getattr(state, "recorded", ()), dtype=np.float64)

@@ -38,7 +38,7 @@ class LearningMemory(NamedTuple):
     filtered: Filtered
 
     @property
-    def told(self) -> Any:
+    def recorded(self) -> Any:
         """Part of the memory that a run keeps: 1 where something was learned, else 0, (1,)."""
         return self.learned
 
@@ -129,12 +129,12 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
         return 1.0 / (1.0 + (self.forgetting * period.elapsed) * excess)
 
     def covariance(self, memory: LearningMemory) -> Array:
-        """P (k, k), in units of the parameters squared per J s."""
+        """The covariance P (k, k), in units of the parameters squared per J s."""
         k, scale = len(self.gain), np.sqrt(self.gain)
         return np.asarray(np.linalg.inv(np.eye(k) + from_triangle(memory.information, k)) * np.outer(scale, scale))
 
     def remembered(self, memory: LearningMemory) -> Array:
-        """Q (k, k), in J s per unit of the parameters squared."""
+        """The remembered information Q (k, k), in J s per unit of the parameters squared."""
         scale = np.sqrt(self.gain)
         return np.asarray(from_triangle(memory.information, len(self.gain)) / np.outer(scale, scale))
 

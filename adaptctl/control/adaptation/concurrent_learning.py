@@ -34,7 +34,7 @@ class Stack(NamedTuple):
     filtered: Filtered
 
     @property
-    def told(self) -> Any:
+    def recorded(self) -> Any:
         """Part of the memory that a run keeps: 1 where something was learned, else 0, (1,)."""
         return self.learned
 

@@ -40,7 +40,7 @@ class LiftMemory(NamedTuple):
     """the torque filters', where torques are predicted"""
 
     @property
-    def told(self) -> Any:
+    def recorded(self) -> Any:
         """Part of the memory that a run keeps: the lift (P,)."""
         return self.lift
 

@@ -49,7 +49,7 @@ class DeadZone(Descent[NoMemory]):
         positive_per_joint(self.width, model.mechanism.dof, "dead zone: width")
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
-        """No memory."""
+        """The empty memory: this law remembers nothing."""
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:

@@ -51,7 +51,7 @@ class Gradient(Descent[NoMemory]):
             raise InputError(f"gradient: cap: expected a finite number of at least 0, got {self.cap}")
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
-        """No memory."""
+        """The empty memory: this law remembers nothing."""
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:

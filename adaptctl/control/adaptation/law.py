@@ -19,7 +19,7 @@ class NoMemory(NamedTuple):
 
 
 class Period(NamedTuple):
-    """The control period that has passed, as a control law tells it to an adaptation law."""
+    """The control period that has passed, as a control law hands it to an adaptation law."""
 
     gradient: Callable[[Column], Column]
     """Y' s (k,) for any sliding variable s (r,), linear in it; Y is the regressor at the start of the period"""
@@ -42,7 +42,7 @@ class Period(NamedTuple):
 
     @property
     def share(self) -> Any:
-        """1, or 0 where nothing is to be learned."""
+        """Share of the period to learn from: 1, or 0 where nothing is to be learned."""
         return self.elapsed * (1.0 / self.length)
 
     @property
@@ -61,7 +61,7 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
 
     A subclass is a frozen dataclass of configuration. `law` is an equation over scalars of any kind, traced
     into the control law's own native code, to which the numbers that the class names in `tunable` are arguments. What
-    changes over time, besides the estimate, is the memory, of which runs keep its property `told`, if it has one.
+    changes over time, besides the estimate, is the memory, of which runs keep its property `recorded`, if it has one.
     """
 
     @abstractmethod

@@ -30,7 +30,7 @@ class _Leaking(Descent[NoMemory]):
         object.__setattr__(self, "prior", frozen_array(prior, (len(self.gain),), "leakage: prior"))
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
-        """No memory."""
+        """The empty memory: this law remembers nothing."""
         return NoMemory()
 
     def leaked(self, estimate: Column, period: Period, rate: Any) -> Column:

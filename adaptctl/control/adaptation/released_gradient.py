@@ -66,7 +66,7 @@ class ReleasedGradient(Descent[Normaliser]):
         return cls(np.asarray(gain), 0.5 * (2.0 - h) * slowest, 2.0 / (2.0 - h))
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Normaliser:
-        """The memory before the first tick: n = 1."""
+        """The memory before the first tick: a normaliser n of 1."""
         return Normaliser(np.ones(1))
 
     def law(

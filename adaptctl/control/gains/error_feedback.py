@@ -71,7 +71,7 @@ class ErrorFeedback:
 
     @classmethod
     def from_lqr(cls, position: float, velocity: float, effort: float, period: float) -> ErrorFeedback:
-        """The least sum of position e^2 + velocity e'^2 + effort e''^2 over the sampled error.
+        """Error feedback with the least sum of position e^2 + velocity e'^2 + effort e''^2 over the sampled error.
 
         Bryson's rule takes each weight as one over the square of the largest value that is acceptable. Raises
         `InputError` for weights that are not positive (of velocity: negative), or too far apart for the period (s).

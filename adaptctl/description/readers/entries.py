@@ -67,7 +67,7 @@ class DriveEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     turns_with: dict[Name, float] = {}
 
     def drive(self) -> Drive:
-        """The drive, checked."""
+        """The entry's drive. Raises `InputError` for impossible numbers."""
         terms = (self.rotor_inertia, self.viscous, self.coulomb, self.square_root, self.stribeck, self.offset)
         return Drive(*terms, turns_with=tuple(self.turns_with.items()))
 

@@ -191,7 +191,7 @@ def _require_regular(description: Description, every: Closing, links: Sequence[S
     if not here == nearby == dependent == rank:
         raise LoopError(
             f"{description.name}: the reference configuration is singular: of {max(rank, nearby)} constraints that are "
-            f"independent nearby, the dependent joints bear on {dependent} there; give a reference elsewhere"
+            f"independent nearby, the dependent joints can meet only {dependent} there; give a reference elsewhere"
         )
 
 

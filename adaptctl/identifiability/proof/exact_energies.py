@@ -43,7 +43,7 @@ class ExactEnergies:
     strict: bool = False
     """Whether relations that hold to a file's round-off alone, in closed loops, do not hold."""
     by_frames: bool = False
-    """Whether geometry is told from frame to frame, as in the file, or from axis to axis."""
+    """True for geometry from frame to frame, as in the file; else from axis to axis."""
 
     @property
     def method(self) -> str:

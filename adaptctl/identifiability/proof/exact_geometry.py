@@ -31,7 +31,7 @@ class Reading:
     size: float
     """The mechanism's length, m."""
     unit: Fraction = Fraction(1)
-    """The unit in which lengths are told, m."""
+    """The unit of lengths, m."""
     precision: Precision = AS_GIVEN
     equal: tuple[float, ...] = ()
     """Lengths (m), rising, each of which stands for those that are longer by less than the precision."""
