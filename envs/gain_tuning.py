@@ -61,7 +61,7 @@ class GainRange:
 
     @property
     def sizes(self) -> dict[str, int]:
-        """How many actions each of the names has."""
+        """The number of actions of each name."""
         shapes = {name: self.controller.numbers[name].shape for name in self.names}
         return {name: self.controller.dof if shape == (self.controller.dof,) else 1 for name, shape in shapes.items()}
 

@@ -56,7 +56,7 @@ class NormalisedView:
         return gymnasium.spaces.Box(-1.0, 1.0, self.scale.shape, np.float32)
 
     def __call__(self, observation: Any) -> Observation:
-        """What is seen (..., n) of observations (..., n)."""
+        """The normalised values (..., n) of observations (..., n)."""
         p, v, desired, rate, acceleration = (observation[..., part] for part in list(self.slices.values())[:5])
         ahead = observation[..., self.slices["look_ahead"]]
         ahead = ahead - np.tile(desired, ahead.shape[-1] // desired.shape[-1])

@@ -53,7 +53,7 @@ class Field:
 
 
 class Brake(NamedTuple):
-    """How guards brake an arm whose law has no torque to give: -damping v, within limits."""
+    """The brake that guards put in place of a law without a torque: -damping v, within limits."""
 
     damping: Array
     """(r,) N m s/rad"""

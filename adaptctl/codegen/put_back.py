@@ -41,7 +41,7 @@ class PutBack:
         self.piece = Piece(left, piece.kept, piece.found)
 
     def stored(self, x: Expression | float) -> Expression | float:
-        """What is stored for a result at first: of a choice, what may be put back later."""
+        """The value stored for a result at first: of a choice, the one that may be put back later."""
         found: Expression | float = x.operands[2] if x in self._choices else x  # type: ignore[union-attr, operator]
         return found
 

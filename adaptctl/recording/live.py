@@ -109,7 +109,7 @@ class Live:
         return Viewer(url=self.url, **options)
 
     def _ipython_display_(self) -> None:
-        """What a notebook shows of a live view: its viewer."""
+        """The viewer, shown by a notebook for a live view."""
         self.viewer().display()
 
     def __enter__(self) -> Live:

@@ -23,8 +23,8 @@ Pair = tuple[str, str]
 
 
 def contacts_at(plant: MuJoCoPlant, positions: Array) -> Counter[Pair]:
-    """At how many of the arm's positions (n, r), all else as the scene draws it, two bodies are in one another, one of
-    them the arm's."""
+    """Counts of pairs of bodies, one of them the arm's, that are in one another, over positions (n, r) of the arm; all
+    else stands as the scene draws it."""
     import mujoco
 
     model, arm = plant.model, plant.arm
@@ -40,7 +40,7 @@ def contacts_at(plant: MuJoCoPlant, positions: Array) -> Counter[Pair]:
 
 
 def contacts_along(plant: MuJoCoPlant, reference: Reference) -> Counter[Pair]:
-    """At how many of TIMES times of HORIZON s two bodies are in one another where the arm is on a reference."""
+    """Counts of pairs of bodies that are in one another at TIMES times of HORIZON s, the arm on a reference."""
     return contacts_at(plant, reference(np.linspace(0.0, HORIZON, TIMES)).p)
 
 
