@@ -93,7 +93,7 @@ class Interface:
         law = self.controller
         if not isinstance(law, Guarded):
             return None
-        damping, limit = (per_joint(x, law.dof, "brake") for x in (law.stop_damping, law.torque_limits))
+        damping, limit = (per_joint(np.asarray(x), law.dof, "brake") for x in (law.stop_damping, law.torque_limits))
         return Brake(damping, np.minimum(limit, np.finfo(np.float64).max))
 
     @cached_property

@@ -42,8 +42,10 @@ class PutBack:
 
     def stored(self, x: Expression | float) -> Expression | float:
         """The value stored for a result at first: of a choice, the one that may be put back later."""
-        found: Expression | float = x.operands[2] if x in self._choices else x  # type: ignore[union-attr, operator]
-        return found
+        if isinstance(x, Expression) and x in self._choices:
+            kept: Expression | float = x.operands[2]
+            return kept
+        return x
 
 
 def _puts_back(x: Expression, given: Place) -> bool:
