@@ -9,7 +9,7 @@ DOCS := docs/_build/html
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: architecture help demo test bench gallery sdist figures check-stability check-export check-page mutants lint types docs format licences audit lock clean
+.PHONY: architecture help demo test bench gallery sdist figures check-stability check-export check-page check-pages check-learners mutants lint types docs format licences audit lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-15s %s\n", $$1, $$2}' Makefile
@@ -21,13 +21,14 @@ demo: $(STAMP) ## an adaptive PUMA 560, from energies to a recording, in results
 test: $(STAMP) ## the tests, and every example of README.md and docs/
 	$(BIN)/python -m pytest -n 2
 
-bench: $(STAMP) ## speed against its peers, in three minutes; README.md and docs/speed.md then show it
+bench: $(STAMP) ## speed against its peers, in three minutes; docs/speed.md and README.md's plot then show it
 	$(BIN)/python -m benchmarks
 
-figures: $(STAMP) ## bounds that the project promises and the figures found today, in results/figures.json
+figures: $(STAMP) ## bounds that the project promises and the figures found today, in results/figures.json; docs/verification.md then shows them
 	@rm -rf results/.figures && mkdir -p results/.figures
 	ADAPTCTL_FIGURES=$(CURDIR)/results/.figures $(BIN)/python -m pytest -q $$(grep -l '^from figures import' tests/test_*.py)
 	$(BIN)/python tests/figures.py results/.figures results/figures.json
+	$(BIN)/python -m docs.making.verification results/figures.json
 
 check-stability: $(STAMP) ## 10,000 closed loops of ten minutes on random arms; hours (ARMS=50 for some of them)
 	$(BIN)/python -m benchmarks.stability --arms $(ARMS)
@@ -38,8 +39,17 @@ check-export: $(STAMP) ## exported C of every law, by every compiler that is her
 check-page: $(STAMP) ## exported WebAssembly in node, and a report's arm in a browser, if they are here
 	PYTHONPATH=.:tests $(BIN)/python tests/check_page.py
 
+check-pages: docs ## documentation and reports in a browser without a window: axe-core, widths, valid HTML, by npm in build/pages
+	PYTHONPATH=. $(BIN)/python tests/check_pages.py $(DOCS) results
+
 mutants: $(STAMP) ## small changes of identifiability, dynamics and control that tests ought to notice; an hour
 	nice -n 12 $(BIN)/python tests/mutants.py $(MUTANTS)
+
+check-learners: ## PPO, SAC and residual learning by the documented recipes, in .venv-learn; 20 minutes (RECIPES="ppo sac")
+	test -x .venv-learn/bin/python || $(PYTHON) -m venv .venv-learn
+	.venv-learn/bin/python -c 'import torch, stable_baselines3' 2> /dev/null || .venv-learn/bin/pip install --quiet torch stable-baselines3 || true
+	.venv-learn/bin/pip install --quiet --require-hashes --no-deps --only-binary :all: -r requirements.lock
+	PYTHONPATH=. .venv-learn/bin/python tests/check_learners.py $(RECIPES)
 
 lint: $(STAMP) ## style of the code
 	$(BIN)/ruff check .
@@ -79,7 +89,7 @@ lock: ## resolve the dependencies anew into requirements.lock
 		--no-emit-index-url --no-emit-find-links --no-header --quiet -o requirements.lock
 
 clean: ## remove what was installed and built; results/ stays
-	rm -rf .venv .venv-lock build dist *.egg-info docs/_build
+	rm -rf .venv .venv-lock .venv-learn build dist *.egg-info docs/_build
 
 # Asked first: with a Python that is too old, pip would only say that it finds no matching distribution.
 $(STAMP): requirements.lock pyproject.toml

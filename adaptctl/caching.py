@@ -12,7 +12,8 @@ from typing import Any, Self, TypeVar, cast, overload
 
 import numpy as np
 
-Value, Owner = TypeVar("Value"), TypeVar("Owner")
+Value = TypeVar("Value")
+Owner = TypeVar("Owner")
 Content = TypeVar("Content", bound=Mapping[Any, Any])
 Path = tuple[Any, ...]
 State = tuple[dict[str, Any], tuple[Path, ...]]
@@ -109,8 +110,10 @@ def _read_only(content: Mapping[Any, Any]) -> tuple[Path, ...]:
 
 
 def _protected(content: Content, paths: tuple[Path, ...]) -> Content:
+    """The same content, arrays there read-only."""
     for path in paths:
-        functools.reduce(operator.getitem, path, content).flags.writeable = False
+        array: Any = functools.reduce(operator.getitem, path, content)
+        array.flags.writeable = False
     return content
 
 

@@ -17,7 +17,7 @@ def titled(title: str, text: str = "") -> str:
 def table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """A table; a last row says how many rows were left out."""
     given = list(rows)
-    head = "".join(f"<th>{escape(text)}</th>" for text in heads)
+    head = "".join(f"<th>{escape(text)}</th>" if text else "<td></td>" for text in heads)
     body = "".join(f"<tr>{''.join(f'<td>{escape(str(x))}</td>' for x in row)}</tr>" for row in given[:MOST_ROWS])
     if len(given) > MOST_ROWS:
         body += f'<tr><td colspan="{len(heads)}">and {len(given) - MOST_ROWS} more</td></tr>'

@@ -1,4 +1,4 @@
-"""The findings as tables, as JSON and as a plot, put where README.md and docs/speed.md show them."""
+"""The findings as tables in docs/speed.md, as JSON, and as the plot that README.md shows too."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from benchmarks.machine import Machine
 
 ROOT = Path(__file__).parent.parent
 PLOT, NUMBERS = ROOT / "docs" / "images" / "speed.svg", ROOT / "benchmarks" / "latest.json"
+PAGE = ROOT / "docs" / "speed.md"
 SCHEMA = "adaptctl/benchmarks/1"
 BENCH = "make bench"
 
@@ -25,16 +26,15 @@ _SCALES = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns"))
 
 
 def publish(found: Sequence[Finding]) -> None:
-    """Write numbers and plot, and put the tables into both pages."""
+    """Write numbers and plot, and put the tables into the page."""
     machine = Machine.here()
     numbers = {"schema": SCHEMA, "machine": asdict(machine), "findings": [plain(finding) for finding in found]}
     compared = [finding for finding in found if isinstance(finding, Speedup)]
     write_text(NUMBERS, json.dumps(numbers, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
     write_bars(PLOT, compared)
     where = f"Measured by `make bench` on {machine}.\n"
-    both = f"{where}\n{comparisons(found)}\n{measurements(found)}"
-    for page, tables in ((ROOT / "README.md", both), (ROOT / "docs" / "speed.md", f"{both}\n{agreements(found)}")):
-        write_text(page, inserted(page.read_text(encoding="utf-8"), tables))
+    tables = f"{where}\n{comparisons(found)}\n{measurements(found)}\n{agreements(found)}"
+    write_text(PAGE, inserted(PAGE.read_text(encoding="utf-8"), tables))
 
 
 def inserted(page: str, text: str, command: str = BENCH) -> str:

@@ -16,7 +16,7 @@ version = release = _project["version"]
 author = "the adaptctl developers"
 copyright = f"2026, {author}"
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "card", "mathml", "plain_docstrings"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "card", "live_arm", "mathml", "plain_docstrings"]
 exclude_patterns = ["_build", "making"]
 html_theme = "furo"
 html_title = f"adaptctl {version}"
@@ -32,6 +32,11 @@ if _source:  # then every page has a link to edit it
 myst_enable_extensions = ["dollarmath", "deflist"]
 myst_heading_anchors = 3
 
+# The tutorials are notebooks: computed at every build, and an error in one ends it.
+nb_execution_mode = "force"
+nb_execution_timeout = 120
+nb_execution_raise_on_error = True
+
 autodoc_typehints = "signature"
 autodoc_member_order = "bysource"
 autodoc_preserve_defaults = True
@@ -41,14 +46,30 @@ python_maximum_signature_line_length = 88
 
 
 def setup(app: Any) -> None:
-    """Tidy what doctest and autodoc leave."""
+    """Tidy what doctest, autodoc and tables leave."""
     app.connect("source-read", _without_blank_ends)
     app.connect("autodoc-process-signature", _plain_aliases)
+    app.connect("html-page-context", _for_every_reader, priority=900)
 
 
 def _without_blank_ends(app: Any, page: str, source: list[str]) -> None:
     """Doctest needs a blank line after an output; readers do not."""
     source[0] = source[0].replace("\n\n```\n", "\n```\n")
+
+
+LINE = '<span class="sig-line"><em'
+PARAMETERS = re.compile(r"<dl>\n((?:<dd>.*</dd>\n)+)</dl>")
+"""Lines of a long signature, which Sphinx writes as definitions of nothing."""
+
+
+def _for_every_reader(app: Any, page: str, template: str, context: dict[str, Any], doctree: Any) -> None:
+    """An empty corner of a table is no heading, a line of a signature no definition; captions have a level."""
+    body = re.sub(r"<th[^>]*>(<p></p>)?</th>", "<td></td>", context.get("body", ""))
+    if (tree := "furo_navigation_tree") in context:
+        context[tree] = context[tree].replace('role="heading">', 'role="heading" aria-level="2">')
+    context["body"] = PARAMETERS.sub(
+        lambda found: re.sub("<(/?)dd", r"<\1span", found[1]).replace("<span><em", LINE), body
+    )
 
 
 def _plain_aliases(app: Any, kind: str, name: str, what: Any, options: Any, *signature: str | None) -> Any:

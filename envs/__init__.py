@@ -2,6 +2,9 @@
 
 from gymnasium.envs.registration import register
 
+from adaptctl.envs.baselines import baselines
+from adaptctl.envs.gain_tuning import TuningEnv, TuningVectorEnv
+from adaptctl.envs.learning import LearningEnv, LearningVectorEnv
 from adaptctl.envs.live import LiveView
 from adaptctl.envs.many.vector_tracking import (
     Puma560VectorTrackingEnv,
@@ -11,24 +14,30 @@ from adaptctl.envs.many.vector_tracking import (
 from adaptctl.envs.mujoco_tracking import MuJoCoTrackingEnv
 from adaptctl.envs.puma560 import Puma560TrackingEnv
 from adaptctl.envs.random_reference import random_sinusoids
-from adaptctl.envs.residual import ResidualEnv
+from adaptctl.envs.residual import ResidualEnv, ResidualVectorEnv
 from adaptctl.envs.reward import RewardWeights
 from adaptctl.envs.semi_direct_drive import SemiDirectDriveTrackingEnv
 from adaptctl.envs.tracking import TrackingEnv
 from adaptctl.simulation.effects import Payload
 
 __all__ = [
+    "LearningEnv",
+    "LearningVectorEnv",
     "LiveView",
     "MuJoCoTrackingEnv",
     "Payload",
     "Puma560TrackingEnv",
     "Puma560VectorTrackingEnv",
     "ResidualEnv",
+    "ResidualVectorEnv",
     "RewardWeights",
     "SemiDirectDriveTrackingEnv",
     "SemiDirectDriveVectorTrackingEnv",
     "TrackingEnv",
+    "TuningEnv",
+    "TuningVectorEnv",
     "VectorTrackingEnv",
+    "baselines",
     "random_sinusoids",
 ]
 
@@ -53,3 +62,12 @@ register(
     order_enforce=False,
     disable_env_checker=True,
 )
+
+for _id, _name in (("adaptctl/Puma560Learning-v0", "puma560_learning"), ("adaptctl/Learning-v0", "learning")):
+    register(
+        _id,
+        f"adaptctl.envs.learning:{_name}",
+        vector_entry_point=f"adaptctl.envs.learning:many_{_name}",
+        order_enforce=False,
+        disable_env_checker=True,
+    )

@@ -14,6 +14,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.envs.random_reference import Trajectory
 from adaptctl.envs.reward import RewardWeights
 from adaptctl.envs.tracking import TrackingEnv, control_period_of
+from adaptctl.simulation.mujoco_contacts import warn_of_contacts
 from adaptctl.simulation.mujoco_plant import MuJoCoPlant, as_mujoco
 
 if TYPE_CHECKING:
@@ -74,4 +75,6 @@ class MuJoCoTrackingEnv(TrackingEnv):
         own = finite_torque_limits(mechanism) if torque_limits is None else torque_limits
         limits = per_joint(own, mechanism.dof, "torque_limits")
         plant = MuJoCoPlant(mechanism, period, torque_limits=limits, model=model, body=body, servos_off=servos_off)
+        if callable(reference):
+            warn_of_contacts(plant, reference)
         self._set_task(plant, reference, duration, look_ahead, error_bound, reward_weights, initial_error, render_mode)

@@ -1,4 +1,4 @@
-"""An environment in which a learner adds torques to those of a controller."""
+"""Environments in which a learner adds torques to those of a controller."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ import numpy as np
 
 from adaptctl.arrays import Array, positive_number
 from adaptctl.control.controller import Controller, ReferencePoint
+from adaptctl.envs.many.controlled import ControlledVectorEnv, require_controller
+from adaptctl.envs.many.vector_tracking import VectorTrackingEnv
 from adaptctl.errors import InputError
 from adaptctl.simulation.rollout import interface
 
@@ -36,11 +38,9 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
     def __init__(self, env: gymnasium.Env[Any, Any], controller: Controller[Any], share: float = 0.2) -> None:
         gymnasium.utils.RecordConstructorArgs.__init__(self, controller=controller, share=share)
         gymnasium.Wrapper.__init__(self, env)
-        self._parts, _ = interface(env, controller)
+        self._parts = parts_of(env, controller)
         limits: Array = env.action_space.high  # type: ignore[attr-defined]  # a Box, as every torque's space
-        if not 0.0 < positive_number(share, "share: expected a number above 0, at most 1") <= 1.0:
-            raise InputError(f"share: expected a number above 0, at most 1, got {share}")
-        self.controller, self._scale = controller, share * np.asarray(limits)
+        self.controller, self._scale = controller, _share(share) * np.asarray(limits)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, limits.shape, np.float32)  # type: ignore[assignment]
         self._memory: Any = None
         self._base = np.zeros(limits.shape)
@@ -71,3 +71,35 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
     def _read(self, observation: Array) -> tuple[Array, Array, ReferencePoint]:
         p, v, *reference = (np.asarray(observation, dtype=np.float64)[part] for part in self._parts)
         return p, v, ReferencePoint(*reference)
+
+
+class ResidualVectorEnv(ControlledVectorEnv):
+    """`ResidualEnv` for many arms: actions (N, r) are shares of `share` times the torque limits, added to the
+    controller's torques, of which `info` tells as `base_torque` (N, r) after a step."""
+
+    def __init__(self, env: VectorTrackingEnv, controller: Controller[Any], share: float = 0.2) -> None:
+        super().__init__(env, controller, controller.dof)
+        self._scale = _share(share) * np.asarray(env.single.plant.torque_limits)
+
+    def _torques(self, actions: Array) -> tuple[Array, dict[str, Any]]:
+        base, self._memory = self.controller.step(self._memory, *self._seen)
+        return base + self._scale * actions, {"base_torque": base, "_base_torque": np.ones(len(base), dtype=np.bool_)}
+
+
+def parts_of(env: gymnasium.Env[Any, Any], controller: Controller[Any]) -> list[slice]:
+    """Slices of the parts of an observation for a controller. Raises `InputError` for what is no controller, and where
+    wrappers have changed observations or actions, which are to be those of the plant."""
+    require_controller(controller)
+    parts, _ = interface(env, controller)
+    inner = env.unwrapped
+    if (env.observation_space, env.action_space) != (inner.observation_space, inner.action_space):
+        raise InputError(
+            f"{env}: expected observations and torques in their own units: put such wrappers around this one"
+        )
+    return parts
+
+
+def _share(share: object) -> float:
+    if not 0.0 < (given := positive_number(share, "share: expected a number above 0, at most 1")) <= 1.0:
+        raise InputError(f"share: expected a number above 0, at most 1, got {share}")
+    return given

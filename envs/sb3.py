@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
 from adaptctl.envs.many.learner_view import LearnerView
-from adaptctl.envs.many.vector_tracking import VectorTrackingEnv
 from adaptctl.errors import InputError, MissingExtraError
 
 try:
@@ -22,12 +22,13 @@ except ImportError as error:
 
 
 class TrackingVecEnv(VecEnv):  # type: ignore[misc]  # stable-baselines3 need not be installed
-    """A `VectorTrackingEnv` made with `autoreset_mode="SameStep"`, for stable-baselines3.
+    """A vector environment of ours made with `autoreset_mode="SameStep"`, in wrappers or not, for stable-baselines3:
+    what `make_vec("adaptctl/Learning-v0")` makes, a `ResidualVectorEnv`, a `TuningVectorEnv`.
 
-    Actions are in [-1, 1], shares of the torque limits. See `LearnerView` for the rest.
+    Actions are in [-1, 1], shares of their largest. See `LearnerView` for the rest.
     """
 
-    def __init__(self, env: VectorTrackingEnv) -> None:
+    def __init__(self, env: gymnasium.vector.VectorEnv[Any, Any, Any]) -> None:
         self.view, self.actions = LearnerView(env), np.zeros(0)
         super().__init__(env.num_envs, self.view.observation_space, self.view.action_space)
 
@@ -56,7 +57,8 @@ class TrackingVecEnv(VecEnv):  # type: ignore[misc]  # stable-baselines3 need no
 
     def get_attr(self, attr_name: str, indices: int | Iterable[int] | None = None) -> list[Any]:
         """An attribute of the vector environment, or of the single one that all arms are like, once for each arm."""
-        owner = self.view.env if hasattr(self.view.env, attr_name) else self.view.env.single
+        inner = self.view.env.unwrapped
+        owner = next((one for one in (self.view.env, inner) if hasattr(one, attr_name)), inner.single)
         return [getattr(owner, attr_name) for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: int | Iterable[int] | None = None) -> None:

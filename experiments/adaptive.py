@@ -12,6 +12,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.control import AdaptationLaw, Gains, SlotineLi
+from adaptctl.control.references import Sinusoids
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError
 from adaptctl.experiments.contest import Contender, Outcome
@@ -19,7 +20,8 @@ from adaptctl.experiments.experiment import setting
 from adaptctl.experiments.learning import ADAPTIVE, MAPPED, Learning, numbers, one_controller
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
 from adaptctl.recording import Finding, Setting
-from adaptctl.simulation.mujoco_plant import as_mujoco
+from adaptctl.simulation.mujoco_contacts import clear_of_contacts
+from adaptctl.simulation.mujoco_plant import MuJoCoPlant, as_mujoco
 from adaptctl.tuning import Tuning, tune
 from adaptctl.tuning.motion_range import motion_ranges
 
@@ -58,6 +60,7 @@ class AdaptiveTracking(Learning):
     plant: str = setting("adaptctl", "what moves the arm: adaptctl, or mujoco with all of the scene")
     root: str = setting("", "body of a scene that the arm begins with, where more than one moves")
     servos_off: bool = setting(False, "switch off actuators of a scene's arm that are no torques")
+    snap: bool = setting(False, "make angles between joint axes within 1e-3 rad of right ones exact")
     search: int = setting(0, "settings that are tried in closed loop besides those by rule", low=0, high=48)
 
     @property
@@ -81,8 +84,8 @@ class AdaptiveTracking(Learning):
         """Mechanism that is driven, its base fixed or floating; of a scene that MuJoCo moves, as MuJoCo reads it."""
         root = self.root or None
         if self.plant == "mujoco" and Path(self.robot).suffix.lower() in (".xml", ".mjcf"):
-            return Mechanism.from_mujoco(as_mujoco(self.robot), root)
-        return load(self.robot, floating_base=self.floating_base, root=root)
+            return load(as_mujoco(self.robot), snap=self.snap, root=root)
+        return load(self.robot, floating_base=self.floating_base, snap=self.snap, root=root)
 
     def tuning(self, mechanism: Mechanism) -> Tuning:
         """Reference, gains and integration for a mechanism."""
@@ -164,13 +167,18 @@ class AdaptiveTracking(Learning):
 def _tuned(experiment: AdaptiveTracking, mechanism: Mechanism) -> Tuning:
     lower, upper = motion_ranges(mechanism)
     error = np.sign(experiment.initial_error) * np.minimum(abs(experiment.initial_error), 0.1 * (upper - lower))
-    return tune(
-        mechanism,
-        period=experiment.control_period,
-        initial_error=error,
-        bandwidth=experiment.bandwidth,
-        hold=experiment.hold,
-        adaptation=experiment.rate,
-        search=experiment.search,
-        seed=experiment.seed,
-    )
+    chosen: dict[str, Any] = {
+        "period": experiment.control_period,
+        "initial_error": error,
+        "bandwidth": experiment.bandwidth,
+        "hold": experiment.hold,
+        "adaptation": experiment.rate,
+        "search": experiment.search,
+        "seed": experiment.seed,
+    }
+    tuning = tune(mechanism, **chosen)
+    if experiment.plant != "mujoco" or not isinstance(drawn := tuning.reference, Sinusoids):
+        return tuning
+    plant = MuJoCoPlant.of(experiment.scene(mechanism), experiment.control_period, **experiment.scene_settings)
+    clear = clear_of_contacts(plant, drawn)
+    return tuning if clear is drawn else tune(mechanism, reference=clear, **chosen)

@@ -59,7 +59,10 @@ def _statement(node: Any) -> str:
     if isinstance(node, c_ast.Return):
         return f"return {_text(node.expr)}"
     if isinstance(node, c_ast.Cast):
-        return "pass"
+        return _copy(node.expr) if isinstance(node.expr, c_ast.FuncCall) else "pass"
+    if isinstance(node, c_ast.If):
+        assert node.iffalse is None
+        return f"if {_text(node.cond)}: {'; '.join(map(_statement, node.iftrue.block_items))}"
     assert isinstance(node, c_ast.FuncCall), node
     call = _text(node)
     turned = re.findall(r"@(\w+)", call)
@@ -67,6 +70,18 @@ def _statement(node: Any) -> str:
         return call
     boxes = "; ".join(f"{name}_box = [0.0]" for name in turned)
     return "; ".join([boxes, re.sub(r"@(\w+)", r"\1_box", call), *(f"{name} = {name}_box[0]" for name in turned)])
+
+
+def _copy(node: Any) -> str:
+    """Numbers side by side, from one list to another."""
+    assert node.name.name == "memcpy", node
+    to, of, size = node.args.exprs
+    count = int(size.left.value.rstrip("u"))
+    places = []
+    for place in (to.expr, of.expr):
+        first = int(place.subscript.value)
+        places.append(f"{_text(place.name)}[{first}:{first + count}]")
+    return " = ".join(places)
 
 
 def _initial(node: c_ast.Decl) -> str:

@@ -93,8 +93,8 @@ def test_tables_take_the_place_of_the_last_ones() -> None:
 
 
 def test_there_is_a_place_for_everything() -> None:
-    for page in ("README.md", "docs/speed.md"):
-        inserted((ROOT / page).read_text(encoding="utf-8"), "")
+    for page, command in (("docs/speed.md", "make bench"), ("docs/verification.md", "make figures")):
+        inserted((ROOT / page).read_text(encoding="utf-8"), "", command)
     inserted((ROOT / "docs/speed.md").read_text(encoding="utf-8"), "", "python -m benchmarks.other_compilers")
     inserted(tuning_table.PAGE.read_text(encoding="utf-8"), "", tuning_table.COMMAND)
 

@@ -12,7 +12,9 @@ from cyclopts import App
 from adaptctl.cli.main import app
 from adaptctl.experiments import EXPERIMENTS
 
-PAGES = sorted([Path("README.md"), Path("CONTRIBUTING.md"), *Path("docs").glob("*.md")])
+PAGES = sorted(
+    [Path("README.md"), Path("CONTRIBUTING.md"), *Path("docs").glob("*.md"), *Path("docs/howto").glob("*.md")]
+)
 OTHERS = {
     "--help",
     "--version",
@@ -22,6 +24,7 @@ OTHERS = {
     "--no-isolation",
     "--extra",
     "--follow-tags",
+    "--count",
     "--publish",
 }
 """Flags of other programs, and those that every command has."""

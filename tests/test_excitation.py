@@ -209,6 +209,17 @@ def test_joints_without_limits_move_half_a_turn() -> None:
     np.testing.assert_allclose(allowed.upper - allowed.lower, np.where(turning, 2.0 * np.pi, 2.0), rtol=1e-12)
 
 
+def test_a_share_of_the_limits_is_about_their_middle() -> None:
+    of = model("puma560_geared")
+    whole, part = MotionLimits.of(of, 1.0), MotionLimits.of(of, 0.4)
+    limits = [joint.limits for joint in of.mechanism.primary_joints]
+    np.testing.assert_allclose(whole.lower, [each.lower for each in limits], atol=1e-12)
+    np.testing.assert_allclose(whole.upper, [each.upper for each in limits], atol=1e-12)
+    np.testing.assert_allclose(part.upper - part.lower, 0.4 * (whole.upper - whole.lower), rtol=1e-12)
+    np.testing.assert_allclose(part.upper + part.lower, whole.upper + whole.lower, atol=1e-12)
+    np.testing.assert_allclose((part.velocity, part.torque), (0.4 * whole.velocity, 0.4 * whole.torque), rtol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("settings", "message"),
     [

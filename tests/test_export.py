@@ -12,9 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 from c_evaluation import functions_of
-from exported_laws import ARM, GAIN, LAWS, LOOPED, MODEL, TRUE, guarded, law_named, slotine_li
+from every_law import ARM, GAIN, LAWS, MODEL, REDUCED, TRUE, guarded, law_named, slotine_li
+from export_builds import Package
 
 import adaptctl
+from adaptctl import control
 from adaptctl.arrays import Array
 from adaptctl.cli.main import main
 from adaptctl.codegen.c_number import CNumber
@@ -24,11 +26,11 @@ from adaptctl.codegen.interface import Interface
 from adaptctl.codegen.loop_precision import require_single_precision
 from adaptctl.codegen.recorded import default_reference, record
 from adaptctl.codegen.vouching import vouched
-from adaptctl.control import ComputedTorque, Controller, Guarded, ReferencePoint, SlotineLi
+from adaptctl.control import AdaptationLaw, ComputedTorque, Controller, Guarded, ReferencePoint, SlotineLi
 from adaptctl.control.memory import leaves
 from adaptctl.errors import FileError, InputError
 
-ALL = [*LAWS, *LOOPED]
+ALL = [*LAWS, *REDUCED]
 FILES = {"a.h", "a.c", "a.hpp", "CMakeLists.txt", "test_a.c", "vectors.h", "example.c", "README.md", "manifest.json"}
 
 
@@ -40,20 +42,48 @@ def lists(fields: Any, values: list[Array]) -> SimpleNamespace:
     return SimpleNamespace(**{field.name: value.tolist() for field, value in zip(fields, values, strict=True)})
 
 
+def test_every_law_that_is_offered_is_among_those_exported_here() -> None:
+    kinds = [getattr(control, name) for name in control.__all__]
+    offered = {kind for kind in kinds if isinstance(kind, type) and issubclass(kind, Controller | AdaptationLaw)}
+    found: set[type] = set()
+    for law in map(law_named, ALL):
+        innermost: Any = Interface(law).innermost
+        adaptation = getattr(innermost, "adaptation_law", None)
+        found |= {type(law), type(innermost), type(adaptation), type(getattr(adaptation, "of", None))}
+    assert offered - found == {Controller, control.AdaptiveController, AdaptationLaw}
+
+
 @pytest.mark.parametrize("name", ALL)
 def test_the_text_of_the_law_does_what_python_does(name: str) -> None:
     interface = Interface(law_named(name))
+    rows, _ = record(interface, default_reference(interface), ticks=4)
+    require_alike(interface, [(row.p, row.v, row.reference) for row in rows])
+
+
+@pytest.mark.parametrize("name", ["guarded", "guarded lift", "guarded loop"])
+def test_a_law_that_is_stopped_has_its_memory_put_back(name: str) -> None:
+    interface = Interface(law_named(name))
+    rows, _ = record(interface, default_reference(interface), ticks=4)
+    ticks = [(row.p, row.v + (100.0 if k == 2 else 0.0), row.reference) for k, row in enumerate(rows)]
+    final = require_alike(interface, ticks)
+    assert final.marks.stopped == 1.0
+    text = CPackage(interface, "a", "double").functions
+    assert re.search(r"memcpy\(&next->of_estimate\[0\], &memory->of_estimate\[0\], \d+u \* sizeof\(a_real\)\);", text)
+    assert not re.search(r"\? memory->of_estimate", text)
+
+
+def require_alike(interface: Interface, ticks: list[tuple[Array, Array, ReferencePoint]]) -> Any:
+    """Require the text of a law to do what Python does with ticks of p, v and reference; Python's state after them."""
     package = CPackage(interface, "a", "double")
     law = functions_of(package.functions, "a")["a_law"]
-    rows, _ = record(interface, default_reference(interface), ticks=4)
-    state = interface.controller.init(rows[0].p, np.zeros(interface.controller.dof))
+    state = interface.controller.init(ticks[0][0], np.zeros(interface.controller.dof))
     gains = lists(interface.all_gains, [field.values for field in interface.all_gains])
-    for row in rows:
+    for p, v, point in ticks:
         blank = lists(interface.memory, [np.full_like(field.values, np.nan) for field in interface.memory])
-        reference = SimpleNamespace(**{part: getattr(row.reference, part).tolist() for part in "pva"})
+        reference = SimpleNamespace(**{part: getattr(point, part).tolist() for part in "pva"})
         torque = [np.nan] * interface.controller.dof
-        law(lists(interface.memory, leaves(state)), gains, row.p.tolist(), row.v.tolist(), reference, blank, torque)
-        expected, state = interface.controller.step(state, row.p, row.v, row.reference)
+        law(lists(interface.memory, leaves(state)), gains, p.tolist(), v.tolist(), reference, blank, torque)
+        expected, state = interface.controller.step(state, p, v, point)
         pairs = [
             (torque, expected),
             *((getattr(blank, f.name), x) for f, x in zip(interface.memory, leaves(state), strict=True)),
@@ -61,6 +91,7 @@ def test_the_text_of_the_law_does_what_python_does(name: str) -> None:
         for made, wanted in pairs:
             scale = max(1.0, float(np.abs(wanted).max(initial=0.0)))
             np.testing.assert_allclose(made, wanted, rtol=0, atol=1e-10 * scale)
+    return state
 
 
 @pytest.mark.parametrize("name", ["composite", "loop", "loop composite", "loop tool"])
@@ -166,6 +197,13 @@ def test_gains_are_arguments_of_the_code_and_change_nothing_else(tmp_path: Path)
     assert one.functions == two.functions
     assert one.hash == two.hash
     assert {field.name for field in one.interface.gains} == {"bandwidth", "damping", "adaptation_gain"}
+
+
+def test_careless_arithmetic_is_refused_by_the_compilers_that_are_here(tmp_path: Path) -> None:
+    done = exported(tmp_path, LAWS["guarded"])
+    for macro in ("__FAST_MATH__", "__FINITE_MATH_ONLY__", "__ASSOCIATIVE_MATH__", "FLT_EVAL_METHOD != 0"):
+        assert macro in (done.directory / "a.c").read_text()
+    assert list(Package(done.directory, "a", 3).accepted()) == []
 
 
 def test_vectors_are_what_python_made(tmp_path: Path) -> None:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
+import subprocess
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from exported_laws import LAWS, law_named
+from every_law import LAWS, guarded, law_named, slotine_li
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from wasm_machine import Machine
@@ -111,6 +113,25 @@ def test_a_package_holds_the_module_twice_and_is_the_same_each_time(tmp_path: Pa
     facts = json.loads(script.split("const facts = ", 1)[1].split(";\n", 1)[0])
     assert facts["joints"] == law.dof
     assert facts["gain"][: law.dof] == [50.0] * law.dof
+
+
+def test_the_brake_keeps_to_the_torque_limits(tmp_path: Path) -> None:
+    """The script itself, where node is here: a state that never began is braked."""
+    law = guarded(slotine_li(), torque=40.0, stop_damping=[2.0, 3.0, 4.0])
+    done = adaptctl.export(law, tmp_path / "out", name="arm", language="wasm")
+    script = (done.directory / "arm.js").read_text()
+    facts = json.loads(script.split("const facts = ", 1)[1].split(";\n", 1)[0])
+    assert facts["limit"] == [40.0] * 3
+    assert facts["brake"] == [2.0, 3.0, 4.0]
+    ask = """
+        const { Controller } = require(process.argv[1]), zero = [0, 0, 0];
+        const braked = (v) => new Controller().step(zero, v, { p: zero, v: zero, a: zero }).torque;
+        console.log(JSON.stringify([[1, -2, 3], [50, -50, 1e300], [NaN, Infinity, 0]].map(braked)));
+    """
+    for node in filter(None, [shutil.which("node")]):
+        command = [node, "-e", ask, str(done.directory / "arm.js")]
+        said = json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
+        assert said == [[-2.0, 6.0, -12.0], [-40.0, 40.0, -40.0], [0.0, 0.0, 0.0]]
 
 
 def test_single_precision_is_refused(tmp_path: Path) -> None:

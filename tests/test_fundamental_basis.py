@@ -4,23 +4,26 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio
 import pytest
+import scipy.spatial.transform
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_trees import random_chain, random_inertia, random_tree
 from robot_files import urdf
 
 from adaptctl.arrays import Array
-from adaptctl.description import with_floating_base
+from adaptctl.description import Pose, with_floating_base
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import FileError, InputError, NonFiniteError, RankError
 from adaptctl.identifiability import EssentialSpace, FundamentalBasis, Priority, essential_space, fundamental_basis
+from adaptctl.identifiability.basis_check import require_energies
 from adaptctl.identifiability.regrouping_equations import regrouping_equations
 from adaptctl.identifiability.selection import removable
 
@@ -288,3 +291,20 @@ def test_wrong_shapes(basis: FundamentalBasis) -> None:
         basis.fundamental_parameters(np.where(np.arange(60) == 3, np.nan, 1.0))
     many: Array = basis.fundamental_parameters(np.ones((2, 3, 60)))
     assert many.shape == (2, 3, 36)
+
+
+def test_round_off_in_the_energies_of_a_turned_world_is_no_damage(puma: Mechanism) -> None:
+    """Joint 1 along a gravity that no axis is along: the energy of link 1's mass is constant but for round-off."""
+    turn = Pose(scipy.spatial.transform.Rotation.from_rotvec([0.3, -0.5, 0.7]).as_matrix(), np.zeros(3))
+    first, *rest = puma.description.links
+    links = (replace(first, near=turn @ first.near), *rest)
+    turned = Mechanism(replace(puma.description, links=links, gravity=turn.rotation @ puma.description.gravity))
+    found = fundamental_basis(essential_space(turned))
+    require_energies(turned, found)
+    others = found.regrouping.copy()
+    others[:, list(found.columns)] = 0.0
+    row, column = np.argwhere(others)[0]
+    damaged = found.regrouping.copy()
+    damaged[row, column] += 0.1
+    with pytest.raises(InputError, match="is wrong or damaged"):
+        require_energies(turned, replace(found, regrouping=damaged))

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from figures import require
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_trees import random_chain
+from scipy.linalg import tanhm
 from scipy.optimize import differential_evolution
 
 from adaptctl.arrays import Array
@@ -161,3 +164,19 @@ def test_loops_are_searched_where_they_close() -> None:
     arm = load("semi_direct_drive")
     found = hold_number(arm, 60.0, 1e-3)
     assert found.value >= float(hold_numbers(arm, everywhere(arm).samples, 60.0, 1e-3).max())
+
+
+def test_friction_in_joints_that_move_each_other_weighs_as_the_exact_hold_has_it() -> None:
+    """A held torque moves M (X/2) coth(X/2), X = T_c M^-1 B, where viscous friction B acts beside it."""
+    period, viscous = 0.05, np.array([90.0, 40.0, 90.0, 10.0, 8.0, 9.0])
+    arm = load("puma560_geared").with_drives(
+        [replace(link.joint.drive, viscous=b) for link, b in zip(load("puma560_geared").links, viscous, strict=True)]
+    )
+    K, p = np.full(6, 20.0), np.array([0.3, -0.9, 1.2, 0.4, 0.8, -0.5])
+    M = arm.mass_matrix(p)
+    half = 0.5 * period * np.linalg.solve(M, np.diag(viscous))
+    carrying = M @ half @ np.linalg.inv(tanhm(half))
+    expected = period * np.linalg.eigvals(np.linalg.solve(carrying, np.diag(K))).real.max()
+    assert expected < 0.95 * period * np.linalg.eigvals(np.linalg.solve(M, np.diag(K))).real.max()
+    assert hold_numbers(arm, p, K, period) == pytest.approx(expected, rel=1e-9)
+    assert hold_numbers(arm, np.stack([-p, p]), K, period)[1] == pytest.approx(expected, rel=1e-9)

@@ -13,8 +13,10 @@ from adaptctl.arrays import Array
 from adaptctl.description import GROUND, Pose
 from adaptctl.description.pose import rotation_about
 from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.recursion.jacobian import MovingPoint, moving_point
 from adaptctl.dynamics.recursion.kinematics import joint_axes, link_poses
 from adaptctl.errors import InputError, NonFiniteError
+from adaptctl.scalars import Vec, column
 
 
 def pinocchio_model(mechanism: Mechanism) -> pinocchio.Model:
@@ -67,6 +69,22 @@ def test_moving_one_joint_turns_or_shifts_its_link_about_its_axis(seed: int, lin
     else:
         np.testing.assert_allclose(after.rotations[i], before.rotations[i], atol=1e-13)
         np.testing.assert_allclose(after.translations[i], origin + angle * axis, atol=1e-13)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 7))
+def test_a_points_jacobian_is_the_rate_of_its_position(seed: int, links: int) -> None:
+    rng, tree = np.random.default_rng(seed), random_tree(seed, links)
+    q, rates, link, offset = *rng.uniform(-2, 2, (2, links)), int(rng.integers(links)), rng.uniform(-1, 1, 3)
+
+    def point(q: Array) -> MovingPoint:
+        return moving_point(tree.equations.links, column(q), link, Vec(*offset.tolist()))
+
+    poses, h = link_poses(tree, q), 1e-5
+    expected = poses.rotations[link] @ offset + poses.translations[link]
+    np.testing.assert_allclose([*point(q).position], expected, atol=1e-13)
+    ahead, behind = (np.array([*point(q + sign * h * rates).position]) for sign in (1.0, -1.0))
+    np.testing.assert_allclose([*point(q).velocity(column(rates))], (ahead - behind) / (2.0 * h), atol=1e-7)
 
 
 def test_heights_are_the_energy_regressors() -> None:

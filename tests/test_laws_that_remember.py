@@ -298,3 +298,8 @@ def test_a_halted_reference_comes_to_rest_with_its_own_derivatives() -> None:
     np.testing.assert_array_equal(point.p[before], swinging(arm(SMALL))(t[before]).p)
     assert np.abs(point.v[t > 1.5]).max() == 0.0
     assert np.abs(point.a[t > 1.5]).max() == 0.0
+
+
+@pytest.mark.parametrize("samples", [1, 64])
+def test_the_shortest_and_the_longest_stack_are_accepted(samples: int) -> None:
+    assert ConcurrentLearning(ONES, samples=samples).samples == samples

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import signal
 import socket
+import subprocess
+import sys
 import time
 import warnings
 from pathlib import Path
@@ -16,7 +18,7 @@ from rerun.chunk import RrdReader
 
 import adaptctl
 from adaptctl.envs import LiveView
-from adaptctl.errors import InputError, LiveViewWarning
+from adaptctl.errors import InputError, LiveViewWarning, MissingExtraError
 from adaptctl.experiments.contest import Contender, contest
 from adaptctl.recording.live import reachable, streaming
 
@@ -116,3 +118,49 @@ def test_experiments_stream_while_they_run(arm: adaptctl.Mechanism, tmp_path: Pa
 def test_a_rate_is_a_positive_number(arm: adaptctl.Mechanism, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="rate: expected a positive number"):
         adaptctl.Live(arm, str(tmp_path / "live.rrd"), rate=0.0)
+
+
+INLINE = """
+import sys, time
+import adaptctl
+arm = adaptctl.load("docs/examples/two_link.toml")
+live = adaptctl.Live(arm, f"127.0.0.1:{sys.argv[1]}", inline=True)
+for k in range(200):
+    live.show(0.01 * k, [1.0, 0.0], [0.0, 0.0], [0.0, 0.0])
+live.close()
+print(live.url, live.sent + live.dropped, flush=True)
+sys.stdin.readline()
+"""
+
+
+def test_a_notebooks_server_is_this_computers_alone_and_ends_with_python(tmp_path: Path) -> None:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    run = [sys.executable, "-c", INLINE, str(port)]
+    with subprocess.Popen(run, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as notebook:
+        assert notebook.stdout is not None
+        assert notebook.stdin is not None
+        assert notebook.stdout.readline() == f"rerun+http://127.0.0.1:{port}/proxy 200\n"
+        listening = [line.split()[1] for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
+        assert f"0100007F:{port:04X}" in listening
+        assert f"00000000:{port:04X}" not in listening
+        assert socket.create_connection(("127.0.0.1", port), 5.0).close() is None
+        notebook.stdin.write("\n")
+    deadline = time.monotonic() + 20.0
+    while reachable_quietly(port) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert not reachable_quietly(port)
+
+
+def reachable_quietly(port: int) -> bool:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LiveViewWarning)
+        return reachable(f"127.0.0.1:{port}") is not None
+
+
+def test_what_notebooks_need_is_named(arm: adaptctl.Mechanism, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with adaptctl.Live(arm, str(tmp_path / "live.rrd")) as live:
+        monkeypatch.setitem(sys.modules, "rerun_notebook", None)
+        with pytest.raises(MissingExtraError, match="notebooks need rerun-notebook: pip install rerun-notebook"):
+            live.viewer()

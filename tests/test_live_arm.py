@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import importlib
 import json
 import re
 from pathlib import Path
@@ -10,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from comparisons import comparison
-from exported_laws import ARM, GAIN, law_named, slotine_li
+from every_law import ARM, GAIN, law_named, slotine_li
 from wasm_machine import Machine
 
 import adaptctl
@@ -110,3 +112,20 @@ def test_export_check_needs_a_compiler(monkeypatch: pytest.MonkeyPatch, tmp_path
     if not found_compilers():
         with pytest.raises(InputError, match="no compiler is found; install one of: cc, clang, tcc, zig cc"):
             ExportCheck().run(lambda _what, _share: None)
+
+
+def test_the_home_page_holds_a_learning_arm_and_fetches_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    docs = Path(__file__).parent.parent / "docs"
+    monkeypatch.syspath_prepend(docs / "extensions")
+    section = importlib.import_module("live_arm").live_section()
+    assert "{live-arm}" in (docs / "index.md").read_text()
+    facts = json.loads(section.split("const facts = ", 1)[1].split(";\n", 1)[0])
+    machine = Machine(base64.b64decode(section.split('atob("', 1)[1].split('"', 1)[0]))
+    places = {"parameters": facts["parameter"], "gains": facts["gain"]}
+    for at, values in [*zip(facts["state"], facts["start"], strict=True), *((facts[k], x) for k, x in places.items())]:
+        machine.write(8 * at, values)
+    machine.call(machine.exports["period"])
+    assert np.abs(machine.read(8 * facts["torque"], 6)).max() > 1.0
+    for what in ('role="status"', "aria-pressed", "aria-label", "<noscript>"):
+        assert what in section
+    assert "http" not in section

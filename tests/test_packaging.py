@@ -30,6 +30,9 @@ from adaptctl.recording.summary import summary
 from adaptctl.recording.trace import quantities
 
 ROOT = Path(__file__).resolve().parent.parent
+UNPACKED = (ROOT / "PKG-INFO").is_file()
+"""Whether this is a source distribution, in which folders stand where links do in a checkout."""
+FOLDERS = ("adaptctl",) if UNPACKED else ("adaptctl", "envs", "experiments")
 DOCUMENTS = sorted(
     [*ROOT.glob("*.md"), *ROOT.glob("*.cff"), *(p for p in ROOT.glob("docs/**/*.*") if "_build" not in p.parts)]
 )
@@ -105,6 +108,9 @@ def test_the_lock_has_every_dependency() -> None:
 def test_folders_beside_the_package_are_part_of_it() -> None:
     for name in ("envs", "experiments"):
         link = ROOT / "adaptctl" / name
+        if UNPACKED:
+            assert (link / "__init__.py").is_file()
+            continue
         assert link.is_symlink()
         assert link.readlink() == Path("..") / name
         assert link.resolve() == ROOT / name
@@ -122,6 +128,15 @@ def test_make_targets_that_are_named_exist(page: Path) -> None:
 def test_continuous_integration_makes_targets_that_exist() -> None:
     named = re.findall(r"^make (\w+)$", (ROOT / ".ci" / "run").read_text(encoding="utf-8"), re.MULTILINE)
     assert {"test", "lint", "types", "docs"} == set(named) <= targets()
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / ".github" / "workflows").glob("*.yml")), ids=name_of)
+def test_workflows_make_targets_that_exist(path: Path) -> None:
+    jobs = yaml.safe_load(path.read_text(encoding="utf-8"))["jobs"]
+    runs = [step["run"] for job in jobs.values() for step in job["steps"] if "run" in step]
+    named = [word for run in runs for word in re.findall(r"\bmake ([a-z-]+)", run)]
+    assert named
+    assert set(named) <= targets()
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
@@ -191,7 +206,7 @@ def test_the_columns_of_a_trace_are_documented() -> None:
 
 
 def test_a_wheel_holds_the_package_as_real_files_and_nothing_else(tmp_path: Path) -> None:
-    for name in ("adaptctl", "envs", "experiments"):
+    for name in FOLDERS:
         shutil.copytree(ROOT / name, tmp_path / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, tmp_path)
@@ -200,7 +215,7 @@ def test_a_wheel_holds_the_package_as_real_files_and_nothing_else(tmp_path: Path
     (wheel,) = (tmp_path / "built").glob("*.whl")
     with zipfile.ZipFile(wheel) as archive:
         held = {name for name in archive.namelist() if ".dist-info/" not in name}
-    folders = (ROOT / "adaptctl", ROOT / "envs", ROOT / "experiments")
+    folders = [ROOT / name for name in FOLDERS]
     files = [path for folder in folders for path in folder.rglob("*.*") if path.suffix in PACKED]
     names = {path.relative_to(ROOT).as_posix().removeprefix("adaptctl/") for path in files}
     assert held == {f"adaptctl/{name}" for name in names}

@@ -24,8 +24,10 @@ from adaptctl.dynamics.recursion.kinematics import joint_axes, link_poses
 from adaptctl.errors import InputError
 from adaptctl.recording import Comparison, write_artifacts
 from adaptctl.recording import shown as result_of
+from adaptctl.recording.blueprint import _room
 from adaptctl.recording.scene import log_base
 from adaptctl.recording.skeleton import Solid, skeleton
+from adaptctl.recording.views import LONG, SHORT
 from adaptctl.recording.wording import INCOMPLETE, facts, final_error, number, outcome, outcome_words
 
 FILES = {"recording.rrd", "summary.json", "trace.parquet", "report.html"}
@@ -360,3 +362,7 @@ def test_skeleton_leads_from_joint_to_joint(robot: str) -> None:
         if link.parent >= 0 and np.linalg.norm(link.near.translation) > 1e-6:
             gaps = [np.linalg.norm(axes.positions[i] - end) for end in reached[link.parent]]
             assert min(gaps) < 1e-9
+
+
+def test_legends_of_long_names_have_more_room() -> None:
+    assert _room(("joint1", "joint2")) == SHORT < _room(("joint1", "right_ankle_roll_joint")) == LONG

@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 import pytest
 from comparisons import comparison
+from every_law import ARM, GAIN, LAWS, MODEL, slotine_li
 from synthetic_logs import known
-from test_tunable import ARM, GAIN, LAWS, MODEL, POINT, slotine_li, ticks
+from test_tunable import POINT, ticks
 
 from adaptctl import codegen, control, envs, identifiability, recording, simulation
 from adaptctl.description import Coupling
@@ -165,6 +166,9 @@ def of_environments() -> Any:
     reference = control.Sinusoids(REST, 0.2 + REST, 0.3 + REST, REST)
     made: list[Any] = [envs.TrackingEnv(ARM, reference), envs.VectorTrackingEnv(2, robot=ARM, reference=reference)]
     made += [envs.ResidualEnv(made[0], slotine_li(GAIN)), envs.MuJoCoTrackingEnv()]
+    made += [envs.ResidualVectorEnv(made[1], slotine_li(GAIN)), envs.LearningEnv(made[0])]
+    moved = slotine_li(GAIN), ["damping"]
+    made += [envs.TuningEnv(made[0], *moved), envs.LearningVectorEnv(envs.TuningVectorEnv(made[1], *moved))]
     made += [envs.Puma560TrackingEnv(), envs.SemiDirectDriveTrackingEnv()]
     made += [envs.Puma560VectorTrackingEnv(num_envs=2), envs.SemiDirectDriveVectorTrackingEnv(num_envs=2)]
     for one in made:

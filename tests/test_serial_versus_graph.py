@@ -129,6 +129,8 @@ def test_both_start_equally_far_off_the_path(out: Path) -> None:
 
 def test_the_report_says_why_not_16_and_the_recording_is_there(out: Path) -> None:
     page = (out / "report.html").read_text()
+    assert page.count("There is no live arm of") == 2
+    assert "its reference is no sum of sinusoids, but a" in page
     assert "the paper prints 16" in page
     assert {path.stem for path in (out / "figures").iterdir()} == {"operations", "tip-path", "tip-error", "lyapunov"}
     assert (out / "recording.rrd").stat().st_size > 100_000

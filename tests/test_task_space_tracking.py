@@ -8,6 +8,8 @@ import pytest
 
 from adaptctl.errors import InputError
 from adaptctl.experiments.task_space import TaskSpaceTracking
+from adaptctl.recording.overview import summary_markdown
+from adaptctl.recording.wording import facts
 
 pytestmark = pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
 
@@ -32,6 +34,19 @@ def test_the_tools_errors_are_drawn(compared: Any) -> None:
     (drawing,) = compared.more_drawings
     (axes,) = drawing.draw().axes
     assert [line.get_label() for line in axes.lines] == [run.label for run in compared.runs]
+
+
+def test_what_it_is_about_comes_first(compared: Any) -> None:
+    (about, told), (whose, _) = list(facts(compared))[:2]
+    found = {finding.name: finding.value for finding in compared.findings}
+    assert about == "Distance of the tool from its path"
+    assert float(told.split(" mm")[0]) == pytest.approx(found["final_tool_error.task-space"], rel=1e-2)
+    assert whose == "Joints' RMS error, first second"
+    text = summary_markdown(compared)
+    (head,) = [line for line in text.splitlines() if line.startswith("| controller")]
+    (row,) = [line for line in text.splitlines() if line.startswith("| Task space, gradient")]
+    assert head.count("|") == row.count("|") == 7
+    assert row.split(" | ")[2] in told
 
 
 @pytest.mark.parametrize(

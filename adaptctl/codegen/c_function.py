@@ -59,6 +59,11 @@ class CStatements:
         """A number to its place."""
         self.lines.append(f"{place} = {self.operand(value)};")
 
+    def copy_where(self, condition: Expression, runs: Iterable[tuple[str, str, int]]) -> None:
+        """Numbers side by side, so many each, to one place from another, where a condition holds."""
+        copies = [f"    (void)memcpy(&{to}, &{of}, {n}u * sizeof({self._prefix}_real));" for to, of, n in runs]
+        self.lines += [f"if ({self.operand(condition)}) {{", *copies, "}"]
+
     def operand(self, x: Expression | float) -> str:
         """The text of a number."""
         if not isinstance(x, Expression):

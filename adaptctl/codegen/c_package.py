@@ -16,13 +16,12 @@ from adaptctl.codegen.c_number import CNumber, Kind
 from adaptctl.codegen.c_program import CProgram, Signature, helpers
 from adaptctl.codegen.c_sine import sine_source
 from adaptctl.codegen.gain_rules import GainRule, gain_rules
-from adaptctl.codegen.interface import Field, Interface
+from adaptctl.codegen.interface import GIVEN, Field, Interface
 from adaptctl.codegen.loop_precision import OPEN
 from adaptctl.codegen.recorded import RecordedTick
 from adaptctl.codegen.starting import start_of
 from adaptctl.codegen.statuses import status_bits
 from adaptctl.compilation.graph import Op
-from adaptctl.control import Guarded
 from adaptctl.dynamics.loops.continuation import LOST
 from adaptctl.version import __version__
 
@@ -102,7 +101,6 @@ class CPackage:
         """Variables of all templates, by name."""
         interface, law = self.interface, self.interface.controller
         fields, marks = interface.memory, interface.marks
-        guard = law if isinstance(law, Guarded) else None
         return {
             "name": self.name,
             "P": self.name.upper(),
@@ -128,9 +126,8 @@ class CPackage:
             "gains": interface.gains,
             "estimate": interface.estimate,
             "guarded": interface.guarded,
-            "brake": Field("brake", _per_joint(guard.stop_damping, law.dof)) if guard else None,
-            "brake_limit": Field("limit", _finite(_per_joint(guard.torque_limits, law.dof))) if guard else None,
-            "brake_text": "the guards' braking" if guard else "zero",
+            "brake": interface.brake and [Field(name, x) for name, x in interface.brake._asdict().items()],
+            "brake_text": "the guards' braking" if interface.brake else "zero",
             "marks": list(map(_Mark, (f.name for f in fields[len(fields) - len(marks) :]), map(str.upper, marks))),
             "configurations": [fields[k] for k in self.start.configurations],
             "computed": [fields[k] for k in self.start.computed],
@@ -184,7 +181,10 @@ class CPackage:
         def place(part: int, k: int) -> str:
             return f"torque[{k}]" if part == 0 else f"next->{fields[part - 1].place(k)}"
 
-        return Signature(f"{name}_law", parameters, given, place)
+        def before(part: int, k: int) -> tuple[int, int] | None:
+            return (part + len(GIVEN) - 1, k) if part else None
+
+        return Signature(f"{name}_law", parameters, given, place, before)
 
     def _vector_signature(self, what: str, given: Sequence[str], results: int) -> Signature:
         """A function of arrays."""
@@ -264,11 +264,3 @@ def _comment(label: str) -> str:
 def _gain_places(fields: Iterable[Field]) -> list[str]:
     """The text of each number of the law's column of gains."""
     return [field.place(k) for field in fields for k in range(field.size)]
-
-
-def _per_joint(values: Any, dof: int) -> Array:
-    return np.broadcast_to(np.asarray(values, dtype=np.float64), (dof,)).copy()
-
-
-def _finite(values: Array) -> Array:
-    return np.minimum(values, float(np.finfo(np.float64).max))

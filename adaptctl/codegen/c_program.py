@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import groupby
 
 from adaptctl.codegen.c_function import CStatements, Given, most_alive
 from adaptctl.codegen.c_number import CNumber
+from adaptctl.codegen.put_back import Before, PutBack
 from adaptctl.compilation.graph import Expression, Op
 from adaptctl.compilation.layout import numbered
 from adaptctl.compilation.pieces import Piece, pieces
@@ -20,6 +22,10 @@ Place = Callable[[int, int], str]
 """Text of where a result's number goes."""
 
 
+def _nothing(_part: int, _k: int) -> None:
+    """No result takes an argument's place."""
+
+
 @dataclass(frozen=True)
 class Signature:
     """Signature of a routine's function: its name, its parameters, and the texts of its numbers within it."""
@@ -28,6 +34,7 @@ class Signature:
     parameters: tuple[str, ...]
     given: Given
     place: Place
+    before: Before = _nothing
 
     @property
     def arguments(self) -> tuple[str, ...]:
@@ -93,21 +100,26 @@ class CProgram:
         return "\n".join([*(text for text, _ in made), whole]), stack
 
     def _piece(self, routine: Routine, piece: Piece, signature: Signature) -> tuple[str, int]:
-        code = CStatements(self.prefix, self.number, piece, self._symbols, signature.given)
-        wanted: dict[int, list[str]] = {i: [f"passed[{place}]"] for i, place in piece.kept.items()}
+        places = {i: [f"passed[{place}]"] for i, place in piece.kept.items()}
         first = any(x is routine.body[0] for x in piece.expressions) if routine.body else True
+        put_back = PutBack(routine, piece, signature.before)
+        own = set(put_back.piece.expressions)
+        code = CStatements(self.prefix, self.number, put_back.piece, self._symbols, signature.given)
         for (part, k), value in zip(numbered(routine.layout.sizes), routine.outputs, strict=True):
-            if isinstance(value, Expression):
-                wanted.setdefault(value.index, []).append(signature.place(part, k))
-            elif first:
-                code.store(signature.place(part, k), value)
-        for x in piece.expressions:
-            places = wanted.get(x.index, ())
-            code.compute(x, named=bool(places))
-            for place in places:
+            stored, place = put_back.stored(value), signature.place(part, k)
+            if isinstance(stored, Expression) and (stored is value or stored in own):
+                places.setdefault(stored.index, []).append(place)
+            elif first or stored is not value:
+                code.store(place, stored)
+        for x in put_back.piece.expressions:
+            wanted = places.get(x.index, ())
+            code.compute(x, named=bool(wanted) or x in put_back.conditions)
+            for place in wanted:
                 code.store(place, x)
+        for condition, back in put_back.conditions.items():
+            code.copy_where(condition, _runs(back, signature))
         used = set(re.findall(r"(?<![\w>.])[a-z]\w*", "\n".join(code.lines)))
-        alive = most_alive(piece.expressions, routine.outputs) + code.arrays
+        alive = most_alive(put_back.piece.expressions, map(put_back.stored, routine.outputs)) + code.arrays
         called = max((self._stacks[x.detail] for x in piece.expressions if x.op is Op.CALL), default=0)
         return _function(signature, code.lines, used), alive * self.number.size + called + RETURN_ADDRESSES
 
@@ -129,6 +141,14 @@ def _function(signature: Signature, lines: list[str], used: set[str]) -> str:
     unused = [f"(void){name};" for name in signature.arguments if name not in used]
     body = "".join(f"    {line}\n" for line in (*unused, *lines))
     return f"static void {signature.name}({', '.join(signature.parameters)})\n{{\n{body}}}\n"
+
+
+def _runs(back: list[tuple[tuple[int, int], tuple[int, int]]], signature: Signature) -> Iterator[tuple[str, str, int]]:
+    """Numbers side by side: where they go, where they come from, and how many they are."""
+    for _, run in groupby(enumerate(back), lambda pair: (pair[1][0][0], pair[1][0][1] - pair[0])):
+        pairs = [pair for _, pair in run]
+        to, of = pairs[0]
+        yield signature.place(*to), signature.given(*of), len(pairs)
 
 
 def _callees(routine: Routine) -> list[Routine]:

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.codegen.interface import Field
-from adaptctl.control import Controller
+from adaptctl.control import Controller, Guarded, SlotineLi, Workspace, hold_number
 from adaptctl.errors import AdaptctlError, GainError
 
 LARGEST_FACTOR = 1e4
 """A gain that may be this many times as large is taken to have no bound."""
 HALVINGS = 6
+BACK = 0.9
+"""What is left of a bound that one position allows and another does not."""
 
 
 @dataclass(frozen=True)
@@ -71,11 +73,33 @@ def _carried(controller: Controller[Any], name: str, values: Array) -> bool:
 
 
 def _most(controller: Controller[Any], name: str, values: Array) -> Array | None:
-    """The greatest gains that the period carries, all as many times as large; None where it does not ask."""
-    if not np.isfinite(values).all() or _carried(controller, name, LARGEST_FACTOR * values):
+    """The greatest gains that the period carries, all as many times as large; None where it does not ask.
+
+    Looked for where the arm carries least of its own damping, which takes a moment, and then tried everywhere.
+    """
+    narrow = _at_its_worst(controller)
+    if not np.isfinite(values).all():
         return None
     low, high = 1.0, LARGEST_FACTOR
+    if _carried(narrow, name, high * values):
+        if _carried(controller, name, high * values):
+            return None
+        narrow = controller
     for _ in range(HALVINGS):
         middle = float(np.sqrt(low * high))
-        low, high = (middle, high) if _carried(controller, name, middle * values) else (low, middle)
+        low, high = (middle, high) if _carried(narrow, name, middle * values) else (low, middle)
+    while low > 1.0 and not _carried(controller, name, low * values):
+        low = max(BACK * low, 1.0)
     return np.asarray(low * values)
+
+
+def _at_its_worst(controller: Controller[Any]) -> Controller[Any]:
+    """The same controller with a workspace of one position: where its damping makes the greatest hold number."""
+    if isinstance(controller, Guarded):
+        return replace(controller, of=_at_its_worst(controller.of))
+    if not isinstance(controller, SlotineLi):
+        return controller
+    mechanism = controller.model.mechanism
+    found = hold_number(mechanism, controller.damping, controller.period, workspace=controller.workspace)
+    p = found.p[None]
+    return replace(controller, workspace=Workspace(mechanism, p, p, p))

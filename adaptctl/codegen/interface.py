@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, per_joint
 from adaptctl.caching import cached_property
 from adaptctl.compilation.graph import Op
 from adaptctl.compilation.routine import Routine, trace
@@ -52,6 +52,15 @@ class Field:
         return self.labels[k % len(self.labels)] if self.labels else ""
 
 
+class Brake(NamedTuple):
+    """The brake that guards put in place of a law without a torque: -damping v, within limits."""
+
+    damping: Array
+    """(r,) N m s/rad"""
+    limit: Array
+    """(r,) N m, finite"""
+
+
 @dataclass(frozen=True, eq=False)
 class Interface:
     """A controller as code sees it."""
@@ -77,6 +86,15 @@ class Interface:
     def guarded(self) -> bool:
         """True if guards stand before the motors."""
         return isinstance(self.controller, Guarded)
+
+    @cached_property
+    def brake(self) -> Brake | None:
+        """The guards' brake; nothing without guards."""
+        law = self.controller
+        if not isinstance(law, Guarded):
+            return None
+        damping, limit = (per_joint(np.asarray(x), law.dof, "brake") for x in (law.stop_damping, law.torque_limits))
+        return Brake(damping, np.minimum(limit, np.finfo(np.float64).max))
 
     @cached_property
     def model(self) -> ReducedModel | None:

@@ -10,7 +10,7 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.codegen.c_number import Kind
 from adaptctl.codegen.c_package import filled, title
-from adaptctl.codegen.interface import Interface
+from adaptctl.codegen.interface import Brake, Interface
 from adaptctl.codegen.starting import start_of
 from adaptctl.codegen.statuses import FAULTS, status_bits
 from adaptctl.codegen.wasm_module import WasmModule
@@ -30,7 +30,8 @@ def wasm_files(interface: Interface, name: str, scalar: Kind) -> tuple[dict[str,
         more |= {"closed": start.walk.step, "regular": start.walk.regular}
     places = {key: module.export(key, routine) for key, routine in more.items() if routine is not None}
     binary, walk, bits = module.binary(), start.walk, status_bits(interface)[len(FAULTS) :]
-    brake = np.asarray(getattr(interface.controller, "stop_damping", 0.0), dtype=np.float64)
+    rest = np.zeros(interface.controller.dof)
+    brake = interface.brake or Brake(rest, rest)
     facts = {
         "joints": interface.controller.dof,
         "reference": interface.controller.reference_size,
@@ -52,7 +53,8 @@ def wasm_files(interface: Interface, name: str, scalar: Kind) -> tuple[dict[str,
         "estimate": interface.memory.index(interface.estimate) if interface.estimate else None,
         "marks": [[k, bit.value] for k, bit in enumerate(bits, start=len(interface.memory) - len(bits))],
         "guarded": interface.guarded,
-        "brake": _plain(np.broadcast_to(brake, interface.controller.dof)),
+        "brake": _plain(brake.damping),
+        "limit": _plain(brake.limit),
     }
     text = base64.b64encode(binary).decode("ascii")
     script = filled("controller.js", name=name, title=title(interface), version=__version__, facts=facts, binary=text)

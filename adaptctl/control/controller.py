@@ -125,6 +125,12 @@ class Controller(Tunable, ABC, Generic[Memory]):
         """
         return self._step_one(state, p, v, reference)
 
+    def step_tuned(
+        self, gains: Array, state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint
+    ) -> tuple[Array, Memory]:
+        """`step` for many arms (N, r) that have gains (N, g) of their own: rows as `packed` is, not checked."""
+        return self._step_many(state, p, v, reference, gains)
+
     def compile(self, many: bool = False) -> Self:
         """The controller itself, compiled now instead of at its first step, for one arm or for `many`."""
         _ = self._many if many else self._step_one
@@ -213,12 +219,13 @@ class Controller(Tunable, ABC, Generic[Memory]):
     def _many(self) -> ManyArms:
         return _many(self.structure)
 
-    def _step_many(self, state: Memory, *given: Any) -> tuple[Array, Memory]:
+    def _step_many(
+        self, state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint, gains: Array | None = None
+    ) -> tuple[Array, Memory]:
         """A tick of arms (...) that each have their own memory."""
-        p, v, reference = given
         arms = np.shape(p)[:-1]
         columns = _columns((p, v, *reference), self._given_sizes, arms)
-        columns |= dict.fromkeys(self.gain_sizes, self.packed)
+        columns |= dict.fromkeys(self.gain_sizes, self.packed if gains is None else gains)
         torque, (memory,) = self._many.step(prod(arms), columns, {MEMORY: self._rows(state, arms)})
         for what, made in (("torque", torque), ("state", memory)):
             if not np.isfinite(made).all():

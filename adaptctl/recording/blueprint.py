@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import rerun.blueprint as rrb
@@ -9,6 +10,9 @@ import rerun.blueprint as rrb
 from adaptctl.recording import views
 from adaptctl.recording.scene import WORLD
 from adaptctl.recording.viewpoint import Viewpoint
+
+LONGEST = 12
+"""characters of a short name in a legend"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +62,7 @@ def _overview(shown: ScreenContents) -> rrb.Container:
     curves.append(_lyapunov(shown) if shown.lyapunov else _energy(shown))
     curves += [
         _torque_share(shown),
-        views.curves("/estimate/most_learnt", f"Estimates that moved most · {shown.truth}", shown.end),
+        views.curves("/estimate/most_learnt", f"Estimates that moved most · {shown.truth}", shown.end, room=views.LONG),
     ]
     right = rrb.Grid(*curves, _spectrum(), grid_columns=2)
     return rrb.Horizontal(left, right, column_shares=[5, 7], name="Overview")
@@ -113,6 +117,7 @@ def _error(shown: ScreenContents, index: int) -> rrb.View:
         f"Joints' tracking errors [{shown.error_unit}] · {shown.labels[index]}",
         shown.end,
         shown.error_range,
+        _room(shown.joints),
     )
 
 
@@ -125,7 +130,12 @@ def _energy(shown: ScreenContents) -> rrb.View:
 
 
 def _torque_share(shown: ScreenContents) -> rrb.View:
-    return views.curves("/torque_share", "Torque / limit", shown.end, (-1.1, 1.1))
+    return views.curves("/torque_share", "Torque / limit", shown.end, (-1.1, 1.1), _room(shown.joints))
+
+
+def _room(names: Sequence[str]) -> float:
+    """Room for a legend of these names."""
+    return views.LONG if max(map(len, names), default=0) > LONGEST else views.SHORT
 
 
 def _spectrum() -> rrb.View:

@@ -144,6 +144,13 @@ class Leading:
     errors: Mapping[str, Array]
     """(T,) by the name of the run"""
 
+    def final_rms(self, run: ControllerRun) -> float | None:
+        """Root mean square over the last two seconds that were run; None where the run is shorter."""
+        if run.final_rms_error is None:
+            return None
+        late = run.rollout.time >= run.duration - SETTLED
+        return float(np.sqrt(np.mean(np.square(self.errors[run.name][late]))))
+
 
 @dataclass(frozen=True, eq=False)
 class Comparison:

@@ -43,8 +43,8 @@ def _last_error(comparison: Comparison) -> float:
 
 
 def _beats_adaptation_off(comparison: Comparison) -> bool:
-    """True if the subject's final error is smaller than that with adaptation off, or if no run with adaptation off went
-    to the end."""
+    """True if the subject's final error is clearly smaller than that with adaptation off, or if there are not two to
+    compare."""
     baseline, final = comparison.baseline, comparison.subject.final_rms_error
     if baseline is None or baseline is comparison.subject or baseline.rollout.terminated:
         return True

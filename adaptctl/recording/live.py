@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import atexit
+import os
 import shutil
+import signal
 import socket
 import subprocess
 import sys
@@ -12,6 +15,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from types import TracebackType
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,11 +23,11 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import positive_number
 from adaptctl.description.writers.mechanism_file import mechanism_toml
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError, LiveViewWarning
+from adaptctl.errors import InputError, LiveViewWarning, MissingExtraError
 
 HOST, PORT = "127.0.0.1", 9876
-PATIENCE = 10.0
-"""s to wait for a viewer that was started"""
+PATIENCE, WRITING = 10.0, 60.0
+"""s to wait for a viewer that was started, or to end; and for a file to be whole"""
 
 CURRENT: ContextVar[str | None] = ContextVar("live", default=None)
 """Address that experiments stream to while they run, or None."""
@@ -36,10 +40,19 @@ class Live:
     samples are dropped and counted in `dropped`, and the loop never waits. `to` is the address of a rerun viewer on
     this computer, which is started where none is there and bound to 127.0.0.1 alone; or a file that ends in .rrd. A
     viewer that cannot be reached is told once (`LiveViewWarning`), and the loop goes on unseen. A context manager.
+
+    `inline` is for notebooks: no window is opened, but a server on 127.0.0.1 to which what is displayed in a cell
+    connects (`display(live)`; needs rerun-notebook). It ends with Python, so that a viewer may come late.
     """
 
     def __init__(
-        self, mechanism: Mechanism, to: str | None = None, *, rate: float = 100.0, start_viewer: bool = True
+        self,
+        mechanism: Mechanism,
+        to: str | None = None,
+        *,
+        rate: float = 100.0,
+        start_viewer: bool = True,
+        inline: bool = False,
     ) -> None:
         self._pause = 1.0 / positive_number(rate, "rate: expected a positive number of samples a second")
         self._dof, self._latest = mechanism.dof, -np.inf
@@ -47,9 +60,11 @@ class Live:
         """samples that were handed on; samples left out since the other process was behind"""
         self._socket: socket.socket | None = None
         self._process: subprocess.Popen[bytes] | None = None
-        url = to if to is not None and to.endswith(".rrd") else reachable(to or f"{HOST}:{PORT}", start_viewer)
-        if url is not None:
-            self._begin(mechanism, url)
+        is_file = to is not None and to.endswith(".rrd")
+        self.url = to if is_file else reachable(to or f"{HOST}:{PORT}", start_viewer, inline)
+        """of the viewer or of the file; None where there is none"""
+        if self.url is not None:
+            self._begin(mechanism, self.url)
 
     @property
     def is_seen(self) -> bool:
@@ -76,10 +91,26 @@ class Live:
             self._socket = None
         if self._process is not None:
             with suppress(subprocess.TimeoutExpired):
-                self._process.wait(PATIENCE)
+                self._process.wait(WRITING if self.url is not None and self.url.endswith(".rrd") else PATIENCE)
             self._process.kill()
             self._process.wait()
             self._process = None
+
+    def viewer(self, **options: Any) -> Any:
+        """A widget for notebooks that shows what the server has and gets; `options`, such as `height`, are those of
+        `rerun.notebook.Viewer`. Raises `MissingExtraError` without rerun-notebook."""
+        try:
+            import rerun_notebook  # noqa: F401  # rerun itself asks for it late, in a traceback
+            from rerun.notebook import Viewer
+        except ImportError as error:
+            raise MissingExtraError("live view: notebooks need rerun-notebook: pip install rerun-notebook") from error
+        if self.url is None or self.url.endswith(".rrd"):
+            raise InputError(f"live view: there is no viewer to show: {self.url or 'none could be reached'}")
+        return Viewer(url=self.url, **options)
+
+    def _ipython_display_(self) -> None:
+        """The viewer, shown by a notebook for a live view."""
+        self.viewer().display()
 
     def __enter__(self) -> Live:
         return self
@@ -108,9 +139,10 @@ class Live:
             warnings.warn(f"live view: it has ended ({why}); the run goes on unseen", LiveViewWarning, stacklevel=4)
 
 
-def reachable(address: str, start_viewer: bool = False) -> str | None:
-    """The URL of a viewer at HOST:PORT of this computer, started where there is none; None, after a warning, where none
-    can be reached. Raises `InputError` for another form of address, or another computer's."""
+def reachable(address: str, start_viewer: bool = False, inline: bool = False) -> str | None:
+    """The URL of a viewer at HOST:PORT of this computer, started where there is none, without a window for `inline`;
+    None, after a warning, where none can be reached. Raises `InputError` for another form of address, or another
+    computer's."""
     host, _, port = address.rpartition(":")
     if host not in (HOST, "localhost") or not port.isdecimal() or not 0 < int(port) < 65536:
         raise InputError(f"live view: expected {HOST}:PORT, this computer's own, or a file .rrd, got {address!r}")
@@ -119,8 +151,12 @@ def reachable(address: str, start_viewer: bool = False) -> str | None:
         return url
     viewer = shutil.which("rerun")
     if start_viewer and viewer is not None:
-        command = [viewer, "--bind", HOST, "--port", port]
-        subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
+        command = [viewer, "--bind", HOST, "--port", port, *(["--serve-grpc"] if inline else [])]
+        started = subprocess.Popen(
+            command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
+        )
+        if inline:
+            atexit.register(_end, started.pid)
         deadline = time.monotonic() + PATIENCE
         while time.monotonic() < deadline:
             if _answers(int(port)):
@@ -140,6 +176,12 @@ def streaming(to: str | None) -> Iterator[None]:
         yield
     finally:
         CURRENT.reset(token)
+
+
+def _end(group: int) -> None:
+    """End a server and what it was started by."""
+    with suppress(ProcessLookupError):
+        os.killpg(group, signal.SIGTERM)
 
 
 def _answers(port: int) -> bool:

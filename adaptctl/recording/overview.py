@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from adaptctl.recording.comparison import Comparison
+from adaptctl.recording.comparison import Comparison, ControllerRun, Leading
 from adaptctl.recording.wording import (
     CONVERGENCE,
     INCOMPLETE,
     TRUTH_UNKNOWN,
+    error,
     facts,
     final_error,
     first_error,
@@ -18,21 +19,32 @@ from adaptctl.recording.wording import (
 def summary_markdown(comparison: Comparison) -> str:
     """Summary in Markdown: the outcome, the numbers that matter, a table of the runs."""
     warning = "" if comparison.complete else f"**{INCOMPLETE}**\n\n"
-    runs = "\n".join(
-        f"| {run.label} | {run.knows or '–'} | {first_error(comparison, run)} | {final_error(comparison, run)} "
-        f"| {outcome(run)} |"
-        for run in comparison.runs
-    )
+    leading = comparison.leading
+    heads = ["controller", "knows", *(["first second", "last 2 s"] if leading is None else _heads(leading)), "outcome"]
+    runs = "\n".join(f"| {' | '.join(_cells(comparison, run))} |" for run in comparison.runs)
     return f"""{warning}{outcome_words(comparison)}
 
 {_paired(list(facts(comparison)))}
 
-| controller | knows | first second | last 2 s | outcome |
-|---|---|---|---|---|
+| {" | ".join(heads)} |
+|{"---|" * len(heads)}
 {runs}
 
 {CONVERGENCE if comparison.truth_known else TRUTH_UNKNOWN}
 """
+
+
+def _heads(leading: Leading) -> list[str]:
+    """Heads of the errors' columns where joints' errors are not what the experiment is about."""
+    return [f"{leading.meaning}, last 2 s", "joints, first second", "joints, last 2 s"]
+
+
+def _cells(comparison: Comparison, run: ControllerRun) -> list[str]:
+    """Row of a run."""
+    leading = comparison.leading
+    first = [] if leading is None else [error(leading.final_rms(run), leading.unit)]
+    joints = [first_error(comparison, run), final_error(comparison, run)]
+    return [run.label, run.knows or "–", *first, *joints, outcome(run)]
 
 
 def _paired(answers: list[tuple[str, str]]) -> str:

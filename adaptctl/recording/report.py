@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from adaptctl.codegen.live_arm import LiveArm
 from adaptctl.description.inertia import PARAMETERS
 from adaptctl.files import write_text
 from adaptctl.recording.comparison import Comparison, ControllerRun, Finding
@@ -56,17 +57,16 @@ def report(comparison: Comparison, figures: Mapping[str, Path]) -> str:
         robot_source=comparison.mechanism.description.source,
         inconsistent=comparison.mechanism.description.inconsistent_links,
         figures=embedded(drawings(comparison), figures),
-        live=live_content(comparison),
+        live=live_content(comparison.live, comparison.runs[0].label),
         no_live=comparison.live if isinstance(comparison.live, str) else "",
     )
 
 
-def live_content(comparison: Comparison) -> dict[str, Any] | None:
+def live_content(live: LiveArm | str, label: str) -> dict[str, Any] | None:
     """Contents of a page's live arm, in JSON's types; None without one."""
-    if isinstance(comparison.live, str):
+    if isinstance(live, str):
         return None
-    binary = base64.b64encode(comparison.live.binary).decode("ascii")
-    return {"binary": binary, "facts": comparison.live.facts, "label": comparison.runs[0].label}
+    return {"binary": base64.b64encode(live.binary).decode("ascii"), "facts": live.facts, "label": label}
 
 
 class Measured(NamedTuple):

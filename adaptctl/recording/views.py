@@ -65,24 +65,29 @@ def arm(origin: str, name: str, viewpoint: Viewpoint) -> rrb.View:
 
 
 def curves(
-    origin: str, name: str, end: float | None, bounds: tuple[float, float] | None = None, room: float = SHORT
+    origin: str,
+    name: str,
+    end: float | None,
+    bounds: tuple[float, float] | None = None,
+    room: float = SHORT,
+    start: float = 0.0,
 ) -> rrb.View:
-    """View of curves over the time until `end` (s), on a fixed range if one is given; the legend comes after them.
+    """View of curves from `start` until `end` (s), on a fixed range if one is given; the legend comes after them.
 
     Without an end, of what goes on, all that there is is shown.
     """
     return rrb.TimeSeriesView(
         origin=origin,
         name=name,
-        axis_x=None if end is None else rrb.TimeAxis(view_range=_until((1.0 + room) * end)),
+        axis_x=None if end is None else rrb.TimeAxis(view_range=_range(start, end + room * (end - start))),
         axis_y=rrb.ScalarAxis(range=bounds) if bounds else None,
         plot_legend=rrb.Corner2D.RightTop,
     )
 
 
-def _until(end: float) -> rr.TimeRange:
+def _range(start: float, end: float) -> rr.TimeRange:
     at = rr.TimeRangeBoundary.absolute
-    return rr.TimeRange(start=at(seconds=0.0), end=at(seconds=end))
+    return rr.TimeRange(start=at(seconds=start), end=at(seconds=end))
 
 
 def bars(origin: str, name: str) -> rrb.View:

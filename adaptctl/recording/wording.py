@@ -92,9 +92,12 @@ def outcome(run: ControllerRun) -> str:
 
 def facts(comparison: Comparison) -> Iterator[tuple[str, str]]:
     """Questions that a person asks first, and the answers."""
-    subject = comparison.subject
-    yield "RMS error, first second", first_error(comparison, subject)
-    yield "RMS error, last 2 s", final_error(comparison, subject)
+    subject, leading = comparison.subject, comparison.leading
+    if leading is not None:
+        yield leading.meaning, f"{error(leading.final_rms(subject), leading.unit)} in the last 2 s (RMS)"
+    whose = "RMS error" if leading is None else "Joints' RMS error"
+    yield f"{whose}, first second", first_error(comparison, subject)
+    yield f"{whose}, last 2 s", final_error(comparison, subject)
     if comparison.baseline:
         baseline = comparison.baseline
         fell = baseline.rollout.terminated

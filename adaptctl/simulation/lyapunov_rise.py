@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from adaptctl.arrays import Array
 from adaptctl.control.controller import GAINS, ReferencePoint
 from adaptctl.control.lyapunov import has_sliding_variable
+from adaptctl.control.slotine_li import SlotineLi
 from adaptctl.scalars import Column, Scalar, column, maximum, where
 from adaptctl.simulation.closed_loop import ClosedLoop, Sample
 from adaptctl.simulation.error_sums import LARGEST
@@ -28,34 +31,37 @@ class LyapunovRise(NamedTuple):
 
 def rise_sizes(loop: ClosedLoop) -> dict[str, int]:
     """Lengths of the columns."""
-    known = int(has_lyapunov(loop))
+    known = 0 if watched(loop) is None else 1
     return LyapunovRise(known, known)._asdict()
 
 
 def truth_size(loop: ClosedLoop) -> dict[str, int]:
     """Length of the column of true parameters that stays."""
-    return {TRUTH: len(loop.controller.model.names)} if has_lyapunov(loop) else {}
+    law = watched(loop)
+    return {} if law is None else {TRUTH: len(law.model.names)}
 
 
-def has_lyapunov(loop: ClosedLoop) -> bool:
-    """True where V follows from the joints, the estimate and the true parameters alone: for Slotine and Li's law, with
-    an adaptation law whose term depends on no more, on rigid joints of the model's own geometry, and on links that
+def watched(loop: ClosedLoop) -> SlotineLi | None:
+    """The controller, if its V follows from the joints, the estimate and the true parameters alone: Slotine and Li's,
+    with an adaptation law whose term depends on no more, on rigid joints of the model's own geometry, and on links that
     carry the same all the time."""
-    controller, plant = loop.controller, loop.plant
-    if not has_sliding_variable(controller) or plant.loads or plant.is_elastic:
-        return False
-    if controller.model.mechanism.equations != plant.mechanism.equations or plant.mechanism.equations.has_known_share:
-        return False
-    law, start = controller.adaptation_law, controller.initial
-    return law is None or law.distance(controller.model, start, start) is not None
+    law, plant = loop.controller, loop.plant
+    if not isinstance(law, SlotineLi) or not has_sliding_variable(law) or plant.loads or plant.is_elastic:
+        return None
+    if law.model.mechanism.equations != plant.mechanism.equations or plant.mechanism.equations.has_known_share:
+        return None
+    start = np.asarray(law.initial)
+    known = law.adaptation_law is None or law.adaptation_law.distance(law.model, start, start) is not None
+    return law if known else None
 
 
 def first_rise(loop: ClosedLoop, parameters: Array) -> tuple[dict[str, Any], dict[str, Array]]:
     """The columns before the first tick, by name, with a V from which nothing rises; and those that stay, of arms whose
     parameters are (M, P)."""
-    if not has_lyapunov(loop):
+    law = watched(loop)
+    if law is None:
         return {}, {}
-    return LyapunovRise(LARGEST, 0.0)._asdict(), {TRUTH: parameters @ loop.controller.model.regrouping.T}
+    return LyapunovRise(LARGEST, 0.0)._asdict(), {TRUTH: parameters @ law.model.regrouping.T}
 
 
 def risen(

@@ -13,10 +13,11 @@ document.addEventListener("DOMContentLoaded", () => {
       setTimeout(() => (button.textContent = "Copy"), 1500);
     });
     block.parentElement.append(button);
-    block.tabIndex = 0; // a block that scrolls can be scrolled by keys
   }
+  // What scrolls can be scrolled by keys.
+  for (const box of document.querySelectorAll("article pre, article div"))
+    if (box.scrollWidth > box.clientWidth && getComputedStyle(box).overflowX !== "visible") box.tabIndex = 0;
   // What the theme leaves out for readers by ear.
-  for (const caption of document.querySelectorAll("p.caption[role=heading]")) caption.ariaLevel = "2";
   document.querySelector("aside.sidebar-drawer")?.setAttribute("aria-label", "Pages");
   document.querySelector("aside.toc-drawer")?.setAttribute("aria-label", "On this page");
 });

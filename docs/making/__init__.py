@@ -1,1 +1,1 @@
-"""What `make gallery` makes: the animation of the documentation's first page, and a page of all experiments."""
+"""What `make gallery` and `make figures` make: pictures that move, the page of all experiments, that of invariants."""

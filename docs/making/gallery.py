@@ -46,7 +46,7 @@ def _picture(name: str, folder: Path) -> Iterator[str]:
     """Write the picture of an experiment: its recording in the viewer, or a figure; yields what is missing."""
     target = PICTURES / f"{name}.png"
     if os.environ.get("GALLERY_VIEWER", "on") == "off" or not _screenshot(folder / "recording.rrd", target):
-        yield f"{name}: no viewer without a screen, so a figure of the report is shown (Vulkan is missing?)"
+        yield f"{name}: no viewer showed it (no Vulkan, or a busy machine?), so a figure of the report is shown"
         figures = sorted((folder / "figures").glob("*.png"))
         if not figures:
             return

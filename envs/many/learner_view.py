@@ -16,23 +16,28 @@ from adaptctl.errors import InputError
 
 
 class LearnerView:
-    """A vector environment, its actions shares of the torque limits, its infos one dictionary an arm.
+    """A vector environment of ours, in wrappers or not, its actions shares of the largest, such as torque limits, its
+    infos one dictionary an arm.
 
     `done` is terminated or truncated. The info of an arm that is done has `terminal_observation`, the last of the
     episode that ended, and `TimeLimit.truncated`, whether it ended by its duration alone; others are empty, since what
     is not asked for costs more than the step. The observation is the first of the next episode.
     """
 
-    def __init__(self, env: VectorTrackingEnv) -> None:
-        if env.autoreset_mode is not AutoresetMode.SAME_STEP:
+    def __init__(self, env: gymnasium.vector.VectorEnv[Any, Any, Any]) -> None:
+        inner = env.unwrapped
+        if not isinstance(inner, VectorTrackingEnv):
+            raise InputError(f"{env}: expected a vector environment of adaptctl, such as make_vec makes")
+        if inner.autoreset_mode is not AutoresetMode.SAME_STEP:
             raise InputError(
                 f"{env}: arms must begin again in the same step: make it with autoreset_mode='SameStep', not "
-                f"{env.autoreset_mode.value!r}"
+                f"{inner.autoreset_mode.value!r}"
             )
-        self.env = env
+        self.env: Any = env
         self.observation_space = env.single_observation_space
-        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, env.single_action_space.shape, np.float32)
-        self._limits = np.asarray(env.single.plant.torque_limits)
+        own: Any = env.single_action_space
+        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, own.shape, np.float32)
+        self._largest, self._dof = np.asarray(own.high), inner.single.plant.dof
 
     def reset(self, seeds: Sequence[int | None], options: Sequence[Mapping[str, Any]]) -> Array:
         """Begin an episode of every arm, with a seed and options of its own (N,). Returns observations (N, n). Raises
@@ -44,17 +49,18 @@ class LearnerView:
             )
         each: dict[str, Any] = {name: [own[name] for own in options] for name in names}
         if "initial_error" in each:  # One number for all joints would else be one a joint.
-            each["initial_error"] = [np.broadcast_to(own, self._limits.shape) for own in each["initial_error"]]
-        return self.env.reset(seed=seeds, options=each)[0]
+            each["initial_error"] = [np.broadcast_to(own, (self._dof,)) for own in each["initial_error"]]
+        observations: Array = self.env.reset(seed=seeds, options=each)[0]
+        return observations
 
     def step(self, actions: ArrayLike) -> tuple[Array, Array, NDArray[np.bool_], list[dict[str, Any]]]:
         """One control period under actions (N, r): observations (N, n), rewards (N,), done (N,) and infos. Raises
         `InputError` for another shape."""
         try:
-            torques = np.asarray(actions, dtype=np.float64) * self._limits
+            scaled = np.asarray(actions, dtype=np.float64) * self._largest
         except (TypeError, ValueError) as error:
             raise InputError(f"action: expected shape {self.env.action_space.shape}, got {actions!r}") from error
-        observation, reward, terminated, truncated, info = self.env.step(torques)
+        observation, reward, terminated, truncated, info = self.env.step(scaled)
         done: NDArray[np.bool_] = terminated | truncated
         infos: list[dict[str, Any]] = [{} for _ in range(self.env.num_envs)]
         for arm in np.flatnonzero(done).tolist():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -12,7 +12,7 @@ import numpy as np
 from adaptctl.control import SlotineLi
 from adaptctl.dynamics import Mechanism, equation_costs, load
 from adaptctl.dynamics.inverse_kinematics import Tip
-from adaptctl.experiments.contest import Contender, Outcome, contest
+from adaptctl.experiments.contest import Contender, Outcome, contest, live_subject
 from adaptctl.experiments.experiment import ClosedLoopExperiment, require_count, setting, stated
 from adaptctl.experiments.learning import ADAPTATION_OFF, ADAPTIVE, FULL, numbers
 from adaptctl.experiments.serial_versus_graph.artifacts import shown
@@ -115,12 +115,14 @@ class SerialVersusGraph(TipPath, ClosedLoopExperiment):
         basis = fundamental_basis(space)
         env = self._environment(tip, arm)
         progress("independent parameters from energies", 1.0)
-        outcome = contest(env, mechanism, self._contenders(mechanism, basis), self.seed, progress)
+        contenders = self._contenders(mechanism, basis)
+        outcome = contest(env, mechanism, contenders, self.seed, progress)
+        live = live_subject(env, contenders[0].controller, self.seed, {}) if outcome.complete else ""
         loops = mechanism.description.loops
         return Side(
             name=arm.name,
             label=arm.label,
-            comparison=self._comparison(mechanism, space, basis, env, outcome),
+            comparison=replace(self._comparison(mechanism, space, basis, env, outcome), live=live),
             tip_link=[link.name for link in mechanism.links].index(arm.link),
             tip=tip.offset,
             desired={run.name: self.path(run.rollout.time).p for run in outcome.runs},

@@ -109,7 +109,7 @@ class Workspace:
         lower, upper, p, best = self.lower[start], self.upper[start], self.samples[start], found[start]
         step, moves, each = LARGEST_MOVE * (upper - lower), self._moves, np.arange(len(start))
         for _ in range(ROUNDS):
-            if np.isinf(best).any():
+            if np.isinf(best).any() or not step.any():  # there is nothing greater, or nowhere to go
                 break
             near = np.clip(p[:, None] + moves * step[:, None], lower[:, None], upper[:, None])
             reached = self._valued(value, near.reshape(-1, p.shape[1])).reshape(near.shape[:2])

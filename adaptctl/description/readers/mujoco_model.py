@@ -193,7 +193,8 @@ def _moving_root(model: mujoco.MjModel) -> int:
     if not moved:
         raise InputError("no joint turns or slides: expected a hinge or a slide")
     if len(moved) > 1:
-        raise InputError(f"{len(moved)} root bodies move, {', '.join(map(repr, names))}: name one, body={names[0]!r}")
+        known = ", ".join(map(repr, names))
+        raise InputError(f"{len(moved)} root bodies move, {known}: name one, body={names[0]!r}, or --root {names[0]}")
     return moved.pop()
 
 

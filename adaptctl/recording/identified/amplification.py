@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from adaptctl.arrays import Array
 from adaptctl.files import write_json, write_text
+from adaptctl.recording import views
 from adaptctl.recording.drawing import WIDTH, Drawing, write_drawings
 from adaptctl.recording.page import embedded, rendered
 from adaptctl.recording.palette import run_color
@@ -95,9 +96,15 @@ class Amplification:
     def _record(self, path: Path) -> None:
         """Torques over time, a joint a view."""
         curves = self.curves
-        views = [rrb.TimeSeriesView(origin=entity(name), name=f"{name}: torque") for name in curves.joints]
-        text = rrb.TextDocumentView(origin="summary", name="summary")
-        layout = rrb.Blueprint(rrb.Vertical(text, *views), collapse_panels=True)
+        start, end = float(curves.time[0]), float(curves.time[-1])
+        torques = [
+            views.curves(entity(name), f"{name}: torque [N m]", end, room=views.LONG, start=start)
+            for name in curves.joints
+        ]
+        summary = views.text("summary", "Summary")
+        layout = views.tabs(
+            rrb.Vertical(summary, rrb.Grid(*torques, grid_columns=2), row_shares=[1, 8], name="Torques")
+        )
         with saved_stream(path, self, curves.energy.tobytes(), layout) as recording:
             log_markdown(recording, "summary", self.headline())
             for j, name in enumerate(curves.joints):

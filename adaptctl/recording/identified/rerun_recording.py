@@ -10,13 +10,14 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from adaptctl.identification import Identification
+from adaptctl.recording import views
 from adaptctl.recording.identified.report import components, consistency, verdict
-from adaptctl.recording.palette import GOAL, joint_color, run_color
+from adaptctl.recording.palette import MUTED, joint_color, run_color
 from adaptctl.recording.scene import WORLD, entity, log_arm, log_base, log_trail, solid_look
 from adaptctl.recording.series import Style, log_series, thinned
 from adaptctl.recording.skeleton import skeleton
 from adaptctl.recording.stream import log_markdown, saved_stream
-from adaptctl.recording.viewpoint import floor_height
+from adaptctl.recording.viewpoint import Viewpoint, floor_height
 
 SAMPLES = 3000
 
@@ -63,7 +64,7 @@ def _log_torques(recording: rr.RecordingStream, found: Identification) -> None:
     every = thinned(len(validation.time), SAMPLES)
     for j, joint in enumerate(joints):
         both = np.stack([validation.measured[every, j], validation.predicted[every, j]], axis=-1)
-        style = Style(("measured", "predicted"), (GOAL, joint_color(j)))
+        style = Style(("measured", "predicted"), (MUTED, joint_color(j)))
         log_series(recording, f"torque/{entity(joint.name)}", validation.time[every], both, style)
     colors = [joint_color(j) for j in range(len(joints))]
     names = [joint.name for joint in joints]
@@ -71,14 +72,21 @@ def _log_torques(recording: rr.RecordingStream, found: Identification) -> None:
 
 
 def _blueprint(found: Identification) -> rrb.Blueprint:
+    time, mechanism = found.validation.time, found.mechanism
+    start, end = float(time[0]), float(time[-1])
     torques = [
-        rrb.TimeSeriesView(origin=f"torque/{entity(joint.name)}", name=f"{joint.name}: torque")
-        for joint in found.mechanism.primary_joints
+        views.curves(
+            f"torque/{entity(joint.name)}",
+            f"{joint.name}: torque [{'N m' if joint.kind.turns else 'N'}]",
+            end,
+            start=start,
+        )
+        for joint in mechanism.primary_joints
     ]
-    left = rrb.Vertical(
-        rrb.Spatial3DView(origin=WORLD, name="the log's motion"),
-        rrb.TextDocumentView(origin="summary", name="summary"),
-        row_shares=[3, 1],
-    )
-    errors = rrb.TimeSeriesView(origin="error", name="predicted minus measured")
-    return rrb.Blueprint(rrb.Horizontal(left, rrb.Vertical(*torques, errors)), collapse_panels=True)
+    error = views.curves("error", "All joints: predicted minus measured", end, start=start)
+    p = np.concatenate([motion.position for motion in found.motions])
+    viewpoint = Viewpoint.of(mechanism, skeleton(mechanism), p)
+    arm, summary = views.arm(WORLD, "The log's motion", viewpoint), views.text("summary", "Summary")
+    left = rrb.Vertical(arm, summary, row_shares=[3, 2])
+    right = rrb.Grid(*torques, error, grid_columns=2)
+    return views.tabs(rrb.Horizontal(left, right, column_shares=[2, 3], name="Torques on the validation"))

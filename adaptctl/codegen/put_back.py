@@ -1,0 +1,55 @@
+"""Results that one condition puts back to what they were: stored as they are computed, and copied back in the end.
+
+A guard that stops an arm keeps all of the law's memory as it was. Chosen number by number, every result would wait for
+the condition, on the stack; stored at once, none does, and a copy does the rest.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+
+from adaptctl.compilation.graph import Expression, Op
+from adaptctl.compilation.layout import numbered
+from adaptctl.compilation.pieces import Piece
+from adaptctl.compilation.routine import Routine
+
+Place = tuple[int, int]
+Before = Callable[[int, int], Place | None]
+"""The argument's number that a result's number takes the place of, if it does of any."""
+
+
+class PutBack:
+    """Choices in a piece of a routine between an argument's number and the result that takes its place.
+
+    `conditions` has by the comparison that decides on them the places of the results, (part, number), and of the
+    arguments that may go there; `piece` is what is left to compute.
+    """
+
+    def __init__(self, routine: Routine, piece: Piece, before: Before) -> None:
+        uses = Counter(y for x in routine.body for y in x.operands if isinstance(y, Expression))
+        uses.update(y for y in routine.outputs if isinstance(y, Expression))
+        own = set(piece.expressions)
+        self._choices: set[Expression] = set()
+        self.conditions: dict[Expression, list[tuple[Place, Place]]] = {}
+        for place, x in zip(numbered(routine.layout.sizes), routine.outputs, strict=True):
+            given = before(*place)
+            if isinstance(x, Expression) and x in own and uses[x] == 1 and given is not None and _puts_back(x, given):
+                self._choices.add(x)
+                self.conditions.setdefault(x.operands[0], []).append((place, given))
+        left = [x for x in piece.expressions if x not in self._choices]
+        self.piece = Piece(left, piece.kept, piece.found)
+
+    def stored(self, x: Expression | float) -> Expression | float:
+        """The value stored for a result at first: of a choice, the one that may be put back later."""
+        if isinstance(x, Expression) and x in self._choices:
+            kept: Expression | float = x.operands[2]
+            return kept
+        return x
+
+
+def _puts_back(x: Expression, given: Place) -> bool:
+    if x.op is not Op.SELECT:
+        return False
+    kept = x.operands[1]
+    return isinstance(kept, Expression) and kept.op is Op.INPUT and tuple(kept.detail) == given

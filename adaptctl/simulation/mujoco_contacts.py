@@ -1,0 +1,85 @@
+"""Contacts of an arm with itself and with its scene in MuJoCo, along what it is to follow."""
+
+from __future__ import annotations
+
+import warnings
+from collections import Counter
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.control.controller import Reference
+from adaptctl.control.references import Sinusoids
+from adaptctl.errors import InputError, ReferenceWarning
+from adaptctl.simulation.mujoco_plant import MuJoCoPlant
+
+TIMES, HORIZON = 201, 20.0
+"""at how many times references are looked at, and for how long, s"""
+NEARER, ATTEMPTS = 0.8, 20
+"""by which references are drawn in towards the scene's own posture, and how often"""
+
+Pair = tuple[str, str]
+"""Names of two bodies that touch."""
+
+
+def contacts_at(plant: MuJoCoPlant, positions: Array) -> Counter[Pair]:
+    """Counts of pairs of bodies, one of them the arm's, that are in one another, over positions (n, r) of the arm; all
+    else stands as the scene draws it."""
+    import mujoco
+
+    model, arm = plant.model, plant.arm
+    data, places = mujoco.MjData(model), [int(model.jnt_qposadr[j]) for j in arm.joints]  # type: ignore[union-attr]
+    found: Counter[Pair] = Counter()
+    for p in positions:
+        data.qpos[places] = p
+        mujoco.mj_forward(model, data)
+        deep = [contact.geom for contact in data.contact if contact.dist < 0.0]
+        pairs = {tuple(int(model.geom_bodyid[geom]) for geom in geoms) for geoms in deep}  # type: ignore[union-attr]
+        found.update({_named(model, *sorted(pair)) for pair in pairs if set(pair) & set(arm.bodies)})
+    return found
+
+
+def contacts_along(plant: MuJoCoPlant, reference: Reference) -> Counter[Pair]:
+    """Counts of pairs of bodies that are in one another at TIMES times of HORIZON s, the arm on a reference."""
+    return contacts_at(plant, reference(np.linspace(0.0, HORIZON, TIMES)).p)
+
+
+def warn_of_contacts(plant: MuJoCoPlant, reference: Reference) -> None:
+    """Warn (`ReferenceWarning`) where an arm that is on the reference touches itself or the scene."""
+    if not (found := contacts_along(plant, reference)):
+        return
+    (one, other), count = found.most_common(1)[0]
+    more = f", and {len(found) - 1} more pairs of bodies" if len(found) > 1 else ""
+    warnings.warn(
+        f"{plant.mechanism.name}: on the reference, {one!r} and {other!r} touch at {count} of {TIMES} times{more}, "
+        "which pushes the arm off, as the controller's model has no contacts: choose another reference, or exclude the "
+        "pair in the scene",
+        ReferenceWarning,
+        stacklevel=4,
+    )
+
+
+def clear_of_contacts(plant: MuJoCoPlant, drawn: Sinusoids) -> Sinusoids:
+    """A reference on which the arm touches nothing: the one drawn, or one drawn in towards the posture of the scene.
+
+    Raises `InputError` where the arm touches something there too.
+    """
+    if not contacts_along(plant, drawn):
+        return drawn
+    model, arm = plant.model, plant.arm
+    home = np.array([model.qpos0[model.jnt_qposadr[j]] for j in arm.joints])  # type: ignore[union-attr]
+    for share in (NEARER**k for k in range(1, ATTEMPTS)):
+        center = home + share * (drawn.center - home)
+        nearer = Sinusoids(center, share * drawn.amplitude, drawn.frequency, drawn.phase, start_time=drawn.start_time)
+        if not contacts_along(plant, nearer):
+            return nearer
+    found = contacts_at(plant, home[None])
+    names = " and ".join(repr(name) for name in next(iter(found), ("it", "the scene")))
+    raise InputError(
+        f"{plant.mechanism.name}: no motion about the scene's own posture is free of contacts: {names} touch there"
+    )
+
+
+def _named(model: object, one: int, other: int) -> Pair:
+    names = [model.body(i).name or f"body {i}" for i in (one, other)]  # type: ignore[attr-defined]
+    return names[0], names[1]

@@ -1,0 +1,70 @@
+"""Returns of controllers in an environment, to judge what learners reach by."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from typing import Any
+
+import numpy as np
+
+from adaptctl.control import ComputedTorque, Controller, PDGravity
+from adaptctl.envs.learning import tracking_of
+from adaptctl.envs.tracking import TrackingEnv
+from adaptctl.errors import InputError
+from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
+from adaptctl.simulation.rollout import rollout
+from adaptctl.tuning import tune
+
+BANDWIDTH, HOLD = 8.0, 1.0
+"""1/s, and the hold number of the damping: stiff, with which all four track as well as they can at 20 ms."""
+
+
+def baselines(env: Any, *, episodes: int = 1, seed: int = 0) -> dict[str, float]:
+    """Mean returns, by name, of controllers that drive a tracking environment, whatever wraps it, or one arm of many.
+
+    Zero torque; PD; PD with the true gravity; Slotine and Li's law that begins knowing nothing; computed torque with
+    the true parameters: all with the gains of `tune`. Episode k begins from the seed plus k. Raises `InputError` for
+    environments that are no tracking environments of ours, and what `tune` raises.
+    """
+    if not isinstance(episodes, int) or episodes < 1:
+        raise InputError(f"episodes: expected a whole number of at least 1, got {episodes!r}")
+    own = deepcopy(tracking_of(env))
+    seeds = range(seed, seed + episodes)
+    driven = {name: np.mean([_driven(own, law, k) for k in seeds]) for name, law in _laws(own).items()}
+    return {"zero torque": float(np.mean([_driven(own, None, k) for k in seeds]))} | {
+        name: float(value) for name, value in driven.items()
+    }
+
+
+def shown_baselines(returns: dict[str, float]) -> str:
+    """A line for each of the returns, the least first."""
+    rows = sorted(returns.items(), key=lambda row: row[1])
+    return "\n".join(f"{name:<28}{value:12.2f}" for name, value in rows)
+
+
+def _laws(env: TrackingEnv) -> dict[str, Controller[Any]]:
+    mechanism, period = env.mechanism, env.control_period
+    reference = env.trajectory if callable(env.trajectory) else None
+    off = env.initial_error if np.any(env.initial_error) else None
+    tuning = tune(mechanism, period=period, reference=reference, initial_error=off, bandwidth=BANDWIDTH, hold=HOLD)
+    model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))
+    damping = tuning.gains.damping
+    stiffness, nothing = tuning.gains.bandwidth * damping, np.zeros_like(mechanism.inertial_parameters)
+    return {
+        "PD": PDGravity(mechanism, stiffness, damping, nothing),
+        "PD with gravity": PDGravity(mechanism, stiffness, damping),
+        "Slotine-Li from nothing": tuning.controller(model),
+        "computed torque": ComputedTorque.on(model, tuning.gains.bandwidth),
+    }
+
+
+def _driven(env: TrackingEnv, law: Controller[Any] | None, seed: int) -> float:
+    """The return of an episode under a law, or under no torque."""
+    if law is not None:
+        return float(rollout(env, law, seed=seed).reward.sum())
+    env.reset(seed=seed)
+    total, over = 0.0, False
+    while not over:
+        _, reward, terminated, truncated, _ = env.step(np.zeros(env.plant.dof))
+        total, over = total + reward, terminated or truncated
+    return total

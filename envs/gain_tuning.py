@@ -1,0 +1,162 @@
+"""Environments in which a learner moves the gains of a controller."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from adaptctl.arrays import Array, positive_number
+from adaptctl.control.controller import Controller, ReferencePoint
+from adaptctl.envs.many.controlled import ControlledVectorEnv, finite_actions, require_controller
+from adaptctl.envs.many.vector_tracking import VectorTrackingEnv
+from adaptctl.envs.residual import parts_of
+from adaptctl.errors import GainError, InputError, NotFoundError
+
+HALVINGS = 12
+"""of the range in which the largest factor is sought"""
+
+
+@dataclass(frozen=True, eq=False)
+class GainRange:
+    """Gains of a controller of r joints that may be moved, each between `lowest` and `highest` times what it is.
+
+    Gains of one number a joint have an action each; others, such as Gamma, have one for all their numbers.
+    """
+
+    controller: Controller[Any]
+    names: tuple[str, ...]
+    lowest: float
+    highest: float
+
+    @classmethod
+    def of(cls, controller: Controller[Any], names: Iterable[str], span: float) -> GainRange:
+        """The range from 1 / span to span, or to what the control period carries where all are that large.
+
+        Raises `NotFoundError` for names that are none of `controller.numbers`, `InputError` on a bad span.
+        """
+        require_controller(controller)
+        chosen = (names,) if isinstance(names, str) else tuple(names)
+        controller.tuned({name: controller.numbers.get(name, 0.0) for name in chosen})
+        if not chosen:
+            raise NotFoundError(f"gains: expected at least one of {', '.join(controller.numbers) or 'none there are'}")
+        if positive_number(span, "span: expected a number above 1") <= 1.0:
+            raise InputError(f"span: expected a number above 1, got {span}")
+        low, high = 0.0, float(np.log(span))
+        if not cls(controller, chosen, 1.0 / span, float(span))._carried():
+            for _ in range(HALVINGS):
+                middle = 0.5 * (low + high)
+                carried = cls(controller, chosen, 1.0 / span, float(np.exp(middle)))._carried()
+                low, high = (middle, high) if carried else (low, middle)
+            high = low
+        return cls(controller, chosen, 1.0 / span, float(np.exp(high)))
+
+    @property
+    def space(self) -> gymnasium.spaces.Box:
+        """The space of actions (a,) of one arm."""
+        return gymnasium.spaces.Box(-1.0, 1.0, (sum(self.sizes.values()),), np.float32)
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """The number of actions of each name."""
+        shapes = {name: self.controller.numbers[name].shape for name in self.names}
+        return {name: self.controller.dof if shape == (self.controller.dof,) else 1 for name, shape in shapes.items()}
+
+    def gains(self, actions: Array) -> dict[str, Array]:
+        """The gains that may be moved, by name (..., n), under actions (..., a)."""
+        within = np.clip(actions, -1.0, 1.0)
+        factors = np.where(within > 0.0, self.highest, 1.0 / self.lowest) ** within
+        ends = np.cumsum(list(self.sizes.values())).tolist()
+        parts = {name: factors[..., end - n : end] for (name, n), end in zip(self.sizes.items(), ends, strict=True)}
+        return {name: self.controller.numbers[name].ravel() * factor for name, factor in parts.items()}
+
+    def packed(self, actions: Array) -> Array:
+        """All the controller's numbers (N, g) as `Controller.packed` has them, under actions (N, a)."""
+        moved, count = self.gains(actions), len(actions)
+        rows = [moved.get(name, np.tile(own.ravel(), (count, 1))) for name, own in self.controller.numbers.items()]
+        return np.concatenate(rows, axis=1)
+
+    def _carried(self) -> bool:
+        largest = self.gains(np.ones(self.space.shape))
+        try:
+            self.controller.tuned({n: largest[n].reshape(self.controller.numbers[n].shape) for n in self.names})
+        except GainError:
+            return False
+        return True
+
+
+class TuningEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.RecordConstructorArgs):
+    """
+    ## Description
+
+    A tracking environment that a controller drives, some of whose gains the action moves at each control period: a
+    schedule of gains is left to be learned. An action of zero is the controller as it is.
+
+    ```python
+    env = TuningEnv(gymnasium.make("adaptctl.envs:adaptctl/Tracking-v0", ...), controller, ["damping", "adaptation.gain"])
+    ```
+
+    ## Action space
+
+    `Box(-1, 1, (a,), float32)`: -1 is a gain over `span`, 0 as it is, 1 `span` times it, in between exponentially. Gains
+    of one number a joint, such as `bandwidth` and `damping`, have an action each; others, such as `adaptation.gain`, one for all their
+    numbers. `gains` are names in `controller.numbers`. What is out of bounds is clipped.
+
+    The largest gains together are checked as those of a new controller are: where the control period cannot carry
+    them, 1 stands for the largest factor that it can, `env.range.highest`.
+
+    ## Observation space
+
+    That of the environment. `info` has, besides the environment's, `gains`: a mapping from names to numbers.
+    """  # noqa: E501  # an example
+
+    def __init__(
+        self, env: gymnasium.Env[Any, Any], controller: Controller[Any], gains: Iterable[str], span: float = 4.0
+    ) -> None:
+        gains = (gains,) if isinstance(gains, str) else tuple(gains)
+        gymnasium.utils.RecordConstructorArgs.__init__(self, controller=controller, gains=gains, span=span)
+        gymnasium.Wrapper.__init__(self, env)
+        self._parts = parts_of(env, controller)
+        self.controller, self.range = controller, GainRange.of(controller, gains, span)
+        self.action_space = self.range.space  # type: ignore[assignment]
+        self._memory: Any = None
+        self._seen: tuple[Array, Array, ReferencePoint]
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
+        """Begin an episode; the controller knows nothing of the last one."""
+        observation, info = self.env.reset(seed=seed, options=options)
+        self._look(observation)
+        self._memory = self.controller.init(*self._seen[:2])
+        return observation, info | {"gains": self.range.gains(np.zeros(self.range.space.shape))}
+
+    def step(self, action: Any) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
+        """One control period under the controller with the gains that the action tells."""
+        if self._memory is None:
+            raise gymnasium.error.ResetNeeded("there is no episode yet: call env.reset() first")
+        chosen = finite_actions(action, self.range.space)
+        torque, self._memory = self.controller.step_tuned(self.range.packed(chosen[None]), self._memory, *self._seen)
+        observation, reward, terminated, truncated, info = self.env.step(torque[0])
+        self._look(observation)
+        return observation, reward, terminated, truncated, info | {"gains": self.range.gains(chosen)}
+
+    def _look(self, observation: Array) -> None:
+        """Take what is observed, as of one arm of many (1, r)."""
+        p, v, *reference = (np.asarray(observation, dtype=np.float64)[None, part] for part in self._parts)
+        self._seen = p, v, ReferencePoint(*reference)
+
+
+class TuningVectorEnv(ControlledVectorEnv):
+    """`TuningEnv` for many arms, each with gains of its own; `info` tells of them as `gains`, (N, n) each."""
+
+    def __init__(
+        self, env: VectorTrackingEnv, controller: Controller[Any], gains: Iterable[str], span: float = 4.0
+    ) -> None:
+        self.range = GainRange.of(controller, gains, span)
+        super().__init__(env, controller, self.range.space.shape[0])
+
+    def _torques(self, actions: Array) -> tuple[Array, dict[str, Any]]:
+        torques, self._memory = self.controller.step_tuned(self.range.packed(actions), self._memory, *self._seen)
+        return torques, {"gains": self.range.gains(actions)}

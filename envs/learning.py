@@ -1,0 +1,207 @@
+"""Tracking environments whose observations and actions are in [-1, 1], for one arm and for many."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.utils import RecordConstructorArgs
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from adaptctl.arrays import Array
+from adaptctl.envs.many.vector_tracking import Puma560VectorTrackingEnv, VectorTrackingEnv
+from adaptctl.envs.puma560 import Puma560TrackingEnv
+from adaptctl.envs.tracking import TrackingEnv
+from adaptctl.errors import InputError
+from adaptctl.tuning.motion_range import motion_ranges
+
+Observation = NDArray[np.float32]
+PRECISION = 0.1
+"""Tracking error that is observed as a half: a share of half the joint's range, or of the bound where that is less."""
+RATE = 5.0
+"""1/s, velocity errors over errors that are observed alike"""
+
+
+@dataclass(frozen=True, eq=False)
+class NormalisedView:
+    """Observations of a tracking environment as numbers in (-1, 1): x / (|x| + s), which tells small errors well and
+    has no bound where they are cut off.
+
+    In turn, each (r,): error, velocity error, position from the middle of the joint's range, velocity, the
+    reference's acceleration, and for each time ahead how far the reference then is from the reference now.
+    """
+
+    slices: Mapping[str, slice]
+    middle: Array
+    scale: Array
+    """(n,) what is observed as a half, in each number's own unit"""
+
+    @classmethod
+    def of(cls, env: TrackingEnv) -> NormalisedView:
+        """The view of an environment's observations."""
+        lower, upper = motion_ranges(env.mechanism)
+        half = 0.5 * (upper - lower)
+        error = PRECISION * np.minimum(half, env.error_bound)
+        ahead = [error] * len(env.look_ahead)
+        scale = np.concatenate([error, RATE * error, half, half, half, *ahead])
+        return cls(env.observation_slices, 0.5 * (lower + upper), scale)
+
+    @property
+    def space(self) -> gymnasium.spaces.Box:
+        """The space of what is seen of one arm."""
+        return gymnasium.spaces.Box(-1.0, 1.0, self.scale.shape, np.float32)
+
+    def __call__(self, observation: Any) -> Observation:
+        """The normalised values (..., n) of observations (..., n)."""
+        p, v, desired, rate, acceleration = (observation[..., part] for part in list(self.slices.values())[:5])
+        ahead = observation[..., self.slices["look_ahead"]]
+        ahead = ahead - np.tile(desired, ahead.shape[-1] // desired.shape[-1])
+        seen = np.concatenate((p - desired, v - rate, p - self.middle, v, acceleration, ahead), axis=-1)
+        return np.asarray(seen / (np.abs(seen) + self.scale), dtype=np.float32)
+
+
+class LearningEnv(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
+    """
+    ## Description
+
+    A tracking environment as learners want it: `TrackingEnv` with what is seen and what is done in [-1, 1]. Rewards,
+    episodes, options and `info` are the environment's own, so that returns compare with those of controllers that
+    drive it: `adaptctl.envs.baselines` tells them.
+
+    ```python
+    env = gymnasium.make("adaptctl.envs:adaptctl/Puma560Learning-v0")     # or Learning-v0, robot=...
+    many = gymnasium.make_vec("adaptctl.envs:adaptctl/Puma560Learning-v0", num_envs=64)
+    ```
+
+    Those two hold a torque for `control_period` 0.02 s and last `duration` 5 s, 250 steps: at 1 kHz a learner has to
+    look a thousand steps ahead to see what a torque does. All other arguments are those of `TrackingEnv`.
+
+    ## Action space
+
+    `Box(-1, 1, (r,), float32)`: shares of the torque limits; or the actions of `ResidualEnv` or `TuningEnv`, as they
+    are, where one of those is wrapped.
+
+    ## Observation space
+
+    `Box(-1, 1, (5r + r L,), float32)` for L look-ahead times: each number x is seen as x / (|x| + s).
+
+    | Places      | Number x                                             | s                                   |
+    |-------------|------------------------------------------------------|-------------------------------------|
+    | 0 to r      | position minus the reference's                       | a tenth of h, or of the error bound where that is less |
+    | r to 2r     | velocity minus the reference's                       | 5/s times that                      |
+    | 2r to 3r    | position from the middle of the joint's range        | h, half the range (1 rad or m where there is none) |
+    | 3r to 4r    | velocity                                             | h a second                          |
+    | 4r to 5r    | the reference's acceleration                         | h a second squared                  |
+    | from 5r     | the reference's positions ahead minus those now      | as the first                        |
+
+    ## Version history
+
+    * v0: first version
+    """  # noqa: E501  # a table
+
+    def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
+        RecordConstructorArgs.__init__(self)
+        gymnasium.Wrapper.__init__(self, env)
+        self._view, self._scale = NormalisedView.of(_observed(env)), _scale(env.action_space)
+        self.observation_space = self._view.space
+        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, self._scale.shape, np.float32)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Begin an episode."""
+        observation, info = self.env.reset(seed=seed, options=options)
+        return self._view(observation), info
+
+    def step(self, action: Any) -> tuple[Observation, Any, bool, bool, dict[str, Any]]:
+        """One control period."""
+        observation, reward, terminated, truncated, info = self.env.step(scaled(action, self._scale))
+        return self._view(observation), reward, terminated, truncated, info
+
+
+class LearningVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any]):
+    """`LearningEnv` for many arms: around a `VectorTrackingEnv`, a `ResidualVectorEnv` or a `TuningVectorEnv`."""
+
+    def __init__(self, env: gymnasium.vector.VectorEnv[Any, Any, Any]) -> None:
+        super().__init__(env)
+        self._view, self._scale = NormalisedView.of(_observed(env)), _scale(env.single_action_space)
+        self.single_observation_space = self._view.space
+        self.single_action_space = gymnasium.spaces.Box(-1.0, 1.0, self._scale.shape, np.float32)
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: Mapping[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Begin an episode of every arm."""
+        observations, info = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]  # ours take more
+        return self._view(observations), info
+
+    def step(self, actions: Any) -> tuple[Observation, Any, Any, Any, dict[str, Any]]:
+        """One control period of all arms."""
+        observations, rewards, terminated, truncated, info = self.env.step(scaled(actions, self._scale))
+        if "final_obs" in info:
+            last = [None if one is None else self._view(one) for one in info["final_obs"]]
+            info = info | {"final_obs": np.fromiter(last, dtype=object, count=len(last))}
+        return self._view(observations), rewards, terminated, truncated, info
+
+
+DEFAULTS: dict[str, Any] = {"control_period": 0.02, "duration": 5.0}
+"""What differs from `TrackingEnv`."""
+MANY: dict[str, Any] = DEFAULTS | {"autoreset_mode": "SameStep"}
+"""What differs from `VectorTrackingEnv`: learners want the last observation and the first in one step."""
+
+
+def learning(**settings: Any) -> LearningEnv:
+    """`adaptctl/Learning-v0`: `TrackingEnv` with settings that suit learners where none are given."""
+    return LearningEnv(TrackingEnv(**DEFAULTS | settings))
+
+
+def puma560_learning(**settings: Any) -> LearningEnv:
+    """`adaptctl/Puma560Learning-v0`: `Puma560TrackingEnv` likewise."""
+    return LearningEnv(Puma560TrackingEnv(**DEFAULTS | settings))
+
+
+def many_learning(num_envs: int = 1, **settings: Any) -> LearningVectorEnv:
+    """`adaptctl/Learning-v0` for many arms, which begin again in the same step."""
+    return LearningVectorEnv(VectorTrackingEnv(num_envs, **MANY | settings))
+
+
+def many_puma560_learning(num_envs: int = 1, **settings: Any) -> LearningVectorEnv:
+    """`adaptctl/Puma560Learning-v0` for many arms likewise."""
+    return LearningVectorEnv(Puma560VectorTrackingEnv(num_envs, **MANY | settings))
+
+
+def scaled(action: Any, scale: Array) -> Array:
+    """An action times its scale. Raises `InputError` for what are no numbers."""
+    try:
+        return np.asarray(np.asarray(action, dtype=np.float64) * scale)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"action: expected {len(scale)} numbers, got {action!r:.80}") from error
+
+
+def _scale(space: Any) -> Array:
+    return np.asarray(space.high, dtype=np.float64)
+
+
+def _observed(env: Any) -> TrackingEnv:
+    """The tracking environment whose observations an environment passes on as they are."""
+    inner = tracking_of(env)
+    if getattr(env, "single_observation_space", env.observation_space) != inner.observation_space:
+        raise InputError(
+            f"{env}: expected observations in their own units: they have been changed by a wrapper already"
+        )
+    return inner
+
+
+def tracking_of(env: Any) -> TrackingEnv:
+    """The tracking environment that an environment, of one arm or of many, is made on."""
+    inner = getattr(env, "unwrapped", env)
+    inner = getattr(inner, "single", inner)
+    if not isinstance(inner, TrackingEnv):
+        raise InputError(f"{env}: expected a tracking environment of adaptctl, such as adaptctl/Tracking-v0")
+    return inner

@@ -1,0 +1,97 @@
+"""Many arms with a controller in their loop, of whose doing a learner changes something."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from adaptctl.arrays import Array
+from adaptctl.control.controller import Controller, ReferencePoint
+from adaptctl.envs.many.vector_tracking import VectorTrackingEnv
+from adaptctl.errors import InputError, NonFiniteError
+from adaptctl.simulation.rollout import PARTS
+
+
+class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any]):
+    """Many tracking environments that a controller drives, and in which actions (N, a) in [-1, 1] are what is learned.
+
+    Each arm has a memory of the controller of its own, which begins anew with its episodes.
+    """
+
+    def __init__(self, env: VectorTrackingEnv, controller: Controller[Any], actions: int) -> None:
+        if not isinstance(env, VectorTrackingEnv):
+            raise InputError(f"{env}: expected a vector environment of adaptctl, such as make_vec makes")
+        require_controller(controller)
+        if controller.dof != env.single.plant.dof:
+            raise InputError(f"{env}: observes {env.single.plant.dof} joints, the controller is for {controller.dof}")
+        super().__init__(env)
+        self.controller = controller.compile(many=True)
+        self.single_action_space = gymnasium.spaces.Box(-1.0, 1.0, (actions,), np.float32)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self._parts = [env.observation_slices[name] for name in PARTS]
+        self._mode, self._over = env.autoreset_mode, np.zeros(self.num_envs, dtype=np.bool_)
+        self._memory: Any = None
+        self._seen: tuple[Array, Array, ReferencePoint]
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: Mapping[str, Any] | None = None
+    ) -> tuple[Array, dict[str, Any]]:
+        """Begin an episode of every arm, or of those in the option `reset_mask`."""
+        observations, info = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]  # ours takes more
+        begun = np.asarray((options or {}).get("reset_mask", np.ones(self.num_envs, dtype=np.bool_)))
+        self._over = self._over & ~begun
+        self._look(observations, begun)
+        return observations, info
+
+    def step(self, actions: Any) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+        """One control period of all arms."""
+        if self._memory is None:
+            raise gymnasium.error.ResetNeeded("there is no episode yet: call env.reset() first")
+        torques, told = self._torques(finite_actions(actions, self.action_space))
+        observations, rewards, terminated, truncated, info = self.env.step(torques)
+        over = terminated | truncated
+        begun = {AutoresetMode.SAME_STEP: over, AutoresetMode.NEXT_STEP: self._over}.get(self._mode, over & False)
+        self._over = over
+        self._look(observations, begun)
+        return observations, rewards, terminated, truncated, info | told
+
+    @abstractmethod
+    def _torques(self, actions: Array) -> tuple[Array, dict[str, Any]]:
+        """The torques (N, r) of the next control period under actions (N, a), and what `info` tells of it; the memory
+        goes on."""
+
+    def _look(self, observations: Array, begun: NDArray[np.bool_]) -> None:
+        """Take what is observed, and let arms whose episode has begun forget the last one."""
+        p, v, *reference = (observations[:, part] for part in self._parts)
+        self._seen = p, v, ReferencePoint(*reference)
+        if self._memory is None:
+            self._memory = self.controller.init(p, v)
+        else:
+            self._memory = self.controller.restart(self._memory, begun, p, v)
+
+
+def require_controller(given: object) -> None:
+    """Raise `InputError` for what is no controller."""
+    if not isinstance(given, Controller):
+        raise InputError(f"controller: expected a Controller, got {given!r:.80}")
+
+
+def finite_actions(given: Any, space: gymnasium.Space[Any]) -> Array:
+    """Actions of a space's shape as numbers. Raises `InputError` and `NonFiniteError` for others."""
+    try:
+        actions = np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InputError(f"action: expected numbers of shape {space.shape}, got {given!r:.80}") from error
+    if actions.shape != space.shape:
+        raise InputError(f"action: expected shape {space.shape}, got {actions.shape}")
+    if not np.isfinite(actions).all():
+        where = np.argwhere(~np.isfinite(actions))[0].tolist()
+        raise NonFiniteError(f"action: expected finite numbers, got {actions[tuple(where)]} at {where}")
+    return actions

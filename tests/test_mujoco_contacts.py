@@ -1,0 +1,92 @@
+"""Contacts of MuJoCo's arms along their references: found, told, and kept clear of."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+import adaptctl
+from adaptctl.cli.main import main
+from adaptctl.control.references import Sinusoids
+from adaptctl.envs import MuJoCoTrackingEnv
+from adaptctl.errors import InputError, ReferenceWarning
+from adaptctl.simulation.mujoco_contacts import clear_of_contacts, contacts_along, contacts_at
+from adaptctl.simulation.mujoco_plant import MuJoCoPlant
+
+SCENE = """
+<mujoco><option timestep="0.001"/><worldbody>
+  <geom name="floor" type="plane" size="3 3 .1" pos="0 0 -1"/>
+  <body name="post" pos="{post} 0 0"><geom type="capsule" size=".05 .5"/></body>
+  <body name="ball" pos="2 0 -.9"><freejoint/><geom size=".1"/></body>
+  <body name="upper"><joint name="a" axis="0 0 1" range="-170 170"/>
+    <geom type="capsule" size=".03" fromto="0.1 0 0 .4 0 0"/>
+    <body name="fore" pos=".4 0 0"><joint name="b" axis="0 0 1" range="-170 170"/>
+      <geom type="capsule" size=".03" fromto="0.1 0 0 .4 0 0"/></body></body>
+</worldbody>
+<actuator><motor joint="a" ctrlrange="-20 20"/><motor joint="b" ctrlrange="-10 10"/></actuator></mujoco>
+"""
+
+
+def scene(folder: Path, post: float = -0.6) -> Path:
+    (folder / "scene.xml").write_text(SCENE.format(post=post))
+    return folder / "scene.xml"
+
+
+def reference(center: float, amplitude: float = 0.3) -> Sinusoids:
+    return Sinusoids(np.array([center, 0.0]), np.array([amplitude, 0.1]), np.array([0.1, 0.2]))
+
+
+def plant(path: Path) -> MuJoCoPlant:
+    return MuJoCoPlant.of(str(path), 1e-3)
+
+
+def test_contacts_are_those_of_the_arm_alone(tmp_path: Path) -> None:
+    arm = plant(scene(tmp_path))
+    turned = np.array([[0.0, 0.0], [np.pi, 0.0], [0.0, 2.9], [np.pi, 0.0]])
+    assert contacts_at(arm, turned) == {("post", "fore"): 2}
+    assert not contacts_along(arm, reference(0.0))
+    assert contacts_along(arm, reference(3.0))["post", "fore"] > 20
+
+
+def test_a_reference_that_touches_something_is_told_of(tmp_path: Path) -> None:
+    path = scene(tmp_path)
+    MuJoCoTrackingEnv(str(path), reference(0.0))
+    with pytest.warns(ReferenceWarning, match=r"'post' and 'fore' touch at \d+ of 201 times, which pushes the arm off"):
+        MuJoCoTrackingEnv(str(path), reference(3.0))
+
+
+def test_references_are_drawn_in_until_nothing_touches(tmp_path: Path) -> None:
+    arm, free = plant(scene(tmp_path)), reference(0.0)
+    assert clear_of_contacts(arm, free) is free
+    clear = clear_of_contacts(arm, reference(3.0))
+    assert not contacts_along(arm, clear)
+    assert 0.5 < clear.center[0] < 3.0
+    np.testing.assert_allclose(clear.amplitude[0, 0] / 0.3, clear.center[0] / 3.0)
+
+
+def test_a_scene_whose_arm_begins_in_contact_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="free of contacts: 'post' and 'fore' touch there"):
+        clear_of_contacts(plant(scene(tmp_path, post=0.6)), reference(0.0))
+
+
+def test_the_experiment_keeps_clear(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The post stands where the reference of this seed would go; without it the arm learns as well."""
+    model = mujoco.MjModel.from_xml_path(str(scene(tmp_path)))
+    drawn = adaptctl.tune(adaptctl.Mechanism.from_mujoco(model), seed=3).reference
+    a, b = drawn.center
+    end = 0.4 * np.array([np.cos(a), np.sin(a)]) + 0.3 * np.array([np.cos(a + b), np.sin(a + b)])
+    text = SCENE.format(post=0).replace('pos="0 0 0"', f'pos="{end[0]:.3f} {end[1]:.3f} 0"')
+    (tmp_path / "scene.xml").write_text(text)
+    arm = plant(tmp_path / "scene.xml")
+    assert contacts_along(arm, drawn)
+    out = tmp_path / "out"
+    command = ["experiment", "run", "adaptive", "--robot", str(tmp_path / "scene.xml"), "--plant", "mujoco"]
+    assert main([*command, "--seed", "3", "--duration", "6", "--out", str(out), "--overwrite"]) == 0, (
+        capsys.readouterr()
+    )
+    found = json.loads((out / "summary.json").read_text())
+    assert found["final_rms_error"] < 0.5 * found["final_rms_error_adaptation_off"]
