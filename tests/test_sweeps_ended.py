@@ -27,7 +27,7 @@ SWEEP = [
 
 
 def begun(out: Path) -> subprocess.Popen[str]:
-    """The sweep, in a session of its own."""
+    """The sweep and its workers, to be ended together."""
     given = [*SWEEP, "--out", str(out)]
     return subprocess.Popen(given, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
 

@@ -74,6 +74,10 @@ def _searched(
 ) -> HoldNumber:
     mechanism, K, L = workspace.mechanism, np.array(damping), np.array(bandwidth)
     parameters = None if estimate is None else np.array(estimate)
+    if parameters is None and 0.0 < L.min() == L.max() and not np.any(_viscous(mechanism)[1]):
+        # M^-1 (K + M lambda) = M^-1 K + lambda: one search is enough for every such bandwidth
+        unmoved = _searched(workspace, damping, tuple(0.0 * L), period, None)
+        return unmoved._replace(value=unmoved.value + period * bandwidth[0])
 
     def feedback(p: Array) -> Array:
         return _feedback(mechanism, p, K, L, period, parameters)
