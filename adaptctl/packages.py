@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 from adaptctl.errors import MissingExtraError
 
@@ -35,3 +37,10 @@ def needed(what: str) -> Iterator[None]:
         if missing == "adaptctl":
             raise
         raise MissingExtraError(f"{what} needs {missing}: pip install {DISTRIBUTIONS.get(missing, missing)}") from error
+
+
+def viewer_program() -> str | None:
+    """The path of rerun's viewer, beside this Python or else on the PATH; None where there is none."""
+    import shutil
+
+    return shutil.which("rerun", path=str(Path(sys.executable).parent)) or shutil.which("rerun")

@@ -236,6 +236,18 @@ def test_a_search_finds_what_a_grid_has_as_best() -> None:
         search(chosen, "rms_eror", 4)
 
 
+def test_a_folder_that_could_not_be_begun_is_begun_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(path: Path, content: Any) -> None:
+        raise FileError(f"{path}: cannot be written (no space left on device)")
+
+    with monkeypatch.context() as disk:
+        disk.setattr("adaptctl.sweeps.folder.write_json", full)
+        with pytest.raises(FileError):
+            Folder.opened(tmp_path / "out", study(seed="0"), 1, [])
+    (tmp_path / "out" / ".study.json-1-1").touch()  # what a process that is killed leaves
+    assert len(list(Folder.opened(tmp_path / "out", study(seed="0"), 1, []).shards())) == 1
+
+
 class TestCommand:
     ARGUMENTS = ("puma560-adaptive", "--duration", "0.05", "--controllers", "adaptive")
 

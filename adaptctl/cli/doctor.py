@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from importlib.metadata import PackageNotFoundError, requires, version
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
 from adaptctl.cli.output import print_json
+from adaptctl.packages import viewer_program
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -35,7 +34,7 @@ def examined() -> dict[str, Any]:
 
     required, extras = _requirements()
     packages = {name: _version(name) for name in required}
-    compiler, viewer = _compiler(), _viewer()
+    compiler, viewer = _compiler(), viewer_program()
     wrong = [f"{name} is missing: pip install {name}" for name, found in packages.items() if found is None]
     wrong += [compiler["error"]] if compiler["error"] else []
     wrong += [] if viewer else ["the viewer is missing: pip install rerun-sdk"]
@@ -92,13 +91,6 @@ def _cache() -> dict[str, Any]:
     folder = cache_folder()
     sizes = [path.stat().st_size for path in folder.glob(f"*{SUFFIX}")] if folder and folder.is_dir() else []
     return {"folder": str(folder) if folder else None, "objects": len(sizes), "bytes": sum(sizes)}
-
-
-def _viewer() -> str | None:
-    """Path of the viewer's program, beside this Python or on the PATH."""
-    import shutil
-
-    return shutil.which("rerun", path=str(Path(sys.executable).parent)) or shutil.which("rerun")
 
 
 def _lines(found: dict[str, Any]) -> Iterator[str]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import atexit
 import os
-import shutil
 import signal
 import socket
 import subprocess
@@ -24,6 +23,7 @@ from adaptctl.arrays import positive_number
 from adaptctl.description.writers.mechanism_file import mechanism_toml
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, LiveViewWarning, MissingExtraError
+from adaptctl.packages import viewer_program
 
 HOST, PORT = "127.0.0.1", 9876
 PATIENCE, WRITING = 10.0, 60.0
@@ -149,7 +149,7 @@ def reachable(address: str, start_viewer: bool = False, inline: bool = False) ->
     url = f"rerun+http://{HOST}:{port}/proxy"
     if _answers(int(port)):
         return url
-    viewer = shutil.which("rerun")
+    viewer = viewer_program()
     if start_viewer and viewer is not None:
         command = [viewer, "--bind", HOST, "--port", port, *(["--serve-grpc"] if inline else [])]
         started = subprocess.Popen(

@@ -61,9 +61,9 @@ class Folder:
             if saved.version != __version__:
                 raise InputError(f"{path}: was begun by adaptctl {saved.version}, this is {__version__}: use that")
             return cls(path, study, saved.shard)
-        if path.is_dir() and any(path.iterdir()):
+        if path.is_dir() and any(not one.name.startswith(".") for one in path.iterdir()):
             raise InputError(f"{path}: is not empty, and no sweep's: choose another --out")
-        (path / "shards").mkdir(parents=True, exist_ok=True)
+        path.mkdir(parents=True, exist_ok=True)
         about = Saved(
             schema="adaptctl/sweep/1",
             version=__version__,
