@@ -128,7 +128,8 @@ def _pairs(option: str, given: Pairs) -> dict[str, str]:
     for pair in given:
         if "=" not in pair:
             raise InputError(f"{option}: expected WHAT=VALUE, such as position=..., got {pair!r}")
-    return dict(tuple(pair.split("=", 1)) for pair in given)  # type: ignore[misc]
+    parts = (pair.partition("=") for pair in given)
+    return {what: value for what, _, value in parts}
 
 
 def _tell(found: Identification, folder: Path) -> None:

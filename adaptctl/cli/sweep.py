@@ -64,10 +64,10 @@ def sweep(
     if search:
         return _search(study, minimise, search, out)
     _require_few(study.count, yes)
-    tls = (tls_ca, tls_cert, tls_key)
-    if any(tls) and not all(tls):
+    tls = [path for path in (tls_ca, tls_cert, tls_key) if path]
+    if len(tls) not in (0, 3):
         raise InputError("TLS needs all of --tls-ca, --tls-cert and --tls-key")
-    cluster = Cluster(jobs, scheduler, scheduler_file, tls if all(tls) else None)  # type: ignore[arg-type]
+    cluster = Cluster(jobs, scheduler, scheduler_file, (tls[0], tls[1], tls[2]) if tls else None)
     folder = Folder.opened(out, study, shard, sys.argv[1:])
     with interruptible() as interruption, shown_progress() as progress:
         heeded = interruption.heeded(progress)

@@ -76,7 +76,7 @@ def _computed(interface: Interface, fields: tuple[int, ...]) -> Routine:
     initial, rest = np.array(law.initial), Column.zeros(law.dof)
 
     def begun(q: Column) -> tuple[Column, ...]:
-        memory: Any = adaptation.start(law.model, initial, q, rest, law.period)  # type: ignore[arg-type]
+        memory: Any = adaptation.start(law.model, initial, q, rest, law.period)  # type: ignore[arg-type]  # traced
         return tuple(part for part in leaves(memory) if isinstance(part, Column))
 
     routine = trace(begun, {"q": law.model.mechanism.equations.joints}, name="begun")

@@ -112,7 +112,7 @@ def has_builtins() -> bool:
     found = array.type, array.data, array.ndim, array.shape[0], array.dtype, array.flags
     if found != (ndarray, probe.ctypes.data, 1, 5, float64, probe.flags.num):
         return False
-    capsule = np._core._multiarray_umath._ARRAY_API  # type: ignore[attr-defined]
+    capsule = np._core._multiarray_umath._ARRAY_API  # type: ignore[attr-defined]  # in no stub
     table = _api("PyCapsule_GetPointer", ctypes.c_void_p, ctypes.py_object, ctypes.c_void_p)(capsule, None)
     new = ctypes.c_void_p.from_address(table + _NEW * ctypes.sizeof(ctypes.c_void_p))
     python = {name: ctypes.cast(getattr(ctypes.pythonapi, name), ctypes.c_void_p) for name in _PYTHON}

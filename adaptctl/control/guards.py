@@ -275,7 +275,7 @@ def _with_applied_torque(memory: Parts, applied: Column) -> Parts:
     """The memory of a law that remembers its torque, with the one that is applied."""
     if "torque" not in getattr(memory, "_fields", ()):
         return memory
-    replaced: Parts = memory._replace(torque=applied)  # type: ignore[attr-defined]
+    replaced: Parts = memory._replace(torque=applied)  # type: ignore[attr-defined]  # it has `_fields`
     return replaced
 
 
