@@ -9,7 +9,7 @@ DOCS := docs/_build/html
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: architecture help demo test bench gallery sdist figures check-stability check-export check-page check-pages check-learners mutants lint types docs format licences audit lock clean
+.PHONY: architecture help demo test search bench gallery sdist figures check-stability check-export check-page check-pages check-learners mutants lint types docs format licences audit lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-15s %s\n", $$1, $$2}' Makefile
@@ -20,6 +20,9 @@ demo: $(STAMP) ## an adaptive PUMA 560, from energies to a recording, in results
 
 test: $(STAMP) ## the tests, and every example of README.md and docs/
 	$(BIN)/python -m pytest -n 2
+
+search: $(STAMP) ## the tests that draw their cases, on cases drawn anew each time
+	$(BIN)/python -m pytest -n 2 --hypothesis-profile=search $$(grep -l '^from hypothesis import' tests/test_*.py)
 
 bench: $(STAMP) ## speed against its peers, in three minutes; docs/speed.md and README.md's plot then show it
 	$(BIN)/python -m benchmarks
