@@ -7,9 +7,7 @@ import json
 import math
 import os
 import re
-import secrets
 import shutil
-import socket
 import stat
 import tomllib
 from collections.abc import Iterator
@@ -31,7 +29,7 @@ LONGEST_KEY = 16
 LARGEST = 1e30
 """Magnitude of the numbers that TOML files may hold: products of five of them are doubles still."""
 
-_HERE = re.sub(r"\W", "_", socket.gethostname())[:40]
+_HERE = re.sub(r"\W", "_", os.uname().nodename)[:40]
 _PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
 _LONG_KEY = re.compile(rf"(?<![\w.-]){_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{LONGEST_KEY}}}")
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
@@ -67,7 +65,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
 
 def name_beside(target: Path) -> Path:
     """A hidden name beside a target, of the same suffix, that says which process on which computer writes there."""
-    return target.with_name(f".{target.stem}.{_HERE}-{os.getpid()}-{secrets.token_hex(4)}{target.suffix}")
+    return target.with_name(f".{target.stem}.{_HERE}-{os.getpid()}-{os.urandom(4).hex()}{target.suffix}")
 
 
 def cleaned_of_the_dead(folder: Path, name: str) -> list[Path]:

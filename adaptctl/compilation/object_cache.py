@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import logging
 import os
-import secrets
 import stat
 from contextlib import suppress
 from dataclasses import dataclass
@@ -112,7 +111,7 @@ def _read(path: Path) -> bytes:
 
 def _write(path: Path, content: bytes) -> None:
     """Write a file beside its place and then move it there, so that no other process reads half of it."""
-    beside = path.with_name(f".{secrets.token_hex(8)}{SUFFIX}")
+    beside = path.with_name(f".{os.urandom(8).hex()}{SUFFIX}")
     try:
         with os.fdopen(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
             file.write(content)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 
 from adaptctl.arrays import Array
@@ -19,7 +17,6 @@ TOLERANCE, FLOOR = 1e-4, 1e-8
 """Of a column's energies: what may be missing. Of the greatest, in comparable units: what is round-off."""
 
 
-@lru_cache(maxsize=32)  # neither changes, and sweeps make many models of them
 def require_energies(mechanism: Mechanism, basis: FundamentalBasis) -> None:
     """Refuse a basis whose regrouping changes energies H: H = H[:, columns] K must hold, for each parameter.
 

@@ -1,31 +1,13 @@
-"""Certified null spaces of a mechanism's energies: how they are found, and why their rank can be trusted."""
+"""The certificate of a rank: how it was found, how clear-cut it is, and why it can be trusted."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
-from typing import NamedTuple
-
-import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.dynamics import Mechanism
 from adaptctl.errors import RankError
-from adaptctl.identifiability.energy_matrix import EnergyFactor, energetic_names, energy_blocks, torque_rows
-from adaptctl.identifiability.null_space import NullSpace, null_residual, unscaled_bases
-from adaptctl.identifiability.proof.exact_energies import ExactEnergies
-from adaptctl.identifiability.right_angles import NearRightAngle, near_right_angles
-from adaptctl.identifiability.sampling import random_halves, random_states, whereabouts
-from adaptctl.identifiability.scaled_rank import (
-    FEW_STATES,
-    NOTHING,
-    DecomposedNullSpace,
-    ScaledRegressor,
-    energy_scales,
-)
-from adaptctl.identifiability.tree.null_space import TreeNullSpace
-from adaptctl.identifiability.tree.verification import TransferEvidence, energy_changes, transfer_evidence
+from adaptctl.identifiability.right_angles import NearRightAngle
 
 SMALLEST_GAP = 1e6
 SMALLEST_SINGULAR_VALUE = 1e-9
@@ -137,126 +119,6 @@ class Certificate:
             f"Scaled singular values over the largest: {_listing(spectrum / spectrum.max(initial=1e-300), self.rank)}",
             tuple(spectrum.tolist()),
         )
-
-
-class CertifiedNullSpace(NamedTuple):
-    """A null space, its certificate, and the energies that it was found or checked with."""
-
-    null_space: NullSpace
-    certificate: Certificate
-    energies: Callable[[], Array]
-    """The triangle R of energy differences at random states."""
-    states: str
-    """Source of these states, in words."""
-
-
-def certified_by_decomposition(
-    mechanism: Mechanism, samples: int, seed: int, proof: ExactEnergies | None = None
-) -> CertifiedNullSpace:
-    """The null space by singular value decomposition of energy differences at random states; of any mechanism.
-
-    Raises `RankError` unless the energies of `samples` states, of twice as many, and torques agree on a clear rank.
-    """
-    generator = np.random.default_rng(seed)
-    some, as_many = random_halves(mechanism, samples, generator)
-    factor = EnergyFactor.of(energy_blocks(mechanism, some))
-    doubled = EnergyFactor.of(energy_blocks(mechanism, as_many), before=factor)
-    scaled = ScaledRegressor.of_energies(mechanism, factor)
-    rows = torque_rows(mechanism, generator)
-    certificate = Certificate(
-        rank_energy=scaled.rank,
-        rank_torque=_torque_rank(mechanism, rows, scaled),
-        rank_doubled=ScaledRegressor.of_energies(mechanism, doubled).rank,
-        gap=scaled.decision.gap,
-        relative_smallest=scaled.decision.smallest,
-        samples=samples,
-        seed=seed,
-        null_residual=null_residual(rows, unscaled_bases(scaled.null_basis, scaled.scales)[0], scaled.scales),
-        leftovers=leftovers(scaled.singular_values, scaled.vectors, scaled.rank, energetic_names(mechanism)),
-        near_right_angles=near_right_angles(mechanism.description),
-        rank_exact=None if proof is None else proof.rank,
-        exact_by="" if proof is None else proof.method,
-    )
-    _require_accepted(mechanism, certificate, scaled.singular_values)
-    found = DecomposedNullSpace(scaled, energy_scales(mechanism, seed))
-    energies = partial(getattr, factor, "triangle")
-    return CertifiedNullSpace(found, certificate, energies, _origin(mechanism, samples, seed))
-
-
-def _torque_rank(mechanism: Mechanism, rows: Array, energies: ScaledRegressor) -> int:
-    """The rank of torque rows (n, P); 0 where energies are round-off and torques, scaled like them, are too."""
-    if energies.rank == 0 and np.abs(rows * energies.scales).max(initial=0.0) <= NOTHING:
-        return 0
-    return ScaledRegressor.of_torques(mechanism, rows).rank
-
-
-def certified_by_transfers(
-    mechanism: Mechanism, samples: int, seed: int, proof: ExactEnergies | None = None
-) -> CertifiedNullSpace:
-    """The null space of a tree from its geometry, joint by joint, checked at every joint against sampled energies.
-
-    Raises `RankError` unless energies agree, joint by joint, with the rank by geometry. `samples` is the number of
-    states whose energy differences are computed when they are asked for.
-    """
-    found = TreeNullSpace.of(mechanism, seed)
-    generator = np.random.default_rng(seed)
-    few = FEW_STATES // 2
-    changes = energy_changes(mechanism, found.transfers, random_states(mechanism, FEW_STATES, generator))
-    once, twice = (transfer_evidence(found.transfers, changes[:, :count]) for count in (few, 2 * few))
-    certificate = Certificate(
-        rank_energy=found.rank + once.surplus,
-        rank_geometry=found.rank,
-        rank_doubled=found.rank + twice.surplus,
-        gap=once.gap,
-        relative_smallest=once.smallest,
-        samples=few,
-        seed=seed,
-        null_residual=twice.residual,
-        leftovers=_far_from_round_off(mechanism, twice),
-        near_right_angles=near_right_angles(mechanism.description),
-        rank_exact=None if proof is None else proof.rank,
-        exact_by="" if proof is None else proof.method,
-    )
-    _require_accepted(mechanism, certificate, once.weakest)
-
-    def energies() -> Array:
-        some, _ = random_halves(mechanism, samples, np.random.default_rng(seed))
-        return EnergyFactor.of(energy_blocks(mechanism, some)).triangle
-
-    return CertifiedNullSpace(found, certificate, energies, _origin(mechanism, samples, seed))
-
-
-def _far_from_round_off(mechanism: Mechanism, evidence: TransferEvidence) -> tuple[Leftover, ...]:
-    """The largest relative energy change by an unobservable body and the link it is on, where that refuses the rank."""
-    if evidence.leftover <= LARGEST_LEFTOVER:
-        return ()
-    return (Leftover(evidence.leftover, (f"bodies on {mechanism.links[evidence.worst].name}",)),)
-
-
-def _origin(mechanism: Mechanism, samples: int, seed: int) -> str:
-    return f"{samples} random states {whereabouts(mechanism)}, seed {seed}"
-
-
-def _require_accepted(mechanism: Mechanism, certificate: Certificate, spectrum: Array) -> None:
-    # An angle that is taken as exact elsewhere may be what spoils a gap.
-    suspects = near_right_angles(mechanism.description, exact=ROUND_OFF) if certificate.faults else ()
-    certificate.require_accepted(mechanism.name, spectrum, suspects)
-
-
-def leftovers(spectrum: Array, vectors: Array, rank: int, names: Sequence[str]) -> tuple[Leftover, ...]:
-    """Singular values beyond the gap that are more than round-off, with the parameters that dominate their vectors.
-
-    The spectrum (P,) falls; `vectors` (P, P) holds a right singular vector a column.
-    """
-    relative = spectrum / spectrum.max(initial=1e-300)
-    beyond = [i for i in range(rank, len(spectrum)) if relative[i] > ROUND_OFF]
-    return tuple(Leftover(float(relative[i]), _dominant(vectors[:, i], names)) for i in beyond)
-
-
-def _dominant(vector: Array, names: Sequence[str], most: int = 4) -> tuple[str, ...]:
-    size = np.abs(vector)
-    largest = [int(i) for i in np.argsort(-size, kind="stable")[:most]]
-    return tuple(names[i] for i in largest if size[i] > 0.1 * size.max())
 
 
 def _listing(relative: Array, rank: int) -> str:

@@ -16,11 +16,6 @@ BLOCK = 1024
 """States at once, or four times as many as there are parameters."""
 
 
-def energetic_names(mechanism: Mechanism) -> tuple[str, ...]:
-    """Names of the P parameters that enter the energy: all but friction, which energies can never find."""
-    return mechanism.parameter_names[: mechanism.energetic]
-
-
 def energies(mechanism: Mechanism, states: States) -> Array:
     """Kinetic plus potential energies (samples, P) per unit of each parameter, in J."""
     return mechanism.energy_regressor(states.p, states.v)[..., : mechanism.energetic]

@@ -2,37 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
-from typing import Literal, get_args
+from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, checked, frozen_array
 from adaptctl.caching import cached_property
+from adaptctl.compilation.result_cache import kept
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError, RankError
-from adaptctl.identifiability.certificate import (
-    Certificate,
-    CertifiedNullSpace,
-    certified_by_decomposition,
-    certified_by_transfers,
-)
-from adaptctl.identifiability.energy_matrix import EnergyFactor, energetic_names, energy_blocks
+from adaptctl.errors import InputError
+from adaptctl.identifiability.certificate import Certificate
+from adaptctl.identifiability.energetic_names import energetic_names
 from adaptctl.identifiability.factorisation import right_vectors, singular_values
+from adaptctl.identifiability.methods import Method, Near
 from adaptctl.identifiability.null_space import NullSpace, unscaled_bases
-from adaptctl.identifiability.proof.exact_energies import ExactEnergies
-from adaptctl.identifiability.proof.proved import Near, proved
-from adaptctl.identifiability.sampling import States
+from adaptctl.identifiability.search import Search
 from adaptctl.markup import table, titled
 
-Method = Literal["automatic", "svd", "transfers"]
-METHODS: tuple[str, ...] = get_args(Method)
-LONG = 100
-"""Number of a tree's parameters from which on its null space is found joint by joint."""
-
+if TYPE_CHECKING:
+    from adaptctl.identifiability.proof.exact_energies import ExactEnergies
+    from adaptctl.identifiability.sampling import States
 
 CERTIFIED = ("rank_energy", "rank_doubled", "gap", "relative_smallest", "samples", "null_residual")
 """Entries of a certificate in a notebook's view."""
@@ -49,15 +39,28 @@ class EssentialSpace:
     for, and are read-only.
     """
 
-    mechanism: Mechanism
-    null_space: NullSpace
+    search: Search
+    """How the null space is found, where more than its certificate is asked for."""
     certificate: Certificate
     states: str
     """Source of the states behind `singular_values` and `basis`, in words."""
-    energies: Callable[[], Array]
-    """The triangle R of these states' energy differences H = Q R."""
-    proof: ExactEnergies | None = None
-    """Energies on exact geometry, where they were computed."""
+    triangle: Array | None = None
+    """R of these states' energy differences H = Q R, where they were given."""
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The mechanism."""
+        return self.search.mechanism
+
+    @property
+    def null_space(self) -> NullSpace:
+        """The null space of the energies."""
+        return self.search.found.null_space
+
+    @property
+    def proof(self) -> ExactEnergies | None:
+        """Energies on exact geometry, where they were computed."""
+        return self.search.found.proof
 
     @property
     def mechanism_name(self) -> str:
@@ -82,7 +85,7 @@ class EssentialSpace:
     @property
     def rank(self) -> int:
         """The number of independent parameters k."""
-        return self.null_space.rank
+        return self.certificate.rank
 
     @cached_property
     def scales(self) -> Array:
@@ -124,7 +127,7 @@ class EssentialSpace:
 
     @cached_property
     def _triangle(self) -> Array:
-        return self.energies()
+        return self.search.found.energies() if self.triangle is None else self.triangle
 
     @cached_property
     def _bases(self) -> tuple[Array, Array]:
@@ -159,37 +162,11 @@ def essential_space(
     Raises `RankError`, with the spectrum, when the rank cannot be certified, and `InputError` for a method that is
     unknown or not for this mechanism, and for too few samples.
     """
-    count = _sample_count(samples, mechanism.energetic)
-    given = None if states is None else EnergyFactor.of(energy_blocks(mechanism, [states])).triangle
-    proof = proved(mechanism, near, prove, seed)
-    found = _certified(mechanism, method, count, seed, proof)
-    if given is None or states is None:
-        return EssentialSpace(mechanism, found.null_space, found.certificate, found.states, found.energies, proof)
-    return EssentialSpace(mechanism, found.null_space, found.certificate, states.origin, partial(_same, given), proof)
-
-
-def _certified(
-    mechanism: Mechanism, method: str, samples: int, seed: int, proof: ExactEnergies | None
-) -> CertifiedNullSpace:
-    """The null space by the method asked for; by "automatic", what transfers cannot certify is left to svd."""
-    if method not in METHODS:
-        raise InputError(f"method: expected one of {', '.join(METHODS)}, got {method!r}")
-    hindrance = _no_tree(mechanism)
-    if method == "transfers":
-        if hindrance:
-            raise InputError(f"method: transfers are for trees, but {mechanism.name} has {hindrance}; use svd")
-        return certified_by_transfers(mechanism, samples, seed, proof)
-    if method == "automatic" and not hindrance and mechanism.energetic >= LONG:
-        with suppress(RankError):
-            return certified_by_transfers(mechanism, samples, seed, proof)
-    return certified_by_decomposition(mechanism, samples, seed, proof)
-
-
-def _no_tree(mechanism: Mechanism) -> str:
-    """The property that keeps a mechanism from being a tree with ten parameters a link; empty where none does."""
-    if mechanism.is_plain_tree:
-        return "drives that turn with several joints" if mechanism.description.shafts else ""
-    return "relations among its parameters" if mechanism.description.loops is None else "loops"
+    given = None if states is None else _triangle_of(mechanism, states)
+    search = Search(mechanism, method, near, prove, _sample_count(samples, mechanism.energetic), seed)
+    inputs, kind = search.inputs, tuple[Certificate, str]
+    certificate, random = kept("certificate", inputs, kind, lambda: (search.found.certificate, search.found.states))
+    return EssentialSpace(search, certificate, random if states is None else states.origin, given)
 
 
 def _sample_count(asked: int | None, parameters: int) -> int:
@@ -200,5 +177,7 @@ def _sample_count(asked: int | None, parameters: int) -> int:
     return asked
 
 
-def _same(energies: Array) -> Array:
-    return energies
+def _triangle_of(mechanism: Mechanism, states: States) -> Array:
+    from adaptctl.identifiability.energy_matrix import EnergyFactor, energy_blocks
+
+    return EnergyFactor.of(energy_blocks(mechanism, [states])).triangle

@@ -7,12 +7,14 @@ import os
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from threadpoolctl import ThreadpoolController
 
 from adaptctl.arrays import Array
+
+if TYPE_CHECKING:
+    from threadpoolctl import ThreadpoolController
 
 
 def triangle(matrix: Array) -> Array:
@@ -63,6 +65,8 @@ class _Libraries(NamedTuple):
 @functools.cache
 def _libraries() -> _Libraries:
     """The libraries that are loaded when first asked for, NumPy's among them."""
+    from threadpoolctl import ThreadpoolController  # looks for libraries once it is imported
+
     turn = threading.RLock()
     os.register_at_fork(before=turn.acquire, after_in_parent=turn.release, after_in_child=turn.release)
     return _Libraries(ThreadpoolController(), turn)

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, checked, frozen_array
 from adaptctl.caching import cached_property
+from adaptctl.compilation.result_cache import kept
 from adaptctl.errors import FileError, InputError, RankError
 from adaptctl.identifiability.basis_file import BasisFile, Robot
 from adaptctl.identifiability.essential_space import EssentialSpace
@@ -133,6 +135,31 @@ def fundamental_basis(
     nearly depend on each other.
     """
     order = (priority or Priority()).indices(space.parameter_names)
+    inputs = [space.search.inputs, [int(j) for j in order], repr(tolerance), bool(prove)]
+    chosen = kept("fundamental basis", inputs, Chosen, lambda: _chosen(space, order, tolerance, prove))
+    return FundamentalBasis(
+        mechanism_name=space.mechanism_name,
+        geometry_sha256=space.geometry_sha256,
+        parameter_names=space.parameter_names,
+        columns=chosen.columns,
+        regrouping=np.reshape(chosen.regrouping, (len(chosen.columns), len(space.parameter_names))),
+        scales=np.array(chosen.scales),
+        gap=space.certificate.gap,
+        passed_over=chosen.passed_over,
+    )
+
+
+class Chosen(NamedTuple):
+    """Numbers of a basis: the kept columns, the regrouping matrix by rows, scales, and the names of what was kept
+    against the priority."""
+
+    columns: tuple[int, ...]
+    regrouping: list[list[float]]
+    scales: list[float]
+    passed_over: tuple[str, ...]
+
+
+def _chosen(space: EssentialSpace, order: Sequence[int], tolerance: float, prove: bool) -> Chosen:
     found = space.null_space.regrouping(order, tolerance)
     _require_conditioned(space, found)
     passed_over = {*found.passed_over, *_kept_against_the_order(space, found, order, prove, tolerance)}
@@ -141,16 +168,8 @@ def fundamental_basis(
             f"{space.mechanism_name}: the kept columns have rank {found.rank}, not {space.rank}; "
             "pass a larger tolerance"
         )
-    return FundamentalBasis(
-        mechanism_name=space.mechanism_name,
-        geometry_sha256=space.geometry_sha256,
-        parameter_names=space.parameter_names,
-        columns=found.kept,
-        regrouping=found.matrix(space.scales),
-        scales=space.scales,
-        gap=space.certificate.gap,
-        passed_over=tuple(space.parameter_names[j] for j in sorted(passed_over)),
-    )
+    names = tuple(space.parameter_names[j] for j in sorted(passed_over))
+    return Chosen(found.kept, found.matrix(space.scales).tolist(), space.scales.tolist(), names)
 
 
 def _kept_against_the_order(

@@ -13,7 +13,7 @@ import msgspec
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import FileError, InputError, NotFoundError
 from adaptctl.files import read_toml
-from adaptctl.identifiability.energy_matrix import energetic_names
+from adaptctl.identifiability.energetic_names import energetic_names
 
 SCHEMA = "adaptctl/priority/1"
 

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, checked, frozen_array
 from adaptctl.caching import cached_property
+from adaptctl.compilation.result_cache import kept
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.array_equation import ArrayEquation
 from adaptctl.dynamics.array_equations import ArrayEquations
 from adaptctl.errors import InputError
-from adaptctl.identifiability.basis_check import require_energies
 from adaptctl.identifiability.fundamental_basis import FundamentalBasis
 from adaptctl.scalars import Column, spread
 
@@ -38,7 +40,7 @@ class ReducedModel:
                 f"the basis was found for {self.basis.mechanism_name!r}, whose geometry, gravity or link names are "
                 f"not those of {self.mechanism.name!r}: find the basis of {self.mechanism.name!r}"
             )
-        require_energies(self.mechanism, self.basis)
+        _require_energies(self.mechanism, self.basis)
 
     @classmethod
     def full(cls, mechanism: Mechanism) -> ReducedModel:
@@ -122,3 +124,19 @@ class ReducedModel:
 
     def _checked(self, beta: ArrayLike) -> Array:
         return checked(beta, len(self.columns), "fundamental parameters")
+
+
+@lru_cache(maxsize=32)  # neither changes, and sweeps make many models of them
+def _require_energies(mechanism: Mechanism, basis: FundamentalBasis) -> None:
+    """Raise `InputError` for a basis whose regrouping changes energies; tried once, also for later processes."""
+    numbers = basis.regrouping.tobytes() + basis.scales.tobytes()
+    content = [list(basis.columns), list(basis.parameter_names), hashlib.sha256(numbers).hexdigest()]
+    inputs = [mechanism.description.sha256, mechanism.geometry_sha256, *content]
+    kept("basis keeps energies", inputs, bool, lambda: _keeps_energies(mechanism, basis))
+
+
+def _keeps_energies(mechanism: Mechanism, basis: FundamentalBasis) -> bool:
+    from adaptctl.identifiability.basis_check import require_energies
+
+    require_energies(mechanism, basis)
+    return True

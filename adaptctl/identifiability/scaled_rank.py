@@ -12,7 +12,8 @@ from adaptctl.arrays import Array
 from adaptctl.caching import cached_property
 from adaptctl.description.inertia import PARAMETERS
 from adaptctl.dynamics import Mechanism
-from adaptctl.identifiability.energy_matrix import EnergyFactor, energetic_names, energies
+from adaptctl.identifiability.energetic_names import energetic_names
+from adaptctl.identifiability.energy_matrix import EnergyFactor, energies
 from adaptctl.identifiability.factorisation import right_vectors, triangle
 from adaptctl.identifiability.regrouping import Regrouping, by_null_vectors
 from adaptctl.identifiability.sampling import characteristic_length, random_states

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import NamedTuple, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, per_joint, stacked_rows
+from adaptctl.arrays import Array, frozen, per_joint, stacked_rows
 from adaptctl.caching import sent_as_made
+from adaptctl.compilation.result_cache import kept
 from adaptctl.control.gains.workspace import Workspace, Worst, everywhere
 from adaptctl.description.drive import DriveParameter
 from adaptctl.dynamics import Mechanism
@@ -61,7 +62,21 @@ def hold_number(
             f"hold number: expected a positive damping and a bandwidth of at least 0, got {K.tolist()} and {L.tolist()}"
         )
     known = None if estimate is None else tuple(np.asarray(estimate, dtype=np.float64).tolist())
-    return _searched(workspace or everywhere(mechanism), tuple(K.tolist()), tuple(L.tolist()), float(period), known)
+    settings = tuple(K.tolist()), tuple(L.tolist()), float(period), known
+    return _kept(mechanism, *settings) if workspace is None else _searched(workspace, *settings)
+
+
+def _kept(mechanism: Mechanism, *settings: Any) -> HoldNumber:
+    """The hold number over all that the limits allow; searched once, also for later processes."""
+    inputs = [mechanism.description.sha256, mechanism.geometry_sha256, *settings]
+    found = kept("hold number", inputs, tuple[float, list[float], str], lambda: _plain(mechanism, *settings))
+    return HoldNumber(found[0], frozen(np.array(found[1])), found[2])
+
+
+def _plain(mechanism: Mechanism, *settings: Any) -> tuple[float, list[float], str]:
+    """The same in JSON's types."""
+    value, p, joint = _searched(everywhere(mechanism), *settings)
+    return value, p.tolist(), joint
 
 
 @lru_cache(maxsize=64)

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Literal, get_args
+from typing import get_args
 
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, RankError
+from adaptctl.identifiability.methods import Near
 from adaptctl.identifiability.proof.exact_energies import ExactEnergies
 from adaptctl.identifiability.proof.near_geometry import near_coincidences
 from adaptctl.identifiability.proof.simplest import AS_MEANT
 
-Near = Literal["refuse", "as_is"]
 LISTED = 3
 """Most near coincidences in a message."""
 

@@ -1,0 +1,59 @@
+"""Results of long computations kept for other processes, beside the compiled objects."""
+
+from __future__ import annotations
+
+import functools
+import os
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import TypeVar
+
+import msgspec
+import numpy as np
+
+from adaptctl.compilation.object_cache import ObjectCache, cache_folder
+from adaptctl.files import hashed
+
+MOST = 16
+"""Results that one process keeps: those of its first searches, and not a hundred thousand of a sweep."""
+
+Result = TypeVar("Result")
+_left = iter(range(MOST))
+
+
+def kept(what: str, inputs: object, kind: type[Result], compute: Callable[[], Result]) -> Result:
+    """The result of a computation, or what an earlier process computed from equal inputs by the same source code.
+
+    `inputs`, in JSON's types, are all that the result depends on; `kind` is its type, of numbers and text alone, which
+    come back to the last bit. Errors are not kept. Nothing is kept where the cache is off.
+    """
+    folder, source = cache_folder(), source_state()
+    if folder is None or not source:
+        return compute()
+    cache, key = ObjectCache(folder), bytes.fromhex(hashed([what, inputs, np.__version__, source]))
+    data = cache.get(key)
+    if data is not None:
+        with suppress(msgspec.DecodeError):
+            return msgspec.json.decode(data, type=kind)
+    result = compute()
+    if next(_left, None) is not None:
+        cache.put(key, msgspec.json.encode(result))
+    return result
+
+
+@functools.cache
+def source_state() -> tuple[tuple[str, int, int], ...]:
+    """Path, size and time of change (ns) of every source file of the library, by which Python trusts its bytecode too;
+    nothing where the library is in an archive."""
+    return tuple(sorted(_files(str(Path(__file__).parent.parent))))
+
+
+def _files(folder: str) -> Iterator[tuple[str, int, int]]:
+    with suppress(OSError), os.scandir(folder) as entries:
+        for entry in entries:
+            if entry.name.endswith(".py"):
+                status = entry.stat()
+                yield entry.path, status.st_size, status.st_mtime_ns
+            elif entry.is_dir():
+                yield from _files(entry.path)
