@@ -27,7 +27,7 @@ Finite: TypeAlias = bool | Literal["results"]
 _ENTRY = "call"
 _FASTCALL = 0x80  # METH_FASTCALL: an array of arguments and their number
 _NEW = 93  # PyArray_New in NumPy's table of functions
-_PYTHON = ("PyObject_Vectorcall", "PyTuple_New", "PyType_GenericAlloc", "PyFloat_FromDouble", "Py_DecRef")
+_PYTHON = ("PyObject_Vectorcall", "PyTuple_New", "PyType_GenericAlloc", "PyFloat_FromDouble", "Py_IncRef", "Py_DecRef")
 
 
 class Place(NamedTuple):
@@ -44,22 +44,29 @@ class Form(NamedTuple):
 
     `places` has where each column comes from. `tuples` has the arguments that are tuples, and how many items each has;
     its type is known when the function is made, as is what it is bound to. The results that `wrapped` names become the
-    only item of a tuple of the same type as an argument.
+    only item of a tuple of the same type as an argument; those that `into` names are put into an argument, an array of
+    their shape that can be written to and that shares no memory with others.
     """
 
     places: tuple[Place, ...]
     tuples: Mapping[int, int] = MappingProxyType({})
     wrapped: Mapping[int, int] = MappingProxyType({})
+    into: Mapping[int, int] = MappingProxyType({})
 
     @classmethod
     def plain(cls, count: int) -> Form:
         """The form of a function of so many columns: each is an argument."""
         return cls(tuple(Place(k) for k in range(count)))
 
+    @classmethod
+    def filling(cls, count: int, results: int) -> Form:
+        """The form of a function of arrays for so many results, then of so many columns."""
+        return cls(tuple(Place(results + k) for k in range(count)), into={k: k for k in range(results)})
+
     @property
     def arguments(self) -> list[int]:
         """Numbers of the arguments."""
-        return sorted({place.argument for place in self.places if place.argument is not None})
+        return sorted({*self.into.values(), *(place.argument for place in self.places if place.argument is not None)})
 
     @property
     def types(self) -> dict[int, int]:
@@ -142,25 +149,31 @@ def builtin_source(routine: Routine, symbol: str, *, finite: Finite, form: Form)
     arrays, numbers = ([k for k, shape in shapes.items() if bool(shape) is wanted] for wanted in (True, False))
     sizes = {f"%in{k}": n for k, n in inputs.items()} | {f"%out{k}": math.prod(shape) for k, shape in shapes.items()}
     fitting = [*(f"and i1 %is{i}, true" for i in form.tuples), *(f"icmp ne ptr %in{k}, null" for k in inputs)]
-    fresh = [*(f"%result{k}" for k in arrays), *(f"%wrap{k}" for k in form.wrapped)]
+    fitting += [f"icmp ne ptr %room{k}, null" for k in form.into] + _apart(form, sizes)
+    made = [k for k in arrays if k not in form.into]
+    fresh = [*(f"%result{k}" for k in made), *(f"%wrap{k}" for k in form.wrapped)]
     checked = {pointer: n for pointer, n in sizes.items() if finite is True or (finite and pointer.startswith("%out"))}
     sound = [f"call i1 @finite(ptr {pointer}, i64 {n})" for pointer, n in checked.items()]
-    allocated = [_ALLOCATE.format(k, len(shapes[k])) for k in arrays]
+    allocated = [_ALLOCATE.format(k, len(shapes[k])) for k in made]
+    rooms = [_ROOM.format(k, argument, len(shapes[k])) for k, argument in form.into.items()]
     wrapped = [_WRAP.format(k, form.types[argument]) for k, argument in form.wrapped.items()]
     pieces = {
         "shapes": [_SHAPE.format(k, len(shapes[k]), ", ".join(f"i64 {n}" for n in shapes[k])) for k in arrays],
         "numbers": [f"%out{k} = alloca double" for k in numbers],
-        "look": [*_found(form, inputs), _branch(fitting, "usual", "unusual")],
+        "look": [*_found(form, inputs), *rooms, _branch(fitting, "usual", "unusual")],
         "allocate": [*allocated, *wrapped, _branch([f"icmp ne ptr {x}, null" for x in fresh], "compute", "failed")],
-        "data": [_DATA.format(k) for k in arrays],
+        "data": [(_DATA if k in made else _FILLED).format(k) for k in arrays],
         "check": [_branch(sound, "finite", "infinite")],
         "released": [f"call void @Py_DecRef(ptr {x})" for x in fresh],
-        "packed": _packed(form, numbers, len(shapes), in_tuple=routine.layout.container is not None),
+        "packed": [
+            *(_RETURNED.format(k, argument) for k, argument in form.into.items()),
+            *_packed(form, numbers, len(shapes), in_tuple=routine.layout.container is not None),
+        ],
     }
     texts = {name: "\n  ".join(lines) for name, lines in pieces.items()}
     pointers = ", ".join(f"ptr {pointer}" for pointer in sizes)
     text = Lanes().filled("builtin", expected=len(form.arguments), routine=symbol, pointers=pointers, **texts)
-    return f"{text}\n{Lanes().filled('finite')}"
+    return "\n".join([text, Lanes().filled("finite"), *([Lanes().filled("room")] if form.into else [])])
 
 
 def _found(form: Form, inputs: Mapping[int, int]) -> list[str]:
@@ -176,6 +189,18 @@ def _found(form: Form, inputs: Mapping[int, int]) -> list[str]:
             given = f"%column{k}"
         lines.append(f"%in{k} = call ptr @usual(ptr {given}, i64 {n})")
     return lines
+
+
+def _apart(form: Form, sizes: Mapping[str, int]) -> list[str]:
+    """LLVM conditions that what is written to overlaps neither what is read nor another result."""
+    rooms = [f"%out{k}" for k in form.into]
+    others = [pointer for pointer in sizes if pointer not in rooms and pointer.startswith("%in")]
+    pairs = [(room, other) for k, room in enumerate(rooms) for other in (*rooms[:k], *others)]
+    named = {room: f"%room{k}" for room, k in zip(rooms, form.into, strict=True)}
+    return [
+        f"call i1 @apart(ptr {named[one]}, i64 {sizes[one]}, ptr {named.get(other, other)}, i64 {sizes[other]})"
+        for one, other in pairs
+    ]
 
 
 def _packed(form: Form, numbers: Sequence[int], count: int, *, in_tuple: bool) -> list[str]:
@@ -234,6 +259,13 @@ _ALLOCATE = """%result{0} = call ptr @numpy.new(ptr @numpy.ndarray, i32 {1}, ptr
 
 _DATA = """%data{0} = getelementptr %array, ptr %result{0}, i32 0, i32 2
   %out{0} = load ptr, ptr %data{0}"""
+
+_ROOM = """%room{0} = call ptr @room(ptr %argument{1}, i32 {2}, ptr @shape{0})"""
+
+_FILLED = """%out{0} = getelementptr i8, ptr %room{0}, i64 0"""
+
+_RETURNED = """%result{0} = getelementptr i8, ptr %argument{1}, i64 0
+  call void @Py_IncRef(ptr %result{0})"""
 
 _BOXED = """%number{0} = load double, ptr %out{0}
   %result{0} = call ptr @PyFloat_FromDouble(double %number{0})"""

@@ -72,6 +72,7 @@ class Kernel:
         self._single: Any = None
         self._many: tuple[NativeCode, Any] | None = None
         self._called: Callable[..., Any] | None = None
+        self._filling: Callable[..., Any] | None = None
         self.__call__ = lambda *arguments: self.call(*arguments)
 
     @property
@@ -80,6 +81,40 @@ class Kernel:
         if self._called is None:
             self._called = self.__call__ = self._as_builtin() if has_builtins() and self._plain else self._one_sample
         return self._called
+
+    @property
+    def into(self) -> Callable[..., Any]:
+        """The raw built-in function `into(out, *arguments)`, made at the first use: the results go into arrays, an
+        `out` each before the arguments, which are returned, and none is made.
+
+        Where it raises `NonFiniteError`, an `out` may hold anything. Raises `InputError` for an `out` that is no array
+        of float64 of the result's shape to write to.
+        """
+        if self._filling is None:
+            self._filling = self.filling(self._filled)
+        return self._filling
+
+    def filling(self, instead: Callable[..., Any]) -> Callable[..., Any]:
+        """`into` on usual arrays with a finite outcome; what is called in place of it on others."""
+        if not (has_builtins() and all(self.outputs)):
+            return instead
+        form, routine = Form.filling(len(self.arguments), len(self.outputs)), self._routine()
+        text, symbol = program(routine, Lanes())
+        code = load(f"{text}\n{builtin_source(routine, symbol, finite=self._finite, form=form)}")
+        return builtin(code, self.name, instead)
+
+    def _filled(self, *given: Any) -> Any:
+        """The results copied into arrays of any strides, which may overlap the arguments."""
+        outs, arguments = given[: len(self.outputs)], given[len(self.outputs) :]
+        if len(outs) < len(self.outputs):
+            raise InputError(f"{self.name}: out: expected an array for each of {len(self.outputs)} results")
+        for out, shape in zip(outs, self.outputs, strict=True):
+            if not isinstance(out, np.ndarray) or (out.shape, out.dtype) != (shape, _DOUBLE) or not out.flags.writeable:
+                raise InputError(f"{self.name}: out: expected an array of float64 to write to, of shape {shape}")
+        results = self.call(*arguments)
+        for out, result in zip(outs, results if self._layout.container else (results,), strict=True):
+            out[...] = result
+        return self._layout.contain(iter(outs))
 
     @property
     def _code(self) -> NativeCode:

@@ -31,7 +31,8 @@ class ArrayEquation:
     single ones and in SIMD lanes for many. Mechanisms of more than `longest` links always run in Python. Both ways
     agree to round-off.
 
-    `call` is what is called; it does without any detour once there is native code. The function is called with
+    `call` is what is called; `into` takes an array `out` of the result's shape (..., *shape) before the arguments, puts
+    the result there and returns it. Both do without any detour once there is native code. The function is called with
     Columns by position, with the tree's configuration q, which `configured` makes of p, in place of p; `sizes` has the
     arguments' names and lengths, p first, and the result is a Column or a list of Columns (rows). Raises `InputError`
     on a wrong shape and `NonFiniteError` on NaN or infinity, in what is given or computed.
@@ -48,6 +49,7 @@ class ArrayEquation:
         "_name",
         "_work",
         "call",
+        "into",
     )
 
     def __init__(
@@ -65,9 +67,9 @@ class ArrayEquation:
         self._kernel: Kernel | None = None
         self._work = 0.0
         self.call: Callable[..., Array] = self._generally
+        self.into: Callable[..., Array] = self._filling
 
-    def into(self, out: Array, *arguments: ArrayLike) -> Array:
-        """The result, put into `out`, an array of its shape (..., *shape), which is returned."""
+    def _filling(self, out: Array, *arguments: ArrayLike) -> Array:
         return self._generally(*arguments, out=out)
 
     def _generally(self, *arguments: ArrayLike, out: Array | None = None) -> Array:
@@ -127,9 +129,15 @@ class ArrayEquation:
         function = self._function
         kernel = compile_function(lambda **columns: function(*columns.values()), sizes, name=self._name, finite=True)
         if self._configured is None:
-            self.call = kernel.otherwise(self._generally)
+            self.call, self.into = kernel.otherwise(self._generally), self._into_native
         self._kernel = kernel
         return kernel
+
+    def _into_native(self, out: Array, *arguments: ArrayLike) -> Array:
+        """`into` until it is called for a single state: the native code that fills an `out` is made then."""
+        if self._kernel is not None and np.ndim(arguments[0]) == 1:
+            self.into = self._kernel.filling(self._filling)
+        return self._filling(out, *arguments)
 
 
 def _rows(array: Array, samples: tuple[int, ...]) -> Array:
