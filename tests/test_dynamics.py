@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio
 import pytest
 from figures import require
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from random_trees import random_tree
+from random_trees import random_chain, random_tree
 from robot_files import urdf
 
 from adaptctl.arrays import Array
 from adaptctl.compilation import trace
+from adaptctl.description import Pose
 from adaptctl.description.drive import Drive, DriveParameter
 from adaptctl.dynamics import Mechanism, load, tree_equations
 from adaptctl.dynamics.equations import Equations
+from adaptctl.dynamics.recursion.articulated_bodies import ArticulatedBody
 from adaptctl.dynamics.recursion.drive import SLOW
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.scalars import Column, Dual, column
@@ -91,10 +95,10 @@ def test_every_tree_agrees_with_pinocchio(seed: int, links: int) -> None:
 
 
 @settings(max_examples=20, deadline=None)
-@given(seeds, st.integers(1, 9), st.booleans())
-def test_articulated_bodies_are_the_mass_matrix_solved(seed: int, links: int, driven: bool) -> None:
+@given(seeds, st.integers(1, 9), st.booleans(), st.booleans())
+def test_articulated_bodies_are_the_mass_matrix_solved(seed: int, links: int, driven: bool, square: bool) -> None:
     """On every tree, whatever its joints, frames and drives, though only long ones are solved so."""
-    mechanism = random_tree(seed, links)
+    mechanism = with_square_links(random_tree(seed, links)) if square else random_tree(seed, links)
     if driven:
         mechanism = mechanism.with_drives(Drive(rotor_inertia=0.1, viscous=0.3, coulomb=0.2))
     p, v, torque, _ = (Column(x[0].tolist()) for x in states(mechanism, 1, seed))
@@ -105,6 +109,15 @@ def test_articulated_bodies_are_the_mass_matrix_solved(seed: int, links: int, dr
         articulated = np.array(equations.forward_dynamics(p, v, torque, D).of)
     condition = np.linalg.cond(np.array(equations.mass_matrix(p, D)))
     assert np.abs(articulated - solved).max() < 1e-13 * condition * max(np.abs(solved).max(), 1.0)
+
+
+def with_square_links(mechanism: Mechanism) -> Mechanism:
+    """The same with joints along coordinate axes, each third one's link frame at its joint, where zeros are known."""
+    turned, links = np.eye(3)[[1, 2, 0]], []
+    for i, link in enumerate(mechanism.description.links):
+        far = Pose.identity() if i % 3 == 0 else Pose(turned, link.far.translation)
+        links.append(replace(link, joint=replace(link.joint, axis=np.eye(3)[i % 3]), far=far))
+    return Mechanism(replace(mechanism.description, links=tuple(links)))
 
 
 @pytest.mark.filterwarnings("ignore::adaptctl.errors.SimplificationWarning")
@@ -122,6 +135,14 @@ def flops(mechanism: Mechanism, *, articulated: bool = True) -> int:
     solve = type(given).forward_dynamics if articulated else Equations.forward_dynamics
     sizes = {"p": r, "v": r, "torque": r, "parameters": len(mechanism.parameter_names)}
     return trace(lambda **columns: solve(given, *columns.values()), sizes).operations.flops
+
+
+def test_what_a_free_joint_does_not_feel_costs_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A twentieth of the operations at least, where joints turn about coordinate axes and have no rotors."""
+    chain = with_square_links(random_chain(0, 24))
+    spared = flops(chain)
+    monkeypatch.setattr(ArticulatedBody, "free_along", lambda self, _: self)
+    assert spared < 0.95 * flops(chain)
 
 
 @settings(max_examples=20, deadline=None)

@@ -1,8 +1,8 @@
 """Forward dynamics by articulated bodies (Featherstone 1983; 2008, chapter 7): in time linear in the number of links.
 
 A link's articulated inertia is its inertia as its parent has to move it, the joints beyond free: symmetric, 6 by 6,
-about
-the link's origin, in blocks. Loads and accelerations are differences from the motion with all joints unaccelerated.
+about the link's origin, in blocks. Loads and accelerations are differences from the motion with all joints
+unaccelerated.
 """
 
 from __future__ import annotations
@@ -51,12 +51,26 @@ class ArticulatedBody(NamedTuple):
         spread = product(arm, self.coupling.T) + product(coupling, arm.T)
         return ArticulatedBody(_symmetric(self.inertia + spread), coupling, self.mass)
 
-    def raised(self, place: Placement) -> ArticulatedBody:
-        """About the parent's origin, in the parent's frame."""
+    def raised(self, place: Placement, rotor: Scalar) -> ArticulatedBody:
+        """Seen through the link's free joint, of which a rotor has an inertia: about the parent's origin, in its
+        frame."""
         near = place.segment.near
-        if place.segment.whole is not None:  # far from right angles one way costs less than two
+        if place.segment.whole is not None and any(place.shift):  # far from right angles one way costs less than two
             return self.turned_up(place).moved_origin(near + place.up(place.shift))
-        return self.moved_origin(place.shift).turned_up(place).moved_origin(near)
+        at_joint = self.moved_origin(place.shift)
+        if isinstance(rotor, float) and rotor == 0.0:
+            at_joint = at_joint.free_along(place)
+        return at_joint.turned_up(place).moved_origin(near)
+
+    def free_along(self, place: Placement) -> ArticulatedBody:
+        """The same about the joint's origin: with no rotor the joint moves without a load, so along a coordinate axis
+        what is zero but for round-off is zero."""
+        still = [abs(x) != 1.0 for x in place.segment.axis]
+        if all(still):
+            return self
+        if place.segment.turns:
+            return ArticulatedBody(_kept(self.inertia, still, still), _kept(self.coupling, still, _ALL), self.mass)
+        return ArticulatedBody(self.inertia, _kept(self.coupling, _ALL, still), _kept(self.mass, still, still))
 
     def turned_up(self, place: Placement) -> ArticulatedBody:
         """This articulated body in coordinates of the parent's frame, about the same point."""
@@ -113,7 +127,7 @@ def _freed(
         joints.append(joint)
         parent, pull = place.segment.parent, joint.inverse * left
         if parent != GROUND:
-            bodies[parent] += bodies[i].without(load, joint.inverse).raised(place)
+            bodies[parent] += bodies[i].without(load, joint.inverse).raised(place, rotors[i])
             loads[parent] += lifted(place, loads[i] + Wrench(pull * load.force, pull * load.moment))
     return joints[::-1]
 
@@ -141,6 +155,15 @@ def _crossing(r: Vec) -> Mat:
 def _symmetric(a: Mat) -> Mat:
     """A symmetric matrix, each entry below the diagonal that above: it is computed once."""
     return Mat(a.x, Vec(a.x.y, a.y.y, a.y.z), Vec(a.x.z, a.y.z, a.z.z))
+
+
+_ALL = (True, True, True)
+
+
+def _kept(a: Mat, rows: Sequence[bool], columns: Sequence[bool]) -> Mat:
+    """The matrix, zero but for these rows and columns."""
+    pairs = zip(a, rows, strict=True)
+    return Mat(*(Vec(*(x if i and j else 0.0 for x, j in zip(row, columns, strict=True))) for row, i in pairs))
 
 
 def _outer(a: Vec, b: Vec) -> Mat:
