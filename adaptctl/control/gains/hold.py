@@ -62,25 +62,48 @@ def hold_number(
             f"hold number: expected a positive damping and a bandwidth of at least 0, got {K.tolist()} and {L.tolist()}"
         )
     known = None if estimate is None else tuple(np.asarray(estimate, dtype=np.float64).tolist())
-    settings = tuple(K.tolist()), tuple(L.tolist()), float(period), known
-    return _kept(mechanism, *settings) if workspace is None else _searched(workspace, *settings)
-
-
-def _kept(mechanism: Mechanism, *settings: Any) -> HoldNumber:
-    """The hold number over all that the limits allow; searched once, also for later processes."""
-    inputs = [mechanism.description.sha256, mechanism.geometry_sha256, *settings]
-    found = kept("hold number", inputs, tuple[float, list[float], str], lambda: _plain(mechanism, *settings))
-    return HoldNumber(found[0], frozen(np.array(found[1])), found[2])
-
-
-def _plain(mechanism: Mechanism, *settings: Any) -> tuple[float, list[float], str]:
-    """The same in JSON's types."""
-    value, p, joint = _searched(everywhere(mechanism), *settings)
-    return value, p.tolist(), joint
+    return _searched(mechanism, workspace, tuple(K.tolist()), tuple(L.tolist()), float(period), known)
 
 
 @lru_cache(maxsize=64)
 def _searched(
+    mechanism: Mechanism,
+    workspace: Workspace | None,
+    damping: tuple[float, ...],
+    bandwidth: tuple[float, ...],
+    period: float,
+    estimate: tuple[float, ...] | None,
+) -> HoldNumber:
+    K, L = np.array(damping), np.array(bandwidth)
+    if estimate is None and L.min() == L.max() and not np.any(_viscous(mechanism)[1]):
+        # T_c M^-1 (K + M lambda) = T_c (k M^-1 (K/k) + lambda): one search for all K in proportion and all such Lambda
+        unit = _of_proportion(mechanism, workspace, tuple(float(f"{x:.14g}") for x in K / K.max()))
+        return unit._replace(value=period * (float(K.max()) * unit.value + bandwidth[0]))
+    return _kept(mechanism, workspace, damping, bandwidth, period, estimate)
+
+
+@lru_cache(maxsize=64)
+def _of_proportion(mechanism: Mechanism, workspace: Workspace | None, damping: tuple[float, ...]) -> HoldNumber:
+    """The hold number without a bandwidth, for a period of 1 s."""
+    return _kept(mechanism, workspace, damping, (0.0,) * len(damping), 1.0, None)
+
+
+def _kept(mechanism: Mechanism, workspace: Workspace | None, *settings: Any) -> HoldNumber:
+    """The hold number; over all that the limits allow it is searched once, also for later processes."""
+    if workspace is not None:
+        return _found(workspace, *settings)
+    inputs = [mechanism.description.sha256, mechanism.geometry_sha256, *settings]
+    value, p, joint = kept("hold number", inputs, tuple[float, list[float], str], lambda: _plain(mechanism, *settings))
+    return HoldNumber(value, frozen(np.array(p)), joint)
+
+
+def _plain(mechanism: Mechanism, *settings: Any) -> tuple[float, list[float], str]:
+    """The same in JSON's types."""
+    value, p, joint = _found(everywhere(mechanism), *settings)
+    return value, p.tolist(), joint
+
+
+def _found(
     workspace: Workspace,
     damping: tuple[float, ...],
     bandwidth: tuple[float, ...],
@@ -89,22 +112,6 @@ def _searched(
 ) -> HoldNumber:
     mechanism, K, L = workspace.mechanism, np.array(damping), np.array(bandwidth)
     parameters = None if estimate is None else np.array(estimate)
-    if parameters is None and L.min() == L.max() and not np.any(_viscous(mechanism)[1]):
-        # T_c M^-1 (K + M lambda) = T_c (k M^-1 (K/k) + lambda): one search for all K in proportion and all such Lambda
-        unit = _of_proportion(workspace, tuple(float(f"{x:.14g}") for x in K / K.max()))
-        return unit._replace(value=period * (float(K.max()) * unit.value + bandwidth[0]))
-    return _found(workspace, K, L, period, parameters)
-
-
-@lru_cache(maxsize=64)
-def _of_proportion(workspace: Workspace, damping: tuple[float, ...]) -> HoldNumber:
-    """The hold number without a bandwidth, for a period of 1 s."""
-    K = np.array(damping)
-    return _found(workspace, K, 0.0 * K, 1.0, None)
-
-
-def _found(workspace: Workspace, K: Array, L: Array, period: float, parameters: Array | None) -> HoldNumber:
-    mechanism = workspace.mechanism
 
     def feedback(p: Array) -> Array:
         M = workspace.mass_matrices if p is workspace.samples else mechanism.mass_matrix(p)
