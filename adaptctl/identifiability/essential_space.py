@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
@@ -44,8 +46,8 @@ class EssentialSpace:
     certificate: Certificate
     states: str
     """Source of the states behind `singular_values` and `basis`, in words."""
-    triangle: Array | None = None
-    """R of these states' energy differences H = Q R, where they were given."""
+    energies: Callable[[], Array] | None = None
+    """The triangle R of these states' energy differences H = Q R; that of the search's where there is none."""
 
     @property
     def mechanism(self) -> Mechanism:
@@ -127,7 +129,7 @@ class EssentialSpace:
 
     @cached_property
     def _triangle(self) -> Array:
-        return self.search.found.energies() if self.triangle is None else self.triangle
+        return (self.energies or self.search.found.energies)()
 
     @cached_property
     def _bases(self) -> tuple[Array, Array]:
@@ -162,7 +164,7 @@ def essential_space(
     Raises `RankError`, with the spectrum, when the rank cannot be certified, and `InputError` for a method that is
     unknown or not for this mechanism, and for too few samples.
     """
-    given = None if states is None else _triangle_of(mechanism, states)
+    given = None if states is None else partial(_same, _triangle(mechanism, states))
     search = Search(mechanism, method, near, prove, _sample_count(samples, mechanism.energetic), seed)
     inputs, kind = search.inputs, tuple[Certificate, str]
     certificate, random = kept("certificate", inputs, kind, lambda: (search.found.certificate, search.found.states))
@@ -177,7 +179,11 @@ def _sample_count(asked: int | None, parameters: int) -> int:
     return asked
 
 
-def _triangle_of(mechanism: Mechanism, states: States) -> Array:
+def _same(energies: Array) -> Array:
+    return energies
+
+
+def _triangle(mechanism: Mechanism, states: States) -> Array:
     from adaptctl.identifiability.energy_matrix import EnergyFactor, energy_blocks
 
     return EnergyFactor.of(energy_blocks(mechanism, [states])).triangle
