@@ -43,17 +43,19 @@ def kept(what: str, inputs: object, kind: type[Result], compute: Callable[[], Re
 
 
 @functools.cache
-def source_state() -> tuple[tuple[str, int, int], ...]:
-    """Path, size and time of change (ns) of every source file of the library, by which Python trusts its bytecode too;
-    nothing where the library is in an archive."""
-    return tuple(sorted(_files(str(Path(__file__).parent.parent))))
+def source_state() -> str:
+    """A hash of the sizes and times of change of the library's source files, by which Python trusts its bytecode too;
+    empty where the library is in an archive."""
+    found = sorted(source_files(str(Path(__file__).parent.parent)))
+    return hashed(found) if found else ""
 
 
-def _files(folder: str) -> Iterator[tuple[str, int, int]]:
+def source_files(folder: str) -> Iterator[tuple[str, int, int]]:
+    """Path, size and time of change (ns) of every source file below a folder."""
     with suppress(OSError), os.scandir(folder) as entries:
         for entry in entries:
             if entry.name.endswith(".py"):
                 status = entry.stat()
                 yield entry.path, status.st_size, status.st_mtime_ns
             elif entry.is_dir():
-                yield from _files(entry.path)
+                yield from source_files(entry.path)
