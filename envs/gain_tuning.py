@@ -126,14 +126,16 @@ class TuningEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.R
         self._seen: tuple[Array, Array, ReferencePoint]
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """Begin an episode; the controller knows nothing of the last one."""
+        """The first observation (n,) and info of an episode, which begins; the controller begins with an empty
+        memory."""
         observation, info = self.env.reset(seed=seed, options=options)
         self._look(observation)
         self._memory = self.controller.init(*self._seen[:2])
         return observation, info | {"gains": self.range.gains(np.zeros(self.range.space.shape))}
 
     def step(self, action: Any) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
-        """One control period under the controller with the gains that the action tells."""
+        """Observation (n,), reward, end, time-out and info after one control period under the controller, with its
+        gains scaled by the action (a,)."""
         if self._memory is None:
             raise gymnasium.error.ResetNeeded("there is no episode yet: call env.reset() first")
         chosen = finite_actions(action, self.range.space)
@@ -149,7 +151,8 @@ class TuningEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.R
 
 
 class TuningVectorEnv(ControlledVectorEnv):
-    """`TuningEnv` for many arms, each with gains of its own; `info` tells of them as `gains`, (N, n) each."""
+    """`TuningEnv` for many arms, each with gains of its own: actions are (N, a), and `info` has `gains`, (N, n) each by
+    name."""
 
     def __init__(
         self, env: VectorTrackingEnv, controller: Controller[Any], gains: Iterable[str], span: float = 4.0

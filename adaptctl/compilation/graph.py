@@ -12,7 +12,7 @@ E = TypeVar("E", bound="Expression")
 
 
 class Op(StrEnum):
-    """The operation of an expression on its operands."""
+    """The operations of the expression graph: the kind of an `Expression`."""
 
     INPUT = "input"
     ADD = "+"

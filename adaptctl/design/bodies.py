@@ -14,12 +14,13 @@ STEEL = 7850.0
 
 
 def point(mass: float, place: ArrayLike = (0.0, 0.0, 0.0)) -> Payload:
-    """A point of a mass (kg) at a place (3,) in its link's frame, m. Raises `InputError` for a mass below zero."""
+    """A point mass (kg) at a place (3,), m in its link's frame. Raises `InputError` for a mass below zero."""
     return Payload(mass, frozen_array(place, (3,), "place"))
 
 
 def sphere(mass: float, place: ArrayLike = (0.0, 0.0, 0.0), *, density: float = STEEL) -> Payload:
-    """A solid ball of a density (kg/m^3). Raises `InputError` unless all numbers are positive and finite."""
+    """A solid ball of a mass (kg) and a density (kg/m^3) with its centre at a place (3,), m in its link's frame. Raises
+    `InputError` unless mass and density are positive and finite."""
     _require(density=density, mass=mass)
     return Payload(mass, frozen_array(place, (3,), "place"), ball_moment(mass, density) * np.eye(3))
 

@@ -19,7 +19,7 @@ def silent(what: str, share: float) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """A finished experiment, as the command line tells it and keeps it."""
+    """Result of a finished experiment, as the command line prints and saves it."""
 
     complete: bool
     """False when it was interrupted: what was computed is kept"""

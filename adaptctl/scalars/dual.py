@@ -14,7 +14,8 @@ from adaptctl.scalars.scalar import absolute, atan2, cos, exp, log, maximum, min
 
 
 class Dual:
-    """`value + slope eps`."""
+    """A dual number `value + slope eps`, eps^2 = 0: `slope` is the derivative along the direction of the argument's
+    slopes."""
 
     __slots__ = ("slope", "value")
 

@@ -26,7 +26,8 @@ LINKS_OFF = 0.3
 
 @dataclass(frozen=True)
 class Verification:
-    """A run with the gains found, and the same with adaptation off; errors are RMS over all joints, rad or m."""
+    """Errors of a verifying run with the gains found, and of the same with adaptation off; RMS over all joints, rad or
+    m."""
 
     name: str
     first: float

@@ -23,9 +23,9 @@ Matrix: TypeAlias = list[list[Any]]
 
 @dataclass(frozen=True, eq=False)
 class Natural(AdaptationLaw[NoMemory]):
-    """P_i' = -rate_i P_i L_i P_i for every link's pseudo-inertia P_i, tr(L_i P) = (Y's)_i' (the ten of P), and the
-    same for every drive's parameter (Lee, Kwon and Park 2018). `rate` is in 1/J, one number, or one for each link
-    with a body and then for each drive's parameter.
+    """Natural (geometric) adaptation of rigid bodies: P_i' = -rate_i P_i L_i P_i for every link's pseudo-inertia P_i,
+    tr(L_i P) = (Y's)_i' (the ten of P), and the same for every drive's parameter (Lee, Kwon and Park 2018). `rate` is
+    in 1/J, one number, or one for each link with a body and then for each drive's parameter.
 
     It is the gradient in the affine-invariant metric of positive definite matrices: no gain depends on units
     or on frames. Near an estimate of mass m a rate is the gain rate m^2 on that mass, so heavy links learn faster
@@ -68,7 +68,7 @@ class Natural(AdaptationLaw[NoMemory]):
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (k,) a step along the geodesic of every link's pseudo-inertia, and no memory."""
+        """The estimate (k,) after a step along the geodesic of every link's pseudo-inertia, and no memory."""
         slope = each_rate(self.rate, model) * period.gradient(period.integral)
         return moved_bodies(estimate, slope, len(model.mechanism.description.bodies)), memory
 
@@ -84,8 +84,8 @@ class Natural(AdaptationLaw[NoMemory]):
         return total
 
     def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array:
-        """`lyapunov_term` (...) in J of estimates (..., P) and true parameters; infinite where the truth is no rigid
-        bodies'."""
+        """The Lyapunov function's term of the parameters (...), J, at estimates (..., P) where the truth is (P,) or
+        (..., P): `lyapunov_term` on arrays; infinite where the truth is no rigid bodies'."""
         with np.errstate(invalid="ignore", divide="ignore"):
             found = np.asarray(super().distance(model, estimate, true))
         return np.where(np.isnan(found) & np.isfinite(estimate).all(axis=-1), np.inf, found)

@@ -34,7 +34,8 @@ PENALTY = 30.0
 
 @dataclass(frozen=True, eq=False)
 class ExcitingReference:
-    """An optimised reference, and how well it conditions the regressor."""
+    """An optimised exciting reference and the condition number of the regressor on it, beside those of random
+    references."""
 
     reference: Sinusoids
     condition: float
@@ -49,13 +50,15 @@ class ExcitingReference:
 
     @property
     def gain(self) -> float:
-        """Median condition number of the random ones over its own."""
+        """Ratio of the random references' median condition number to the optimised one's: how many times better it
+        is."""
         return float(np.median(self.random_conditions)) / self.condition
 
 
 @dataclass(frozen=True, eq=False)
 class MotionLimits:
-    """Limits of a reference: positions (r,) from `lower` to `upper`, greatest speeds and torques (r,)."""
+    """Limits of a reference: positions (r,) from `lower` to `upper` (rad or m), greatest speeds (rad/s or m/s) and
+    torques (N m or N), (r,) each."""
 
     lower: Array
     upper: Array
@@ -64,7 +67,9 @@ class MotionLimits:
 
     @classmethod
     def of(cls, model: ReducedModel, share: float) -> MotionLimits:
-        """Limits that are a share of the joints' own about their middle; without any, of a half turn or a metre."""
+        """Limits at a share of the joints' own: positions about the middle of their range, speeds and torques. A
+        position limit that a joint lacks is taken as pi rad (1 m) from zero, or as far as makes its range 2 pi rad (2
+        m)."""
         joints = model.mechanism.primary_joints
         wide = np.array([np.pi if joint.kind.turns else 1.0 for joint in joints])
         lower, upper = (np.array([getattr(j.limits, name) for j in joints]) for name in ("lower", "upper"))

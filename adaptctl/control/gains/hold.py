@@ -24,8 +24,8 @@ DEFINITE = 1e-12
 
 @sent_as_made
 class HoldNumber(NamedTuple):
-    """The hold number T_c max lambda(M^-1 (K + M^ Lambda)) and where it is found: a held torque is stable while it is
-    below 2."""
+    """The hold number T_c max lambda(M^-1 (K + M^ Lambda)), and the positions p (r,) and the joint where it is found: a
+    held torque is stable while it is below 2."""
 
     value: float
     p: Array

@@ -51,7 +51,8 @@ class Chain(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 def read_denavit_hartenberg(path: str | Path) -> Description:
-    """The chain that a TOML file describes, named after the file unless it says otherwise.
+    """The description of the serial chain that a TOML file gives by Denavit-Hartenberg parameters, named after the file
+    unless it says otherwise.
 
     ``convention = "standard"`` puts a link's frame at its far end: Rz(theta) Tz(d) Tx(a) Rx(alpha) leads from the link
     before (Denavit and Hartenberg 1955). ``"modified"`` puts it at its joint: Rx(alpha) Tx(a) Rz(theta) Tz(d), a and

@@ -89,7 +89,7 @@ class MechanismFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 def read_mechanism_file(path: str | Path) -> Description:
-    """The mechanism that a TOML file describes, named after the file unless it says otherwise.
+    """The description of the mechanism in a TOML file, named after the file unless it says otherwise.
 
     Links may come in any order. `primary` names the driven joints; without closures it may be left out, and all
     joints that follow no other are primary. `reference` gives the configuration from which the loops are

@@ -24,7 +24,8 @@ JOINTS = (
 
 
 def with_floating_base(description: Description, name: str, inertia: ArrayLike) -> Description:
-    """The same mechanism on a body that floats instead of on the ground, its ten in the frame the ground had.
+    """The same mechanism on a body that floats instead of on the ground; `inertia` holds the body's ten inertial
+    parameters (10,), in the frame the ground had.
 
     What was closed onto the ground is closed onto the body. See `floating`.
     """
