@@ -81,12 +81,12 @@ class Removal:
 
     @cached_property
     def before(self) -> tuple[str, ...]:
-        """Regrouping equations, in words, of the parameters that the change touches, without it."""
+        """Regrouping equations, as text, of the parameters that the change affects, before the change."""
         return tuple(equation for equation in self.basis.equations() if equation not in self._left)
 
     @cached_property
     def after(self) -> tuple[str, ...]:
-        """Regrouping equations, in words, that replace those of `before` after the change."""
+        """Regrouping equations, as text, that hold after the change instead of those of `before`."""
         own = set(self.basis.equations())
         return (*(f"{name}* = 0" for name in self.zero), *(equation for equation in self._left if equation not in own))
 
