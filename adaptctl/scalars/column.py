@@ -11,7 +11,8 @@ from adaptctl.scalars.scalar import Scalar
 
 
 class Column:
-    """A column of n scalars of one kind. Arithmetic is elementwise, and `@` is the inner product."""
+    """A column of n scalars of one kind. Arithmetic is elementwise, also with a scalar factor on either side, and `@`
+    is the inner product."""
 
     __slots__ = ("of",)
     __array_ufunc__ = None
@@ -30,7 +31,9 @@ class Column:
     def __sub__(self, other: Column) -> Column:
         return Column(a - b for a, b in zip(self.of, other.of, strict=True))
 
-    def __mul__(self, other: Column) -> Column:
+    def __mul__(self, other: Column | Scalar) -> Column:
+        if not isinstance(other, Column):
+            return other * self
         return Column(a * b for a, b in zip(self.of, other.of, strict=True))
 
     def __rmul__(self, factor: Scalar) -> Column:
