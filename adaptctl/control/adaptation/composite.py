@@ -19,8 +19,9 @@ from adaptctl.scalars.column import combined
 
 @dataclass(frozen=True, eq=False)
 class Composite(Descent[Filtered]):
-    """Composite adaptation, by the tracking and the prediction error: estimate' = -Gamma (Y's + W'R (W estimate -
-    F[tau])) (Slotine and Li 1989).
+    """Composite adaptation, by the tracking and the prediction error (Slotine and Li 1989).
+
+        estimate' = -Gamma (Y's + W'R (W estimate - F[tau]))
 
     W is the regressor behind the filter F = lambda/(d/dt + lambda), from positions and velocities alone;
     `weight` is R (r,) in 1/(N m s) (its diagonal, one number or one a joint), `cutoff` is lambda in 1/s.

@@ -33,8 +33,9 @@ class InformationMemory(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
-    """Composite least squares with the cushioned floor, a lower bound on the information P^-1: estimate' = -P (Y's +
-    W'R (W estimate - F[tau])), (P^-1)' = -lambda (P^-1 - Gamma^-1) + W'R W (Slotine and Li 1989).
+    """Composite adaptation by least squares with the cushioned floor, a lower bound on P^-1 (Slotine and Li 1989).
+
+        estimate' = -P (Y's + W'R (W estimate - F[tau])),  (P^-1)' = -lambda (P^-1 - Gamma^-1) + W'R W
 
     The information P^-1 starts at its floor Gamma^-1, Gamma = diag(`gain`) (k,). `forgetting` is lambda in 1/s;
     `weight` R (r,) and `cutoff` (1/s) are those of `Composite`.

@@ -17,8 +17,11 @@ from adaptctl.scalars import Column, each, where
 
 @dataclass(frozen=True, eq=False)
 class DeadZone(Descent[NoMemory]):
-    """Gradient adaptation with a dead zone: estimate' = -Gamma Y's outside the ellipsoid sum (s_i / width_i)^2 <= 1,
-    and 0 within (Peterson and Narendra 1982). `width` (r,) is in rad/s (m/s), one number for all joints or one each.
+    """Gradient adaptation with a dead zone (Peterson and Narendra 1982).
+
+        estimate' = -Gamma Y's outside the ellipsoid sum (s_i / width_i)^2 <= 1, and 0 within
+
+    `width` (r,) is in rad/s (m/s), one number for all joints or one each.
 
     Guarantees: within the zone the estimate stands still, so nothing that keeps s there makes it drift. Outside
     V' = -s'Ks + s'd is not positive where the zone holds {s: s'Ks <= d'K^-1d} for the disturbance d;

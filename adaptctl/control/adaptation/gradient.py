@@ -20,7 +20,7 @@ TINY = 1e-300
 
 @dataclass(frozen=True, eq=False)
 class Gradient(Descent[NoMemory]):
-    """Gradient adaptation: estimate' = -Gamma Y's (Slotine and Li 1987), by a rule that a control period carries.
+    """Gradient adaptation, estimate' = -Gamma Y's (Slotine and Li 1987), by a rule that a control period carries.
 
     estimate -= T_c n Gamma x, x = Y_k' s, s = s_k + theta (s_k+1 - s_k), n = s'Ks/(s'Ks + cap T_c x'Gamma x)
 

@@ -23,9 +23,12 @@ Matrix: TypeAlias = list[list[Any]]
 
 @dataclass(frozen=True, eq=False)
 class Natural(AdaptationLaw[NoMemory]):
-    """Natural (geometric) adaptation of rigid bodies: P_i' = -rate_i P_i L_i P_i for every link's pseudo-inertia P_i,
-    tr(L_i P) = (Y's)_i' (the ten of P), and the same for every drive's parameter (Lee, Kwon and Park 2018). `rate` is
-    in 1/J, one number, or one for each link with a body and then for each drive's parameter.
+    """Natural adaptation of rigid bodies' parameters (Lee, Kwon and Park 2018).
+
+        P_i' = -rate_i P_i L_i P_i for every link's pseudo-inertia P_i, tr(L_i P) = (Y's)_i' (the ten of P)
+
+    and the same for every drive's parameter. `rate` is in 1/J, one number, or one for each link with a body and then
+    for each drive's parameter.
 
     It is the gradient in the affine-invariant metric of positive definite matrices: no gain depends on units
     or on frames. Near an estimate of mass m a rate is the gain rate m^2 on that mass, so heavy links learn faster

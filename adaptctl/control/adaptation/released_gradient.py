@@ -27,8 +27,9 @@ class Normaliser(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ReleasedGradient(Descent[Normaliser]):
-    """Normalised gradient adaptation whose normaliser n is released in time: estimate -= (T_c/n) Gamma Y_k' s_k+1, n_k
-    = max(1, share T_c tr(K^-1 Y Gamma Y'), n_k-1/(1 + release T_c)).
+    """Normalised gradient adaptation whose normaliser n is released in time.
+
+        estimate -= (T_c/n) Gamma Y_k' s_k+1,  n_k = max(1, share T_c tr(K^-1 Y Gamma Y'), n_k-1/(1 + release T_c))
 
     `release` is in 1/s. Arguments that the theorem allows come from `ReleasedGradient.certified`.
 

@@ -19,8 +19,7 @@ INDEPENDENT = 1e-10
 
 @dataclass(frozen=True, eq=False)
 class Subspace(AdaptationLaw[NoMemory]):
-    """Gradient adaptation within a subspace: estimate' = -W diag(gain) W'Y's: gradient adaptation of s numbers, the
-    estimate's along the columns of W.
+    """Gradient adaptation of s numbers, the estimate's along the columns of W: estimate' = -W diag(gain) W'Y's.
 
     `directions` is W (k, s), independent; `gain` (s,) positive. With W = K V_s, V_s some right singular vectors
     of the energies, it adapts essential parameters of a model reduced as Sheu and Walker (1991, section 3.2) do.
