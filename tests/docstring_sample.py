@@ -64,7 +64,8 @@ def public() -> list[tuple[str, str, str]]:
     offered = set()
     for page in sorted((HOME / "docs" / "api").glob("*.md")):
         module = import_module(page.stem)
-        for name in getattr(module, "__all__", None) or [name for name in vars(module) if name[:1].isupper()]:
+        own = [name for name, thing in vars(module).items() if getattr(thing, "__module__", "") == page.stem]
+        for name in getattr(module, "__all__", own):
             thing = getattr(module, name)
             offered.add(f"{getattr(thing, '__module__', '')}.{getattr(thing, '__qualname__', '')}")
     return [row for row in inner() if row[0] in offered or row[0].rpartition(".")[0] in offered]

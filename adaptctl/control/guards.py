@@ -26,7 +26,7 @@ Parts = TypeVar("Parts", bound=tuple[Any, ...])
 
 
 class Marks(NamedTuple):
-    """Marks of what the guards did in a tick, each (1,), 1 or 0."""
+    """Marks of the guards in a tick, each (1,), 1 where a guard acted and 0 where not."""
 
     torque_limited: Any
     """a torque was beyond its limit"""

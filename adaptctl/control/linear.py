@@ -26,7 +26,7 @@ _LABEL = re.compile(r"(\w+)\[(\d+)\]")
 
 
 class LinearState(NamedTuple):
-    """The memory of a linear controller."""
+    """The memory of a linear controller: its state x (n,)."""
 
     x: Any
     """(n,) the system's state"""

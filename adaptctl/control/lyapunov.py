@@ -12,7 +12,7 @@ from adaptctl.errors import InputError
 
 
 def has_sliding_variable(controller: object) -> bool:
-    """True for Slotine and Li's law, whose s = e' + Lambda e; its relatives' is another one."""
+    """True for Slotine and Li's law itself, whose sliding variable is s = e' + Lambda e; False for its relatives."""
     own = SlotineLi.reference_velocity
     return isinstance(controller, SlotineLi) and type(controller).reference_velocity is own
 

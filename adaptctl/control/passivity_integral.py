@@ -15,7 +15,7 @@ from adaptctl.scalars import Column, column
 
 
 class Integral(NamedTuple):
-    """The memory of integral action."""
+    """The memory of integral action: the error's integral (r,) and the last error (r,)."""
 
     integral: Any
     """(r,) of the error so far, rad s"""

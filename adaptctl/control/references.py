@@ -51,7 +51,8 @@ class SinusoidNumbers(NamedTuple):
 
 
 def sinusoids_at(time: Scalar, numbers: SinusoidNumbers) -> ReferencePoint:
-    """`Sinusoids` at a time (s), over scalars of any kind: of arms that each follow their own, say."""
+    """The reference point of `Sinusoids` at a time (s), over scalars of any kind: of arms that each follow their own,
+    say."""
     fade, slope, bend = _faded_in(time, numbers.start_time[0])
     joints, terms = len(numbers.center), range(len(numbers.amplitude))
     points = []

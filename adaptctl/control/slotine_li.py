@@ -24,7 +24,8 @@ from adaptctl.scalars import Column, column
 
 
 class ReferenceVelocity(NamedTuple):
-    """The velocity v_r (r,) that s = v - v_r is measured from, its derivative a_r (r,), and a law's memory of them."""
+    """A reference velocity v_r (r,), from which s = v - v_r is measured, its derivative a_r (r,), and a law's memory of
+    them."""
 
     v_r: Column
     a_r: Column

@@ -32,7 +32,7 @@ SMALLEST = 1e-12
 
 
 class Goal(NamedTuple):
-    """The memory of a reference given in joints: the branch its loops are on."""
+    """The memory of a reference given in joints: its configuration q (n,), from which loops are followed."""
 
     q: Any
     """(n,) its tree's joints at the last tick"""

@@ -163,6 +163,6 @@ class ClosedLoop:
 
 
 def guards(memory: Any) -> tuple[Any, ...]:
-    """The marks that the guards of a controller tell: a NamedTuple, or nothing."""
+    """The marks of a controller's guards: a NamedTuple, empty without guards."""
     marks = getattr(memory, "marks", ())
     return marks if isinstance(marks, tuple) else ()

@@ -24,7 +24,7 @@ from adaptctl.scalars import Column, Scalar, each
 
 
 class CovarianceMemory(NamedTuple):
-    """The memory of least squares by their covariance."""
+    """The memory of least squares by their covariance: P, in units of the first gain, and the torque filters."""
 
     covariance: Any
     """(k (k + 1)/2,) the upper triangle, row by row, of P in units of the first gain: the identity at the start"""

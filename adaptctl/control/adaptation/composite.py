@@ -69,7 +69,7 @@ class Composite(Descent[Filtered]):
 
 
 def residual(rows: list[Column], estimate: Column, torque: Column) -> Column:
-    """W estimate - torque (r,)."""
+    """The prediction error W estimate - torque (r,), N m, of filtered torques."""
     return Column(row @ estimate for row in rows) - torque
 
 

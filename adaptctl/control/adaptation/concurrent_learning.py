@@ -23,7 +23,7 @@ LONGEST = 64
 
 
 class Stack(NamedTuple):
-    """The memory of concurrent learning."""
+    """The memory of concurrent learning: the stack of samples, and the torque filters."""
 
     rows: Any
     """W of every sample kept, the newest first, without what is always zero: zero where none is kept yet"""

@@ -32,7 +32,7 @@ NEAR = 1e-9
 
 
 class LiftMemory(NamedTuple):
-    """The memory of a lifted estimate."""
+    """The memory of a lifted estimate: the lift (P,), and the torque filters."""
 
     lift: Any
     """(P,) parameters of rigid bodies whose fundamental ones are the estimate"""

@@ -24,7 +24,7 @@ from adaptctl.scalars import Column, each
 
 
 class InformationMemory(NamedTuple):
-    """The memory of least squares by their information."""
+    """The memory of least squares by their information: P^-1, in units of the first gain, and the torque filters."""
 
     information: Any
     """(k (k + 1)/2,) the upper triangle, row by row, of S P^-1 S, S = Gamma^1/2: the identity at the start"""

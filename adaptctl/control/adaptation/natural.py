@@ -95,7 +95,7 @@ class Natural(AdaptationLaw[NoMemory]):
 
 
 def checked_rate(rate: ArrayLike) -> Array:
-    """A read-only rate, one number or (n,). Raises `InputError` unless positive."""
+    """A read-only copy of a rate, one number or (n,), in 1/J. Raises `InputError` unless positive."""
     array = np.array(rate, dtype=np.float64)
     if array.ndim > 1 or not (np.isfinite(array).all() and np.all(array > 0.0)):
         raise InputError(f"natural adaptation: rate: expected positive numbers in 1/J, got {array.tolist()}")
@@ -142,8 +142,8 @@ def _bodies_and_rates(model: ReducedModel) -> tuple[int, int]:
 
 
 def moved_bodies(parameters: Column, slope: Column, bodies: int) -> Column:
-    """Parameters (P,) after one step: each link's ten along its geodesic, each drive's along that of a positive
-    number."""
+    """The parameters (P,) after one step of natural adaptation: each link's ten along its geodesic, each drive's along
+    that of a positive number."""
     links = 10 * bodies
     entries: list[Any] = []
     for i in range(0, links, 10):
@@ -157,7 +157,8 @@ def moved_bodies(parameters: Column, slope: Column, bodies: int) -> Column:
 
 
 def raised_slope(parameters: Column, slope: Column, bodies: int) -> Column:
-    """The velocity (P,) along which a step with this slope begins, its sign turned: the ten of P_i L_i P_i."""
+    """The natural gradient (P,) of a slope (P,): the ten inertial parameters of P_i L_i P_i for every link. A step
+    begins along it, its sign turned."""
     links = 10 * bodies
     entries: list[Any] = []
     for i in range(0, links, 10):
@@ -168,7 +169,8 @@ def raised_slope(parameters: Column, slope: Column, bodies: int) -> Column:
 
 
 def moved_body(ten: Sequence[Scalar], slope: Sequence[Scalar]) -> list[Any]:
-    """A link's ten after one step: G Q Q G' for its pseudo-inertia G G'."""
+    """A link's ten inertial parameters after one step along the geodesic: those of G Q Q G' for its pseudo-inertia G
+    G'."""
     root = cholesky(pseudo(ten))
     X = matrix_product(transposed(root), matrix_product(slope_matrix(slope), root))
     half = matrix_product(root, _decay(X))
@@ -188,27 +190,27 @@ def _decay(X: Matrix) -> Matrix:
 
 
 def pseudo(ten: Sequence[Scalar]) -> Matrix:
-    """The pseudo-inertia of a link's ten."""
+    """The pseudo-inertia (4, 4) of a link's ten inertial parameters."""
     m, x, y, z, xx, xy, yy, xz, yz, zz = ten
     half = 0.5 * (xx + yy + zz)
     return [[half - xx, -xy, -xz, x], [-xy, half - yy, -yz, y], [-xz, -yz, half - zz, z], [x, y, z, m]]
 
 
 def the_ten(P: Matrix) -> list[Any]:
-    """The ten of a pseudo-inertia."""
+    """The ten inertial parameters of a pseudo-inertia."""
     (xx, xy, xz, x), (_, yy, yz, y), (_, _, zz, z), (_, _, _, m) = P
     return [m, x, y, z, yy + zz, -xy, xx + zz, -xz, -yz, xx + yy]
 
 
 def slope_matrix(slope: Sequence[Scalar]) -> Matrix:
-    """L with tr(L P) = slope' (the ten of P)."""
+    """The matrix L (4, 4) of a slope (10,), with tr(L P) = slope' (the ten inertial parameters of P)."""
     m, x, y, z, xx, xy, yy, xz, yz, zz = (0.5 * g for g in slope)
     row = (2.0 * (yy + zz), -xy, -xz, x), (2.0 * (xx + zz), -yz, y), (2.0 * (xx + yy), z), (2.0 * m,)
     return [[row[min(i, j)][max(i, j) - min(i, j)] for j in range(4)] for i in range(4)]
 
 
 def cholesky(P: Matrix) -> Matrix:
-    """The lower triangular G with G G' = P."""
+    """The lower triangular Cholesky factor G (4, 4) with G G' = P."""
     G: Matrix = [[0.0] * len(P) for _ in P]
     for j in range(len(P)):
         for i in range(j, len(P)):
@@ -230,7 +232,7 @@ def transposed(A: Matrix) -> Matrix:
 
 
 def pseudos(tens: Array) -> Array:
-    """Pseudo-inertias (..., 4, 4) of tens (..., 10)."""
+    """Pseudo-inertias (..., 4, 4) of inertial parameters (..., 10)."""
     rows = pseudo(list(np.moveaxis(tens, -1, 0)))
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 

@@ -19,7 +19,7 @@ from adaptctl.scalars import Column, Scalar, maximum
 
 
 class Normaliser(NamedTuple):
-    """The memory of a normaliser."""
+    """The memory of a normalised gradient: its normaliser n."""
 
     n: Any
     """(1,) at least 1"""

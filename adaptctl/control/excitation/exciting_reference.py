@@ -82,8 +82,8 @@ class MotionLimits:
 
 @dataclass(frozen=True, eq=False)
 class FourierSearch:
-    """Fourier references of a band within limits, as vectors without bounds (size,): coefficients, then how much of the
-    limits each joint uses and where, through logistics."""
+    """A search for exciting Fourier references of a band within limits, over vectors without bounds (size,):
+    coefficients, then how much of the limits each joint uses and where, through logistics."""
 
     model: ReducedModel
     limits: MotionLimits
@@ -98,7 +98,7 @@ class FourierSearch:
 
     @property
     def size(self) -> int:
-        """Length of the vectors."""
+        """Length of the vectors that are searched."""
         return self.dof * (2 * self.harmonics + 2)
 
     def random(self, rng: np.random.Generator) -> Array:
@@ -107,13 +107,14 @@ class FourierSearch:
         return np.concatenate((coefficients, np.full(self.dof, FULL), rng.normal(size=self.dof)))
 
     def motion(self, x: Array, factor: float = 1.0) -> tuple[Array, Array, Array]:
-        """Positions, velocities and accelerations (n, r) over a period of a vector's reference."""
+        """Positions, velocities and accelerations (n, r) over a period of the reference of a vector x (size,)."""
         y, rate, bend = self._swing(*self._coefficients(x))
         used, center = self._fitted(x, y, rate, factor)
         return center + used * y, used * rate, used * bend
 
     def reference(self, x: Array, factor: float = 1.0) -> Sinusoids:
-        """A vector's reference: at the samples positions and speeds are within their limits by construction."""
+        """The reference of a vector x (size,): at the samples its positions and speeds are within their limits by
+        construction."""
         sine, cosine = self._coefficients(x)
         y, rate, _ = self._swing(sine, cosine)
         used, center = self._fitted(x, y, rate, factor)
@@ -122,24 +123,26 @@ class FourierSearch:
         return Sinusoids(center, amplitude, frequency, phase, start_time=0.0)
 
     def judged(self, x: Array, factor: float = 1.0) -> tuple[float, float]:
-        """The condition number of its regressor, and its largest torque over the limit."""
+        """The condition number of the regressor along a vector's reference, and its largest torque over the limit."""
         Y = self._along(x, factor)
         eigenvalues = np.linalg.eigvalsh(_gram(Y * self.scale))
         smallest = max(float(eigenvalues[0]), 1e-30 * float(eigenvalues[-1]))
         return float(np.sqrt(eigenvalues[-1] / smallest)), self._share(Y)
 
     def torque_share(self, x: Array, factor: float) -> float:
-        """The largest torque over its limit, with the swings of a vector x (size,) times a factor."""
+        """The largest torque over its limit along the reference of a vector x (size,), its swings times a factor."""
         return self._share(self._along(x, factor))
 
     def cost(self, x: Array) -> float:
-        """The logarithm of the condition number, and a penalty for torques beyond their limits: what is minimised."""
+        """The cost that is minimised at a vector x (size,): the logarithm of the condition number, and a penalty for
+        torques beyond their limits."""
         condition, share = self.judged(x)
         return float(np.log(condition) + PENALTY * max(0.0, share - 1.0) ** 2)
 
     def within(self, x: Array) -> tuple[Sinusoids, float, float]:
-        """The reference, with smaller swings where torques would pass their limits; its condition and its torque.
-        Raises `InputError` where torques pass their limits even at rest."""
+        """The reference of a vector x (size,), with smaller swings where torques would pass their limits; its condition
+        number and its largest torque over the limit. Raises `InputError` where torques pass their limits even at rest.
+        """
         factor = 1.0
         if self.torque_share(x, 1.0) > 1.0:
             if self.torque_share(x, 0.0) > 1.0:

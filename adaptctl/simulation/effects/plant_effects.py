@@ -107,7 +107,8 @@ class PlantEffects:
 
 
 def differs(asked: Column, given: Column) -> Scalar:
-    """1 where any joint got another torque than was asked, else 0; over scalars of any kind."""
+    """Mark of a torque that was changed: 1 where any joint got another torque than was asked, else 0; over scalars of
+    any kind."""
     largest: Any = 0.0
     for x, y in zip(asked, given, strict=True):
         largest = maximum(largest, absolute(x - y))
