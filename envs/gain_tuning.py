@@ -22,7 +22,8 @@ HALVINGS = 12
 
 @dataclass(frozen=True, eq=False)
 class GainRange:
-    """Gains of a controller of r joints that may be moved, each between `lowest` and `highest` times what it is.
+    """Range of gains of a controller of r joints that may be moved, each between `lowest` and `highest` times what it
+    is.
 
     Gains of one number a joint have an action each; others, such as Gamma, have one for all their numbers.
     """
@@ -61,7 +62,7 @@ class GainRange:
 
     @property
     def sizes(self) -> dict[str, int]:
-        """The number of actions of each name."""
+        """Numbers of actions by the gains' names."""
         shapes = {name: self.controller.numbers[name].shape for name in self.names}
         return {name: self.controller.dof if shape == (self.controller.dof,) else 1 for name, shape in shapes.items()}
 

@@ -158,22 +158,24 @@ MANY: dict[str, Any] = DEFAULTS | {"autoreset_mode": "SameStep"}
 
 
 def learning(**settings: Any) -> LearningEnv:
-    """`adaptctl/Learning-v0`: `TrackingEnv` with settings that suit learners where none are given."""
+    """A learning environment, `adaptctl/Learning-v0`: `TrackingEnv` with settings that suit learners where none are
+    given."""
     return LearningEnv(TrackingEnv(**DEFAULTS | settings))
 
 
 def puma560_learning(**settings: Any) -> LearningEnv:
-    """`adaptctl/Puma560Learning-v0`: `Puma560TrackingEnv` likewise."""
+    """A learning environment for the PUMA 560, `adaptctl/Puma560Learning-v0`: `Puma560TrackingEnv` with settings that
+    suit learners."""
     return LearningEnv(Puma560TrackingEnv(**DEFAULTS | settings))
 
 
 def many_learning(num_envs: int = 1, **settings: Any) -> LearningVectorEnv:
-    """`adaptctl/Learning-v0` for many arms, which begin again in the same step."""
+    """A learning environment for many arms, `adaptctl/Learning-v0`, whose episodes begin again in the same step."""
     return LearningVectorEnv(VectorTrackingEnv(num_envs, **MANY | settings))
 
 
 def many_puma560_learning(num_envs: int = 1, **settings: Any) -> LearningVectorEnv:
-    """`adaptctl/Puma560Learning-v0` for many arms likewise."""
+    """A learning environment for many PUMA 560, `adaptctl/Puma560Learning-v0`."""
     return LearningVectorEnv(Puma560VectorTrackingEnv(num_envs, **MANY | settings))
 
 

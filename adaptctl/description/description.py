@@ -326,7 +326,8 @@ def depth_first(links: Iterable[Link]) -> tuple[Link, ...]:
 
 
 def weightless_ends(links: Sequence[Link]) -> tuple[str, ...]:
-    """Names of the links that have neither mass nor rotor, and carry none that has: nothing resists their joints."""
+    """Names of the links that have neither mass nor rotor, and carry none that has: their joints' accelerations are not
+    determined."""
     heavy: set[int] = set()
     for i, link in reversed(list(enumerate(links))):
         if i in heavy or np.any(link.inertia) or link.joint.drive.rotor_inertia:

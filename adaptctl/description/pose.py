@@ -34,7 +34,7 @@ def exact_right_angles(rotation: Array, tolerance: float = 1e-15) -> Array:
 
 
 def roll_pitch_yaw(angles: ArrayLike) -> Array:
-    """Rotation matrix of URDF's fixed-axis roll, pitch and yaw (rad)."""
+    """Rotation matrix (3, 3) of URDF's fixed-axis roll, pitch and yaw (3,), rad."""
     roll, pitch, yaw = np.asarray(angles, dtype=np.float64)
     product = rotation_about((0, 0, 1), yaw) @ rotation_about((0, 1, 0), pitch) @ rotation_about((1, 0, 0), roll)
     return exact_right_angles(product)

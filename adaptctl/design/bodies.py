@@ -82,14 +82,15 @@ def ball_moment(mass: float, density: float) -> float:
 
 
 def ball_tens(masses: ArrayLike, places: ArrayLike, density: float = np.inf) -> Array:
-    """The tens (..., 10) of balls of these masses (...) at places (..., 3): points, where the density is infinite."""
+    """The inertial parameters (..., 10) of balls of masses (...), kg, at places (..., 3), m: points, where the density
+    is infinite."""
     m, x = np.asarray(masses, dtype=np.float64), np.asarray(places, dtype=np.float64)
     own = 0.4 * m * (3.0 * m / (4.0 * np.pi * density)) ** (2.0 / 3.0)
     return np.asarray(m[..., None] * _per_mass(x) + own[..., None] * EVEN)
 
 
 def ball_tens_slopes(masses: Array, places: Array, density: float) -> Array:
-    """Slopes (..., 10, 4) of `ball_tens` with the mass and the three coordinates."""
+    """Derivatives (..., 10, 4) of `ball_tens` by the mass and the three coordinates."""
     own = (2.0 / 3.0) * (3.0 * masses / (4.0 * np.pi * density)) ** (2.0 / 3.0)
     with_mass = _per_mass(places) + own[..., None] * EVEN
     slopes = [with_mass]

@@ -18,7 +18,8 @@ EACH = 9
 
 @dataclass(frozen=True, eq=False)
 class LinkCost:
-    """The places of a link where a point mass costs least and most, as changes of the arm's cost by shares of it."""
+    """Cost of a point mass on a link: the places where it is least and most, as changes of the arm's cost by shares of
+    it."""
 
     link: str
     least: float

@@ -80,7 +80,7 @@ class PlaceBounds:
 def bounds(
     mechanism: Mechanism, links: Iterable[str], share: float = SHARE, beyond: float = BEYOND
 ) -> tuple[PlaceBounds, ...]:
-    """The default places on some links. Raises `InputError` for unknown links, and for a link given twice."""
+    """The default bounds on some links. Raises `InputError` for unknown links, and for a link given twice."""
     names = tuple(links)
     if len(set(names)) < len(names) or not names:
         raise InputError(f"links: expected at least one, each once, got {', '.join(names) or 'none'}")

@@ -96,7 +96,7 @@ class Removal:
 
 
 def operations_saved(task: DesignTask, removal: Removal) -> int:
-    """Floating-point operations that an adaptive tick's equations save with the parameters that are left."""
+    """Number of floating-point operations that an adaptive tick's equations save with the parameters that are left."""
     mechanism = task.mechanism
     friction = range(mechanism.energetic, len(mechanism.parameter_names))
     before, after = (equation_costs(mechanism, (*c, *friction)).tick for c in (task.basis.columns, removal.columns))

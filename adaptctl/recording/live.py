@@ -171,7 +171,7 @@ def reachable(address: str, start_viewer: bool = False, inline: bool = False) ->
 
 @contextmanager
 def streaming(to: str | None) -> Iterator[None]:
-    """Experiments that run within this stream to an address; None for nowhere."""
+    """A context in which experiments stream to an address; to none where it is None."""
     token = CURRENT.set(to)
     try:
         yield

@@ -14,7 +14,7 @@ Progress: TypeAlias = Callable[[str, float], object]
 
 
 def silent(what: str, share: float) -> None:
-    """Progress that is not shown."""
+    """Do nothing: a `progress` callback for those who want none shown."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -78,7 +78,7 @@ class Dual:
 
 
 def dual(x: Any) -> Dual:
-    """Lift a constant; leave a dual number as it is."""
+    """A dual number: a constant lifted with a slope of zero, a dual number as it is."""
     return x if isinstance(x, Dual) else Dual(x)
 
 

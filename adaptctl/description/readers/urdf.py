@@ -225,7 +225,7 @@ def _shown(
 
 
 def link_inertia(link: Element) -> Array:
-    """The ten (10,) about the link frame's origin, zero without <inertial>."""
+    """The ten inertial parameters (10,) about the link frame's origin, zero without <inertial>."""
     with located(link):
         return _inertia_of(link, named(link))
 

@@ -39,7 +39,8 @@ def with_floating_base(description: Description, name: str, inertia: ArrayLike) 
 
 
 def floating(links: Sequence[Link], name: str, inertia: ArrayLike) -> tuple[Link, ...]:
-    """A body that floats, and the links that hung on the ground hanging on it.
+    """The links of a mechanism on a floating base: a body that floats, and the links that hung on the ground hanging on
+    it.
 
     Three prismatic and three revolute joints, ``name_x`` to ``name_roll``, carry the body, so that p stays a plain
     vector; the five links between them are massless and own no parameters. The six are primary like any other,
