@@ -171,7 +171,7 @@ def _require_accepted(mechanism: Mechanism, certificate: Certificate, spectrum: 
 
 
 def leftovers(spectrum: Array, vectors: Array, rank: int, names: Sequence[str]) -> tuple[Leftover, ...]:
-    """Singular values beyond the gap that are more than round-off, with the parameters that dominate their vectors.
+    """The singular values beyond the gap that are more than round-off, with the parameters that dominate their vectors.
 
     The spectrum (P,) falls; `vectors` (P, P) holds a right singular vector a column.
     """
