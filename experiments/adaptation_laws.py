@@ -90,7 +90,7 @@ EULER = "gradient-euler"
 
 @dataclass(frozen=True)
 class AdaptationLaws(RoughStart, Learning):
-    """Runs of all laws from one rough model, on one reference and one seed.
+    """Experiment that compares all adaptation and control laws from one rough model, on one reference and one seed.
 
     Slotine and Li's control law with every adaptation law in turn; then the other control laws, those that
     adapt with the gradient.
@@ -167,7 +167,7 @@ class AdaptationLaws(RoughStart, Learning):
     """Sentences on how laws are compared, and by which measure."""
 
     def compare(self, progress: Progress) -> Comparison:
-        """Runs of all contenders, their answer with what was not remembered."""
+        """The comparison of all contenders' runs, with a note on what was not remembered."""
         done = super().compare(progress)
         notes = [*([done.answer] if done.answer else []), *forgotten_notes(done.findings)]
         return replace(done, answer=" ".join(notes) or None)

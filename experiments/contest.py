@@ -32,7 +32,7 @@ MANY, FEW = 600_000, 120_000
 
 @dataclass(frozen=True, eq=False)
 class Contender:
-    """Controller of a contest, what to call it, and what it knows of the arm."""
+    """A contender in a contest: its controller, names for it, and what it knows of the arm."""
 
     name: str
     label: str
@@ -42,7 +42,7 @@ class Contender:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """Runs of a contest; when it was interrupted, those that were begun."""
+    """Outcome of a contest: the runs; when it was interrupted, those that were begun."""
 
     mechanism: Mechanism
     runs: tuple[ControllerRun, ...]
@@ -57,7 +57,8 @@ def contest(
     progress: Progress,
     options: Mapping[str, Any] = MappingProxyType({}),
 ) -> Outcome:
-    """Outcome of driving the environment with each contender from the same seed and options of its reset.
+    """The outcome of a contest, in which each contender drives the environment from the same seed and options of its
+    reset.
 
     Ctrl-C ends the contest and keeps what was run; before anything was run it passes.
     """

@@ -32,7 +32,8 @@ KINDS = ("viscous", "coulomb")
 
 @dataclass(frozen=True)
 class FrictionInJoints(OnRealPlant):
-    """Slotine-Li with the friction's columns and without them; computed torque with friction and without.
+    """Experiment on friction: Slotine-Li with the friction's columns and without them; computed torque with friction
+    and without.
 
     The drives' friction is a parameter like the others, and its first estimate is zero. Stribeck's excess is in the
     plant alone: no column stands for it, so something is left even for a law that learns.
@@ -82,7 +83,7 @@ class FrictionInJoints(OnRealPlant):
         return gain
 
     def first(self, model: ReducedModel) -> Array:
-        """First estimate (k,): the rough model's, without friction."""
+        """The first estimate (k,): the rough model's, without friction."""
         estimate = super().first(model)
         estimate[[k for k, _ in _friction_columns(model)]] = 0.0
         return estimate
@@ -161,7 +162,7 @@ def _final(outcome: Outcome, name: str) -> str:
 
 
 def without_friction(mechanism: Mechanism) -> Mechanism:
-    """Mechanism without its friction, its rotors kept."""
+    """The mechanism without its friction, its rotors kept."""
     return mechanism.with_drives([Drive(link.joint.drive.rotor_inertia) for link in mechanism.links])
 
 

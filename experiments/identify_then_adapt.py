@@ -30,7 +30,8 @@ BEGINNING = 2.0
 
 @dataclass(frozen=True)
 class IdentifyThenAdapt(OnRealPlant):
-    """Slotine-Li on a simulated arm from zero, from its URDF, and from what the first part of its log shows.
+    """Experiment on identified estimates: Slotine-Li on a simulated arm from zero, from its URDF, and from what the
+    first part of its log shows.
 
     The simulated arm is what the whole of the real log shows; the first estimate knows the log's first part alone.
     """
@@ -123,8 +124,7 @@ class IdentifyThenAdapt(OnRealPlant):
 
 @cache
 def identified_from(name: str, share: float) -> Mechanism:
-    """The arm identified from the first share of an example's log. Raises `NotFoundError` for another name. Raises
-    `NotFoundError`."""
+    """The arm identified from the first share of an example's log. Raises `NotFoundError` for another name."""
     from adaptctl.identification.drives_file import read_drives
     from adaptctl.identification.examples import example
     from adaptctl.identification.identify import identified
@@ -141,7 +141,7 @@ def identified_from(name: str, share: float) -> Mechanism:
 
 
 def robot_file(name: str) -> Mechanism:
-    """An example's robot as its file has it."""
+    """The mechanism of an example's robot as its file has it."""
     from adaptctl.identification.examples import example
 
     with example(name) as files:

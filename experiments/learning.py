@@ -41,7 +41,8 @@ OFFLINE = "Independent parameters from energies"
 
 @dataclass(frozen=True)
 class Learning(ClosedLoopExperiment):
-    """Slotine-Li from zero on the independent parameters, against what others make of the same arm.
+    """Base class of experiments in which Slotine-Li learns from zero on the independent parameters, against other
+    controllers of the same arm.
 
     The same with adaptation off; computed torque with true, wrong and no parameters; and Slotine-Li on the
     independent and on all parameters with the gain mapped from these to those (Gamma_beta = K Gamma_D K'),
@@ -77,7 +78,7 @@ class Learning(ClosedLoopExperiment):
 
     @abstractmethod
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """Environment that all contenders drive."""
+        """The environment that all contenders drive."""
 
     @property
     def options(self) -> dict[str, Any]:
@@ -94,7 +95,7 @@ class Learning(ClosedLoopExperiment):
 
     @abstractmethod
     def adaptation_setting(self, mechanism: Mechanism) -> str:
-        """Gamma in words."""
+        """Text of the adaptation gain Gamma, for the record."""
 
     @abstractmethod
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
@@ -105,7 +106,7 @@ class Learning(ClosedLoopExperiment):
         return shown(self.compare(progress))
 
     def compare(self, progress: Progress) -> Comparison:
-        """Runs of all contenders, after the offline stage, and findings on them."""
+        """The comparison of all contenders' runs, after the offline stage, with findings on them."""
         progress(OFFLINE, 0.0)
         mechanism = self.mechanism()
         env = self.environment(mechanism)
@@ -148,11 +149,11 @@ class Learning(ClosedLoopExperiment):
         return one_controller(outcome)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Outcome in a sentence or two; None where it is how much adaptation is worth."""
+        """Text of the outcome in a sentence or two; None where it is how much adaptation is worth."""
         return None
 
     def leading(self, outcome: Outcome) -> Leading | None:
-        """Errors that a recording shows first; None where the joints' are."""
+        """The errors that a recording shows first; None where the joints' are."""
         return None
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:

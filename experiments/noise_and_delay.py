@@ -42,8 +42,8 @@ TELLING, TELLING_LOOPS = 0.25, 0.1
 
 @dataclass(frozen=True)
 class NoiseAndDelay(AdaptationLaws):
-    """Laws on a plant with encoders, delay, lag and a rate limit, holding still: nothing is to be learned, and noise
-    is.
+    """Experiment without excitation: laws on a plant with encoders, delay, lag and a rate limit, holding still, where
+    noise alone can be learned.
 
     Velocities come from filtered differences of encoder counts, torques are late, lag and are limited. Noise enters the
     sliding variable and the regressor alike, so that their product has a mean, and an estimate that nothing holds

@@ -37,7 +37,8 @@ ADAPTIVE, FIXED = "adaptive", "fixed"
 
 @dataclass(frozen=True)
 class ReducedModelTracking(Puma560Adaptive):
-    """Table 3 of Sheu and Walker (1991) carried over to adaptive control.
+    """Experiment that carries Table 3 of Sheu and Walker (1991) over to adaptive control: tracking with only some
+    essential components.
 
     The components alpha_j v_j of the essential parameters are sorted by the energy they carry over sampled states.
     For each count s, Slotine and Li's controller adapts s numbers from zero, those along the first s of the v_j;

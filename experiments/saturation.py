@@ -31,7 +31,8 @@ WITHOUT_FREEZE = "without-freeze"
 
 @dataclass(frozen=True)
 class Saturation(OnRealPlant):
-    """Slotine-Li behind guards with weak motors: adaptation frozen while they saturate, and not.
+    """Experiment on saturation: Slotine-Li behind guards with weak motors, adaptation frozen while they saturate, and
+    not.
 
     For a while the arm holds a payload that its motors cannot carry. It sags, whatever the law does; the question
     is what is left when the payload is gone.

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class StatedTask(RangedGain, Learning):
-    """The contest of `Learning` in an arm's own environment, every number of the task a setting.
+    """Base class of experiments of learning to track in an arm's own environment, every number of the task a setting.
 
     A subclass gives `joints` and `environment_id`, and the defaults of the settings that are one number a joint.
     """
@@ -69,7 +69,7 @@ class StatedTask(RangedGain, Learning):
 
     @property
     def options(self) -> dict[str, Any]:
-        """The payload, where there is one."""
+        """Options of the environment's reset: the payload, where there is one."""
         return {"payload": self.payload} if self.payload > 0.0 else {}
 
     def torque_limits(self, mechanism: Mechanism) -> Array | None:

@@ -23,7 +23,7 @@ RunOutcomes = dict[int, list[tuple[str, RunOutcome]]]
 
 
 class BatchedRun(NamedTuple):
-    """A run before it begins: the controllers compared, and the episode that each drives."""
+    """A run of a batch before it begins: the controllers compared, and the episode that each drives."""
 
     contenders: list[Contender]
     episode: Episode
@@ -31,7 +31,7 @@ class BatchedRun(NamedTuple):
 
 
 def batched(experiments: Sequence[Experiment], controllers: Sequence[str]) -> RunOutcomes:
-    """RunOutcomes, by their number, of those experiments that can run together.
+    """Outcomes, by their number, of those experiments that can run together in one batch.
 
     These are comparisons on an ideal plant, whose references are sinusoids; their runs are those of each experiment by
     itself, to round-off. Others are left out.
@@ -89,8 +89,7 @@ Some = TypeVar("Some", bound=NamedRun)
 
 
 def named(candidates: Sequence[Some], names: Sequence[str]) -> list[Some]:
-    """The candidates with these names, all where none is given. Raises `NotFoundError` for a name that none has. Raises
-    `NotFoundError` for a name that none has."""
+    """The candidates with these names, all where none is given. Raises `NotFoundError` for a name that none has."""
     known = [one.name for one in candidates]
     for name in names:
         if name not in known:
@@ -100,7 +99,7 @@ def named(candidates: Sequence[Some], names: Sequence[str]) -> list[Some]:
 
 @lru_cache(maxsize=8)
 def offline(mechanism: Mechanism) -> FundamentalBasis:
-    """The basis of a mechanism."""
+    """The fundamental basis of a mechanism."""
     return fundamental_basis(essential_space(mechanism))
 
 

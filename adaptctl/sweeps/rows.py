@@ -79,7 +79,7 @@ def _checked(kind: type[CheckedSettings], settings: Mapping[str, Any]) -> Checke
 
 
 def alone(experiment: Experiment, controllers: Sequence[str]) -> list[Named]:
-    """RunOutcomes of an experiment that runs by itself."""
+    """Outcomes of an experiment that runs by itself, by controller."""
     try:
         compare: Callable[..., Comparison] | None = getattr(experiment, "compare", None)
         if compare is None:

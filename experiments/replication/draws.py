@@ -14,7 +14,7 @@ from adaptctl.identifiability import Reduction, reduce
 
 @dataclass(frozen=True, eq=False)
 class Draws:
-    """Energy differences H of many draws of random states, factored."""
+    """Random draws of an arm's states: the energy differences H of each, factored."""
 
     arm: SampledArm
     singular_values: Array
