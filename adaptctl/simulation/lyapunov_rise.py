@@ -67,7 +67,8 @@ def first_rise(loop: ClosedLoop, parameters: Array) -> tuple[dict[str, Any], dic
 def risen(
     loop: ClosedLoop, sample: Sample, point: ReferencePoint, runs: Any, columns: Mapping[str, Column]
 ) -> LyapunovRise:
-    """The columns after a control period; `runs` is a condition that holds until a run diverges."""
+    """The columns of a Lyapunov function's rise after a control period; `runs` is a condition that holds until a run
+    diverges."""
     before = LyapunovRise(*(columns[name] for name in LyapunovRise._fields))
     if not len(before.lyapunov):
         return before

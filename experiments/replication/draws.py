@@ -60,7 +60,7 @@ class Draws:
         return np.concatenate([errors, nothing_missing[:, None]], axis=1)
 
     def torque(self, motion: StatedMotion, seed: int, components: int) -> Array:
-        """Torques (T, r) along a motion with the parameters of one seed that keeps some components."""
+        """Torques (T, r), N m, along a motion with the parameters of one seed that keeps some components."""
         return motion.Y @ self.reductions[seed].parameters(components)
 
 
