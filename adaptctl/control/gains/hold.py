@@ -204,8 +204,8 @@ def require_hold(
     bandwidth: ArrayLike = 0.0,
     workspace: Workspace | None = None,
 ) -> HoldNumber:
-    """The hold number of gains. Raises `GainError` where it is 2 or more: the control period (s) cannot carry the
-    gains."""
+    """The hold number of gains. Raises `GainError`, saying what the period can carry, where it is above
+    LARGEST_SAMPLED_GAIN: the control period (s) cannot carry the gains."""
     found = hold_number(mechanism, damping, period, bandwidth, workspace=workspace)
     if not found.value <= LARGEST_SAMPLED_GAIN:
         _refuse(mechanism, found, period, float(np.max(bandwidth)))
