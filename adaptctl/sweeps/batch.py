@@ -147,4 +147,4 @@ def _together(trials: Mapping[int, BatchedRun], places: Sequence[tuple[int, int]
         every=None,
         beyond=begun[0].error_bound,
     )
-    return {place: RunOutcome.of(runs, m) for m, place in enumerate(places)}
+    return dict(zip(places, RunOutcome.each_of(runs), strict=True))
