@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import gymnasium
 
 
-class Task(NamedTuple):
+class SinusoidTask(NamedTuple):
     """Settings of a tracking environment on sinusoids, in SI units: environments of equal tasks are equal."""
 
     environment_id: str
@@ -84,10 +84,10 @@ class StatedTask(RangedGain, Learning):
             )
         return self.task(mechanism).environment(mechanism)
 
-    def task(self, mechanism: Mechanism) -> Task:
+    def task(self, mechanism: Mechanism) -> SinusoidTask:
         """Task that the environment poses, as set."""
         limits = self.torque_limits(mechanism)
-        return Task(
+        return SinusoidTask(
             self.environment_id,
             self.center,
             self.amplitude,

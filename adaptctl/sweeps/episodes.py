@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
 from adaptctl.experiments.learning import Learning
-from adaptctl.experiments.stated_task import StatedTask, Task
+from adaptctl.experiments.stated_task import SinusoidTask, StatedTask
 from adaptctl.simulation import Episode
 
 WHAT_IS_HELD = frozenset({"payload"})
@@ -31,7 +31,7 @@ class Episodes:
     """Episodes of many experiments, of which those with equal tasks on one mechanism differ in parameters alone."""
 
     def __init__(self) -> None:
-        self._known: dict[tuple[Mechanism, Task], BegunEpisode] = {}
+        self._known: dict[tuple[Mechanism, SinusoidTask], BegunEpisode] = {}
 
     def of(self, experiment: Learning, mechanism: Mechanism) -> BegunEpisode:
         """The episode of an experiment as its environment begins it. Raises what the environment raises."""
