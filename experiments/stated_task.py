@@ -38,11 +38,11 @@ class SinusoidTask(NamedTuple):
         """The environment of a mechanism."""
         import gymnasium
 
-        waves = (np.array(values) for values in (self.center, self.amplitude, self.frequency))
+        center, amplitude, frequency = map(np.array, (self.center, self.amplitude, self.frequency))
         return gymnasium.make(
             f"adaptctl.envs:{self.environment_id}",
             robot=mechanism,
-            reference=Sinusoids(*waves, start_time=self.start_time),
+            reference=Sinusoids(center, amplitude, frequency, start_time=self.start_time),
             duration=self.duration,
             control_period=self.control_period,
             initial_error=self.initial_error,
