@@ -131,11 +131,11 @@ class CounterweightedTracking(ClosedLoopExperiment):
 
         nothing = np.zeros(len(model.columns))
         return [
-            Contender(
+            Contender.of(
                 f"{EVERY}-{name}", f"All adapted, {label}", "nothing", slotine_li(tuning.gain_on(model), nothing)
             ),
-            Contender(f"{FEW}-{name}", f"{s} adapted, {label}", "nothing", slotine_li(few, nothing)),
-            Contender(f"{HELD}-{name}", f"True {s}, {label}", f"{s} components", slotine_li(None, held)),
+            Contender.of(f"{FEW}-{name}", f"{s} adapted, {label}", "nothing", slotine_li(few, nothing)),
+            Contender.of(f"{HELD}-{name}", f"True {s}, {label}", f"{s} components", slotine_li(None, held)),
         ]
 
     def _reduction(self, task: DesignTask) -> Reduction:

@@ -94,16 +94,16 @@ class FrictionInJoints(OnRealPlant):
         bare = ReducedModel(smooth, fundamental_basis(essential_space(smooth, seed=self.seed)))
         bandwidth, knows = self.gains(mechanism).bandwidth, f"links within {100 * self.parameter_error:.0f} %"
         return [
-            Contender(ADAPTIVE, f"{len(model.columns)} parameters, with friction", knows, self.from_rough(model)),
-            Contender(ADAPTATION_OFF, "Adaptation off", knows, self.from_rough(model, adapting=False)),
-            Contender(NO_COLUMNS, f"{len(bare.columns)} parameters, no friction", knows, self.from_rough(bare)),
-            Contender(
+            Contender.of(ADAPTIVE, f"{len(model.columns)} parameters, with friction", knows, self.from_rough(model)),
+            Contender.of(ADAPTATION_OFF, "Adaptation off", knows, self.from_rough(model, adapting=False)),
+            Contender.of(NO_COLUMNS, f"{len(bare.columns)} parameters, no friction", knows, self.from_rough(bare)),
+            Contender.of(
                 "computed-torque",
                 "Computed torque, true drives",
                 "all but Stribeck",
                 ComputedTorque(mechanism, bandwidth),
             ),
-            Contender(
+            Contender.of(
                 "computed-torque-smooth", "Computed torque, no friction", "the links", ComputedTorque(smooth, bandwidth)
             ),
         ]

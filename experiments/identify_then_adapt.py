@@ -93,10 +93,10 @@ class IdentifyThenAdapt(OnRealPlant):
         file = _parameters(mechanism, robot_file(self.robot))
         share = f"{self.known:.0%} of the log"
         return [
-            Contender(ADAPTIVE, "Identified, adapting", share, self._from(model, part)),
-            Contender(ADAPTATION_OFF, "Identified, adaptation off", share, self._from(model, part, adapting=False)),
-            Contender(FROM_FILE, "From the URDF, adapting", "the URDF's links", self._from(model, file)),
-            Contender(FROM_ZERO, "From zero, adapting", "nothing", self._from(model, 0.0 * part)),
+            Contender.of(ADAPTIVE, "Identified, adapting", share, self._from(model, part)),
+            Contender.of(ADAPTATION_OFF, "Identified, adaptation off", share, self._from(model, part, adapting=False)),
+            Contender.of(FROM_FILE, "From the URDF, adapting", "the URDF's links", self._from(model, file)),
+            Contender.of(FROM_ZERO, "From zero, adapting", "nothing", self._from(model, 0.0 * part)),
         ]
 
     def _from(self, model: ReducedModel, parameters: Array, *, adapting: bool = True) -> SlotineLi:

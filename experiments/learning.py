@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -161,35 +162,43 @@ class Learning(ClosedLoopExperiment):
         return iter(())
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Contenders in the order in which they drive; the first is the subject."""
-        model, full, k = ReducedModel(mechanism, basis), ReducedModel.full(mechanism), len(basis.columns)
-        gains = self.gains(mechanism)
-        everything = len(mechanism.parameter_names)
-        gain, full_gain = self.adaptation(model), self.adaptation(full)
-        true = np.asarray(mechanism.inertial_parameters)
-        wrong = f"{100 * self.parameter_error:.0f} % off"
+        """Contenders in the order in which they drive; the first is the subject. None is made before it is asked
+        for."""
+        model, full = models(mechanism, basis)
+        k, everything = len(basis.columns), len(mechanism.parameter_names)
+        true, wrong = mechanism.inertial_parameters, f"{100 * self.parameter_error:.0f} % off"
 
         def computed_torque(parameters: Array) -> ComputedTorque:
-            return ComputedTorque(mechanism, gains.bandwidth, parameters=parameters)
+            return ComputedTorque(mechanism, self.gains(mechanism).bandwidth, parameters=parameters)
+
+        def mapped() -> SlotineLi:
+            return self.slotine_li(model, mapped_gain(model, self.adaptation(full)))
 
         return [
-            Contender(ADAPTIVE, f"Slotine-Li, {k} parameters", "nothing", self.slotine_li(model, gain)),
-            Contender(ADAPTATION_OFF, "Slotine-Li, adaptation off", "nothing", self.slotine_li(model)),
-            Contender("computed-torque", "Computed torque, true model", "everything", computed_torque(true)),
+            Contender(
+                ADAPTIVE,
+                f"Slotine-Li, {k} parameters",
+                "nothing",
+                lambda: self.slotine_li(model, self.adaptation(model)),
+            ),
+            Contender(ADAPTATION_OFF, "Slotine-Li, adaptation off", "nothing", lambda: self.slotine_li(model)),
+            Contender("computed-torque", "Computed torque, true model", "everything", lambda: computed_torque(true)),
             Contender(
                 "computed-torque-wrong",
                 f"Computed torque, model {wrong}",
                 f"links {wrong}",
-                computed_torque(scaled_links(mechanism, self.parameter_error, self.seed)),
+                lambda: computed_torque(scaled_links(mechanism, self.parameter_error, self.seed)),
             ),
-            Contender("computed-torque-none", "Computed torque, no model", "nothing", computed_torque(0.0 * true)),
-            Contender(FULL, f"Slotine-Li, all {everything} parameters", "nothing", self.slotine_li(full, full_gain)),
             Contender(
-                MAPPED,
-                f"Slotine-Li, {k} parameters, Γ mapped",
-                "nothing",
-                self.slotine_li(model, mapped_gain(model, full_gain)),
+                "computed-torque-none", "Computed torque, no model", "nothing", lambda: computed_torque(0.0 * true)
             ),
+            Contender(
+                FULL,
+                f"Slotine-Li, all {everything} parameters",
+                "nothing",
+                lambda: self.slotine_li(full, self.adaptation(full)),
+            ),
+            Contender(MAPPED, f"Slotine-Li, {k} parameters, Γ mapped", "nothing", mapped),
         ]
 
     def slotine_li(
@@ -207,6 +216,12 @@ class Learning(ClosedLoopExperiment):
         yield Setting("first estimate", self.first_estimate, "of every parameter")
         yield from self.reference_settings(env)
         yield from stated(self)
+
+
+@lru_cache(maxsize=8)
+def models(mechanism: Mechanism, basis: FundamentalBasis) -> tuple[ReducedModel, ReducedModel]:
+    """The model on the parameters that a basis keeps, and the one on all: one each for all who ask."""
+    return ReducedModel(mechanism, basis), ReducedModel.full(mechanism)
 
 
 class Found:

@@ -103,10 +103,11 @@ class NoiseAndDelay(AdaptationLaws):
 
         limits = self.motors(mechanism)
         brake = self.gains(mechanism).damping
-        return [
-            replace(one, controller=Guarded(one.controller, limits, stop_damping=brake))
-            for one in super().contenders(mechanism, basis)
-        ]
+
+        def guarded(one: Contender) -> Contender:
+            return Contender.of(one.name, one.label, one.knows, Guarded(one.controller, limits, stop_damping=brake))
+
+        return list(map(guarded, super().contenders(mechanism, basis)))
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
         """Findings: each estimate's error and drift, shares of saturation, and the delay that the loop tolerates."""

@@ -91,9 +91,9 @@ class Saturation(OnRealPlant):
         )
         limits, knows = self.torque_limits(mechanism), f"links within {100 * self.parameter_error:.0f} %"
         return [
-            Contender(ADAPTIVE, "Frozen while saturated", knows, Guarded(law, limits, self.rate_limit)),
-            Contender(ADAPTATION_OFF, "Adaptation off", knows, Guarded(off, limits, self.rate_limit)),
-            Contender(WITHOUT_FREEZE, "Never frozen", knows, Guarded(law, limits, self.rate_limit, freeze=False)),
+            Contender.of(ADAPTIVE, "Frozen while saturated", knows, Guarded(law, limits, self.rate_limit)),
+            Contender.of(ADAPTATION_OFF, "Adaptation off", knows, Guarded(off, limits, self.rate_limit)),
+            Contender.of(WITHOUT_FREEZE, "Never frozen", knows, Guarded(law, limits, self.rate_limit, freeze=False)),
         ]
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:

@@ -130,12 +130,12 @@ class TaskSpaceTracking(TipPath, Learning):
 
         true = ComputedTorque(mechanism, gains.bandwidth)
         return [
-            Contender("task-space", "Task space, gradient", "nothing", task_space(gain)),
-            Contender(ADAPTATION_OFF, "Task space, adaptation off", "nothing", task_space(None)),
-            Contender("task-space-composite", "Task space, composite", "nothing", task_space(composite)),
-            Contender("task-space-damped", "Task space, damped", "nothing", task_space(gain, self.singularity)),
-            Contender("joint-space", "Joints, gradient", "nothing", self.slotine_li(model, gain)),
-            Contender("computed-torque", "Computed torque, true model", "everything", true),
+            Contender.of("task-space", "Task space, gradient", "nothing", task_space(gain)),
+            Contender.of(ADAPTATION_OFF, "Task space, adaptation off", "nothing", task_space(None)),
+            Contender.of("task-space-composite", "Task space, composite", "nothing", task_space(composite)),
+            Contender.of("task-space-damped", "Task space, damped", "nothing", task_space(gain, self.singularity)),
+            Contender.of("joint-space", "Joints, gradient", "nothing", self.slotine_li(model, gain)),
+            Contender.of("computed-torque", "Computed torque, true model", "everything", true),
         ]
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:

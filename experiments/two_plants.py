@@ -57,8 +57,8 @@ class TwoPlants(AdaptiveTracking):
         """Contenders: the law with and without adaptation."""
         model = ReducedModel(mechanism, basis)
         return [
-            Contender(ADAPTIVE, "Slotine-Li on MuJoCo", "nothing", self.slotine_li(model, self.adaptation(model))),
-            Contender(ADAPTATION_OFF, "the same, adaptation off", "nothing", self.slotine_li(model)),
+            Contender.of(ADAPTIVE, "Slotine-Li on MuJoCo", "nothing", self.slotine_li(model, self.adaptation(model))),
+            Contender.of(ADAPTATION_OFF, "the same, adaptation off", "nothing", self.slotine_li(model)),
         ]
 
     def outcome(

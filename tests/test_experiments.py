@@ -12,6 +12,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
@@ -21,11 +22,12 @@ from signals import signalled
 
 from adaptctl.cli.interruption import IMPORTING, interruptible
 from adaptctl.cli.main import main
-from adaptctl.control import SlotineLi, sampled_gain
+from adaptctl.control import ComputedTorque, SlotineLi, sampled_gain
 from adaptctl.dynamics import load
-from adaptctl.errors import InputError, NotFoundError
+from adaptctl.errors import GainError, InputError, NotFoundError
 from adaptctl.experiments import EXPERIMENTS, find
 from adaptctl.experiments.adaptive import AdaptiveTracking
+from adaptctl.experiments.contest import Contender, contest
 from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.recording.trace import write_trace
@@ -244,6 +246,35 @@ def test_every_experiment_has_its_name_and_documents_its_settings(entry: Any) ->
     for field in fields(kind):
         assert len(field.metadata["meaning"]) > 3
     assert kind() == kind()
+
+
+@pytest.mark.parametrize("entry", EXPERIMENTS, ids=lambda entry: entry.name)
+def test_the_defaults_of_settings_are_sound(entry: Any) -> None:
+    kind = find(entry.name)
+    for one in fields(kind):
+        default: Any = one.default
+        values = default if isinstance(default, tuple) else (default,)
+        numbers = [x for x in values if isinstance(x, int | float) and not isinstance(x, bool)]
+        assert all(one.metadata["low"] <= x <= one.metadata["high"] for x in numbers)
+        assert all(np.isfinite(numbers))
+    kind(**{one.name: (*one.default,) for one in fields(kind) if isinstance(one.default, tuple)})
+
+
+def test_what_cannot_be_made_is_told_before_anything_runs() -> None:
+    mechanism = load("puma560_measured")
+    ran: list[str] = []
+
+    def stiff() -> SlotineLi:
+        return SlotineLi(ReducedModel.full(mechanism), 8.0, 1e5)
+
+    contenders = [
+        Contender.of("good", "Good", "everything", ComputedTorque(mechanism, 8.0)),
+        Contender("stiff", "Stiff", "nothing", stiff),
+    ]
+    env: Any = gymnasium.make("adaptctl.envs:adaptctl/Tracking-v0", robot=mechanism, reference=1, duration=0.01)
+    with pytest.raises(GainError, match="too stiff"):
+        contest(env, mechanism, contenders, 0, lambda what, share: ran.append(what))
+    assert ran == []
 
 
 def test_unknown_experiment_is_told_what_exists() -> None:

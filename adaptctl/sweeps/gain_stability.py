@@ -83,7 +83,7 @@ def _held(chosen: Sequence[GainStability]) -> list[RunOutcome]:
         every=None,
         beyond=LOST,
     )
-    return [RunOutcome.of(runs, m) for m in range(len(chosen))]
+    return RunOutcome.each_of(runs)
 
 
 def _damping(mechanism: Mechanism, p: Array, chosen: GainStability) -> Array:

@@ -158,9 +158,9 @@ class SerialVersusGraph(TipPath, ClosedLoopExperiment):
 
         k, everything = len(model.columns), len(full.columns)
         return [
-            Contender(ADAPTIVE, f"Slotine-Li, {k} parameters", "nothing", slotine_li(model)),
-            Contender(ADAPTATION_OFF, "Slotine-Li, adaptation off", "nothing", slotine_li(model, adapts=False)),
-            Contender(FULL, f"Slotine-Li, all {everything} parameters", "nothing", slotine_li(full)),
+            Contender.of(ADAPTIVE, f"Slotine-Li, {k} parameters", "nothing", slotine_li(model)),
+            Contender.of(ADAPTATION_OFF, "Slotine-Li, adaptation off", "nothing", slotine_li(model, adapts=False)),
+            Contender.of(FULL, f"Slotine-Li, all {everything} parameters", "nothing", slotine_li(full)),
         ]
 
     def _comparison(
