@@ -219,4 +219,7 @@ def test_a_base_may_float(capsys: pytest.CaptureFixture[str], tmp_path: Path) ->
     assert main(["basis", source, "--floating-base", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["dof"] == 8
     out = str(tmp_path / "out")
-    assert main(["experiment", "run", "adaptive", "--robot", source, "--floating-base", "--duration", "2", "--out", out]) == 0
+    assert (
+        main(["experiment", "run", "adaptive", "--robot", source, "--floating-base", "--duration", "2", "--out", out])
+        == 0
+    )
