@@ -11,6 +11,10 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+# One worker runs on each core. A second thread of OpenBLAS would wait there in a loop, and the products of small matrices
+# take up to a hundred times as long. NumPy reads this when it is first imported, in processes begun here too.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 # `make test` draws the same cases each time, so that a red run is a change's own; `make search` draws others each time.
 settings.register_profile("same", deadline=None, derandomize=True, database=None)
 settings.register_profile("search", deadline=None, print_blob=True)
