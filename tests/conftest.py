@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-# One worker runs on each core. A second thread of OpenBLAS would wait there in a loop, and the products of small matrices
+# One worker runs on each core. A second thread of OpenBLAS would wait there in a loop, and products of small matrices
 # take up to a hundred times as long. NumPy reads this when it is first imported, in processes begun here too.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
