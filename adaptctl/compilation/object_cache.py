@@ -46,7 +46,7 @@ def cache_folder() -> Path | None:
 
 @dataclass(frozen=True)
 class ObjectCache:
-    """Objects by keys of 32 bytes, in a folder of at most `limit` bytes."""
+    """Cache of compiled objects on disk, by keys of 32 bytes, in a folder of at most `limit` bytes."""
 
     folder: Path
     limit: int = LIMIT
@@ -66,7 +66,7 @@ class ObjectCache:
         return data
 
     def put(self, key: bytes, data: bytes) -> None:
-        """Keep an object, where that is possible."""
+        """Keep an object under a key, where the folder can be written."""
         try:
             self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             _require_own(self.folder.stat())
@@ -80,8 +80,8 @@ class ObjectCache:
         return self.folder / f"{key.hex()}{SUFFIX}"
 
     def _may_be_full(self, size: int) -> bool:
-        """Whether to look, after so many bytes more: at this process's first, and at every 64th of the limit. To look
-        takes some ten milliseconds where there are thousands of files."""
+        """Sign to look how full the folder is, after so many bytes more: at this process's first object, and then at
+        every 64th of the limit. To look takes some ten milliseconds where there are thousands of files."""
         written = _written.get(self.folder, self.limit) + size
         due = 64 * written > self.limit
         _written[self.folder] = 0 if due else written

@@ -44,7 +44,7 @@ def tune(
     search: int = 0,
     seed: int = 0,
 ) -> Tuning:
-    """Reference, gains and integration with which Slotine and Li's law learns a mechanism from zero.
+    """A tuning: reference, gains and integration with which Slotine and Li's law learns a mechanism from zero.
 
     `period` is the control period T (s). The `reference`, unless given, is drawn by `seed` within 60 % of the torque
     limits. Lambda is `bandwidth` (1/s) where the torques can follow; K is the largest that T lambda_max((M + T B)^-1 K)
