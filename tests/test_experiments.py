@@ -33,6 +33,8 @@ from adaptctl.identifiability import ReducedModel, essential_space, fundamental_
 from adaptctl.recording.trace import write_trace
 
 PUMA = ("experiment", "run", "puma560-adaptive")
+SMALL = ("experiment", "run", "adaptive", "--robot", "puma560_arm3")
+"""An arm of three joints, where what is claimed is of any arm."""
 NAMES = (
     "adaptive",
     "adaptation-off",
@@ -128,14 +130,14 @@ def test_outcome_and_places_are_printed_and_notes_are_a_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = tmp_path / "short"
-    assert main([*PUMA, "--out", str(folder), "--duration", "0.05"]) == 0
+    assert main([*SMALL, "--out", str(folder), "--duration", "0.05"]) == 0
     shown = capsys.readouterr()
     assert "RMS error" in shown.out
     assert f"rerun {folder / 'recording.rrd'}" in shown.out
-    notes = [line for line in shown.err.splitlines() if line.startswith("adaptctl: note: puma560: no rigid body")]
+    notes = [line for line in shown.err.splitlines() if line.startswith("adaptctl: note: puma560_arm3: no rigid body")]
     assert len(notes) == 1
     assert "Warning" not in shown.err
-    assert main([*PUMA, "--out", str(folder), "--duration", "0.05", "--overwrite", "--seed", "5"]) == 0
+    assert main([*SMALL, "--out", str(folder), "--duration", "0.05", "--overwrite", "--seed", "5"]) == 0
     assert json.loads((folder / "summary.json").read_text())["seed"] == 5
 
 
@@ -147,7 +149,7 @@ def test_interrupted_run_keeps_what_was_computed(
     number: signal.Signals, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with signalled("_taken", number, after=0.1):
-        assert main([*PUMA, "--out", str(tmp_path / "out"), "--duration", "300"]) == 130
+        assert main([*SMALL, "--out", str(tmp_path / "out"), "--duration", "300"]) == 130
     said = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert said["complete"] is False
     assert list(said["runs"]) == ["adaptive"]
