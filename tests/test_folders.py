@@ -21,7 +21,7 @@ from adaptctl.folders import replacing_folder
 SMALL = "docs/examples/two_link.toml"
 RUN = [sys.executable, "-m", "adaptctl", "experiment", "run", "adaptive", "--robot", SMALL, "--duration", "0.2"]
 RUN.append("--overwrite")
-RUNS = 7
+RUNS = 6
 WHOLE = {"recording.rrd", "summary.json", "trace.parquet", "report.html", "figures"}
 
 
