@@ -51,8 +51,8 @@ class CostMap:
         return np.asarray((after - size) / size)
 
     def over(self, places: PlaceBounds, each: int = EACH) -> LinkCost:
-        """The least and the greatest relative change of the cost on a grid of `each`^3 places on a link, and where they
-        are."""
+        """The least and the greatest relative change of the cost on a grid of places on a link, `each` along an axis,
+        and where they are."""
         grid = places.grid(each)
         changes = self.at(places.link, grid)
         low, high = int(np.argmin(changes)), int(np.argmax(changes))
