@@ -16,7 +16,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.simulation import Plant
 from adaptctl.simulation.stiffness import MOST, integration
-from adaptctl.tuning.carried_gains import MANY, POSTURES, POSTURES_OF_MANY, CarriedGains
+from adaptctl.tuning.carried_gains import ACCELERATION_SHARE, MANY, POSTURES, POSTURES_OF_MANY, CarriedGains
 from adaptctl.tuning.limitations import limitations
 from adaptctl.tuning.motion_range import motion_ranges
 from adaptctl.tuning.proposal import Proposals
@@ -59,11 +59,12 @@ def tune(
     _require("adaptation", adaptation, 1.0)
     if not isinstance(search, int) or search < 0:
         raise InputError(f"search: expected a whole number of at least 0, got {search!r}")
-    limits, off = finite_torque_limits(mechanism), _initial_error(mechanism, initial_error)
+    limits = finite_torque_limits(mechanism)
     if reference is None:
         found = workable_reference(mechanism, limits, seed)
     else:
         found = judged_reference(mechanism, limits, reference)
+    off = _initial_error(mechanism, limits, found.reference, initial_error)
     proposals = Proposals.along(mechanism, limits, found.reference, off, period, _postures(mechanism), seed)
     first = proposals.proposed(bandwidth, hold, adaptation, "ranges")
     plant = _plant(mechanism, float(period), tuple(limits.tolist()))
@@ -101,11 +102,14 @@ def _require(name: str, value: float, most: float) -> None:
         raise InputError(f"{name}: expected a number above 0 and at most {most:g}, got {value!r}")
 
 
-def _initial_error(mechanism: Mechanism, given: ArrayLike | None) -> Array:
-    """Initial errors (r,): those given, or a tenth of each joint's range and at most LARGEST_ERROR."""
+def _initial_error(mechanism: Mechanism, limits: Array, reference: Reference, given: ArrayLike | None) -> Array:
+    """Initial errors (r,): those given, or a tenth of each joint's range, at most LARGEST_ERROR, and at most what its
+    torque limit brings back with a bandwidth of SLOW."""
     if given is None:
         lower, upper = motion_ranges(mechanism)
-        return np.minimum(LARGEST_ERROR, LARGEST_ERROR * (upper - lower))
+        inertia = np.diagonal(mechanism.mass_matrix(reference(np.zeros(1)).p[0]))
+        carried = ACCELERATION_SHARE * limits / (np.maximum(inertia, 1e-300) * SLOW**2)
+        return np.minimum(np.minimum(LARGEST_ERROR, LARGEST_ERROR * (upper - lower)), carried)
     error = per_joint(given, mechanism.dof, "initial_error")
     if not np.all(np.isfinite(error)):
         raise InputError(f"initial_error: expected finite numbers, got {error.tolist()}")
