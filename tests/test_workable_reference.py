@@ -18,10 +18,11 @@ from tests.random_trees import random_tree
 from tests.robot_files import urdf
 
 PUMA = load("puma560_measured")
+ROUND = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
 LIFT = """<robot name="lift">
   <link name="ground"/>
-  <link name="tower"><inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <link name="boom"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="tower"><inertial><mass value="2"/>{inertia}</inertial></link>
+  <link name="boom"><inertial><mass value="1"/>{inertia}</inertial></link>
   <joint name="lift" type="prismatic"><parent link="ground"/><child link="tower"/><axis xyz="0 0 1"/>
     <limit lower="-1" upper="1" effort="{effort}" velocity="1"/></joint>
   <joint name="pan" type="revolute"><parent link="tower"/><child link="boom"/><axis xyz="0 0 1"/>
@@ -35,7 +36,7 @@ def reference(mechanism: Mechanism) -> WorkableReference:
 
 def lift(folder: Path, effort: float) -> Mechanism:
     path = folder / "lift.urdf"
-    path.write_text(LIFT.format(effort=effort), encoding="utf-8")
+    path.write_text(LIFT.format(effort=effort, inertia=ROUND), encoding="utf-8")
     return load(path)
 
 

@@ -40,7 +40,7 @@ def tune(
     initial_error: ArrayLike | None = None,
     bandwidth: float = 4.0,
     hold: float = 0.5,
-    adaptation: float = 0.4,
+    adaptation: float = 0.5,
     search: int = 0,
     seed: int = 0,
 ) -> Tuning:
@@ -66,7 +66,7 @@ def tune(
         found = judged_reference(mechanism, limits, reference)
     off = _initial_error(mechanism, limits, found.reference, initial_error)
     proposals = Proposals.along(mechanism, limits, found.reference, off, period, _postures(mechanism), seed)
-    first = proposals.proposed(bandwidth, hold, adaptation, "ranges")
+    first = proposals.proposed(bandwidth, hold, adaptation, "mixed")
     plant = _plant(mechanism, float(period), tuple(limits.tolist()))
     trials = Trials(plant, found.reference, off)
     chosen = searched(trials, proposals, first, search, seed) if search and trials.possible else first
