@@ -16,9 +16,10 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.simulation import Plant
 from adaptctl.simulation.stiffness import MOST, integration
-from adaptctl.tuning.carried_gains import ACCELERATION_SHARE, MANY, POSTURES, POSTURES_OF_MANY, CarriedGains
+from adaptctl.tuning.carried_gains import MANY, POSTURES, POSTURES_OF_MANY, CarriedGains
+from adaptctl.tuning.initial_error import SLOW
+from adaptctl.tuning.initial_error import initial_error as largest_error
 from adaptctl.tuning.limitations import limitations
-from adaptctl.tuning.motion_range import motion_ranges
 from adaptctl.tuning.proposal import Proposals
 from adaptctl.tuning.search import searched
 from adaptctl.tuning.trial import Trials
@@ -26,10 +27,8 @@ from adaptctl.tuning.tuning import Tuning
 from adaptctl.tuning.verification import Verification, verifications
 from adaptctl.tuning.workable_reference import TORQUE_SHARE, WorkableReference, judged_reference, workable_reference
 
-LARGEST_ERROR = 0.1
-"""rad or m, and of a joint's range: the initial error unless given"""
-STATIC, LITTLE, SLOW = 0.95, 3.0, 1.0
-"""share of a torque limit at rest, ratio of errors without and with adaptation, and bandwidth (1/s), that are noted"""
+STATIC, LITTLE = 0.95, 3.0
+"""share of a torque limit at rest, and ratio of errors without and with adaptation, that are noted"""
 
 
 def tune(
@@ -64,7 +63,10 @@ def tune(
         found = workable_reference(mechanism, limits, seed)
     else:
         found = judged_reference(mechanism, limits, reference)
-    off = _initial_error(mechanism, limits, found.reference, initial_error)
+    if initial_error is None:
+        off = largest_error(mechanism, limits, found.reference)
+    else:
+        off = _given_error(mechanism, initial_error)
     proposals = Proposals.along(mechanism, limits, found.reference, off, period, _postures(mechanism), seed)
     first = proposals.proposed(bandwidth, hold, adaptation, "mixed")
     plant = _plant(mechanism, float(period), tuple(limits.tolist()))
@@ -102,14 +104,7 @@ def _require(name: str, value: float, most: float) -> None:
         raise InputError(f"{name}: expected a number above 0 and at most {most:g}, got {value!r}")
 
 
-def _initial_error(mechanism: Mechanism, limits: Array, reference: Reference, given: ArrayLike | None) -> Array:
-    """Initial errors (r,): those given, or a tenth of each joint's range, at most LARGEST_ERROR, and at most what its
-    torque limit brings back with a bandwidth of SLOW."""
-    if given is None:
-        lower, upper = motion_ranges(mechanism)
-        inertia = np.diagonal(mechanism.mass_matrix(reference(np.zeros(1)).p[0]))
-        carried = ACCELERATION_SHARE * limits / (np.maximum(inertia, 1e-300) * SLOW**2)
-        return np.minimum(np.minimum(LARGEST_ERROR, LARGEST_ERROR * (upper - lower)), carried)
+def _given_error(mechanism: Mechanism, given: ArrayLike) -> Array:
     error = per_joint(given, mechanism.dof, "initial_error")
     if not np.all(np.isfinite(error)):
         raise InputError(f"initial_error: expected finite numbers, got {error.tolist()}")
