@@ -28,26 +28,17 @@ def initial_error(mechanism: Mechanism, limits: Array, reference: Reference) -> 
     They are a tenth of each joint's range, at most LARGEST_ERROR and what its torque brings back with a bandwidth of
     SLOW; all joints' less where gravity would ask more than LOAD, or loops could not close.
     """
-    start = reference(np.zeros(1)).p[0]
-    inertia = np.maximum(np.diagonal(mechanism.mass_matrix(start)), np.finfo(float).tiny)
-    carried = ACCELERATION_SHARE * limits / (inertia * SLOW**2)
-    error = np.minimum(common_error(mechanism), carried)
-    allowed = np.maximum(LOAD, _load(mechanism, limits, start))
-    for _ in range(ROUNDS):
-        there = start + error
-        if reachable(mechanism, there[None]).all() and np.all(_load(mechanism, limits, there) <= allowed):
-            break
-        error = LESS * error
-    return np.asarray(error)
+    start, common = reference(np.zeros(1)).p, common_error(mechanism)
+    inertia = np.diagonal(mechanism.mass_matrix(start)[0])
+    wanted = common / np.maximum(1.0, inertia * common * SLOW**2 / (ACCELERATION_SHARE * limits))
+    errors = LESS ** np.arange(ROUNDS)[:, None] * wanted
+    errors = np.concatenate((errors[reachable(mechanism, start + errors)], np.zeros_like(start)))
+    load = np.abs(mechanism.inverse_dynamics(start + errors, 0.0 * errors, 0.0 * errors)) / limits
+    fits = np.all(load <= np.maximum(LOAD, load[-1]), axis=1)
+    return np.asarray(errors[fits.argmax()])
 
 
 def common_error(mechanism: Mechanism) -> Array:
     """A tenth of each joint's range, at most LARGEST_ERROR (r,), rad or m."""
     lower, upper = motion_ranges(mechanism)
     return np.minimum(LARGEST_ERROR, LARGEST_ERROR * (upper - lower))
-
-
-def _load(mechanism: Mechanism, limits: Array, p: Array) -> Array:
-    """Share (r,) of the torque limits that gravity asks at p (r,)."""
-    rest = np.zeros_like(p)
-    return np.asarray(np.abs(mechanism.inverse_dynamics(p, rest, rest)) / limits)

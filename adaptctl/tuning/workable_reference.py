@@ -66,7 +66,7 @@ def workable_reference(mechanism: Mechanism, limits: Array, seed: int) -> Workab
     room = ROOM_SHARE * np.minimum(center - lower, upper - center)
     largest = np.minimum(np.minimum(AMPLITUDE, room), SPEED_SHARE * fastest / slope)
     amplitude = largest * rng.uniform(0.5, 1.0, mechanism.dof)
-    static = _static(mechanism, center) / limits
+    static = _static(mechanism, limits, center)
     return _fitted(mechanism, limits, static, Sinusoids(center, amplitude, frequency, start_time=START_TIME))
 
 
@@ -74,18 +74,19 @@ def judged_reference(mechanism: Mechanism, limits: Array, reference: Reference) 
     """A reference as it is, and what it asks of the motors."""
     center = reference(np.zeros(1)).p[0]
     asked = _asked(mechanism, limits, reference)
-    return WorkableReference(reference, _static(mechanism, center) / limits, asked, np.ones(mechanism.dof))
+    return WorkableReference(reference, _static(mechanism, limits, center).sum(axis=0), asked, np.ones(mechanism.dof))
 
 
-def _fitted(mechanism: Mechanism, limits: Array, static: Array, drawn: Sinusoids) -> WorkableReference:
-    """The drawn reference, joints moved less until none asks for more than its share.
+def _fitted(mechanism: Mechanism, limits: Array, parts: Array, drawn: Sinusoids) -> WorkableReference:
+    """The drawn reference, joints moved less until none asks for more than its share; `parts` are of `_static`.
 
     A joint that gravity alone asks more of is held still, and no other is moved less for its sake.
     """
+    static = parts.sum(axis=0)
     allowed = np.clip(0.5 * (1.0 + static), TORQUE_SHARE, HIGHEST)
-    scale = np.where(_asked(mechanism, limits, _moved(drawn, np.zeros(mechanism.dof))) < allowed, 1.0, 0.0)
+    scale = np.where(parts[0] < allowed, 1.0, 0.0)
     for _ in range(ROUNDS):
-        reference = _moved(drawn, scale)
+        reference = Sinusoids(drawn.center, scale * drawn.amplitude, drawn.frequency, start_time=START_TIME)
         asked = _asked(mechanism, limits, reference)
         over = (asked > allowed) & (scale > 0.0)
         if not over.any():
@@ -93,11 +94,6 @@ def _fitted(mechanism: Mechanism, limits: Array, static: Array, drawn: Sinusoids
         others = SLIGHTLY if scale[over].min() > OWN else SMALLER
         scale = scale * np.where(over, SMALLER, others)
     return WorkableReference(reference, static, asked, scale)
-
-
-def _moved(drawn: Sinusoids, scale: Array) -> Sinusoids:
-    """Sinusoids whose amplitudes are scaled by (r,)."""
-    return Sinusoids(drawn.center, scale * drawn.amplitude, drawn.frequency, start_time=START_TIME)
 
 
 def _asked(mechanism: Mechanism, limits: Array, reference: Reference) -> Array:
@@ -110,11 +106,12 @@ def _asked(mechanism: Mechanism, limits: Array, reference: Reference) -> Array:
     return np.asarray(np.abs(mechanism.inverse_dynamics(points.p, points.v, points.a)).max(axis=0) / limits)
 
 
-def _static(mechanism: Mechanism, center: Array) -> Array:
-    """Torque (r,) of gravity, and of Coulomb friction at full, at rest."""
-    rest = np.zeros_like(center)
+def _static(mechanism: Mechanism, limits: Array, center: Array) -> Array:
+    """Shares (2, r) of the torque limits: of gravity, and of Coulomb friction at full, at rest."""
+    rest = np.zeros((1, mechanism.dof))
+    gravity = np.abs(mechanism.inverse_dynamics(center[None], rest, rest))[0]
     coulomb = np.array([joint.drive.coulomb or 0.0 for joint in mechanism.primary_joints])
-    return np.asarray(np.abs(mechanism.inverse_dynamics(center, rest, rest)) + coulomb)
+    return np.stack((gravity, coulomb)) / limits
 
 
 def _center(mechanism: Mechanism, limits: Array, rng: np.random.Generator) -> Array:
