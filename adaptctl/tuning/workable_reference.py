@@ -127,9 +127,16 @@ def _center(mechanism: Mechanism, limits: Array, rng: np.random.Generator) -> Ar
         candidates = candidates[reachable(mechanism, candidates)]
     else:
         first, candidates = middle, middle + half * offsets
-    candidates = np.concatenate((first[None], candidates))
-    best = candidates[_costs(mechanism, limits, candidates, middle, half).argmin()]
-    return best if closed else _downhill(mechanism, limits, best, middle, half)
+    best = _least(mechanism, limits, np.concatenate((first[None], candidates)), middle, half)
+    if closed:
+        return best
+    below = _downhill(mechanism, limits, best, middle, half)
+    return _least(mechanism, limits, np.stack((best, below)), middle, half)
+
+
+def _least(mechanism: Mechanism, limits: Array, postures: Array, middle: Array, half: Array) -> Array:
+    """The posture (r,) of the least cost among (n, r)."""
+    return np.asarray(postures[_costs(mechanism, limits, postures, middle, half).argmin()])
 
 
 def _downhill(mechanism: Mechanism, limits: Array, start: Array, middle: Array, half: Array) -> Array:
