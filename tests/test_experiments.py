@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import importlib
 import json
 import signal
+import sys
 import time
 from dataclasses import fields
 from pathlib import Path
@@ -191,6 +193,24 @@ def test_an_interruption_in_the_midst_of_pythons_imports_waits_until_they_let_go
     with interruptible(), pytest.raises(KeyboardInterrupt):
         imported()
     assert steps == ["released"]
+
+
+def test_an_interruption_in_a_class_that_an_import_defines_is_one_still(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Python 3.11 makes a RuntimeError of what is raised in `__set_name__`."""
+    field = "class Field:\n    def __set_name__(self, kind, name):\n        signal.raise_signal(signal.SIGINT)\n"
+    text = f"import signal\n{field}class Kind:\n    field = Field()\nDEFINED = True\n"
+    (tmp_path / "interrupted_module.py").write_text(text)
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def imported() -> None:
+        importlib.import_module("interrupted_module")
+        time.sleep(60.0)
+
+    with interruptible(), pytest.raises(KeyboardInterrupt):
+        imported()
+    assert sys.modules.pop("interrupted_module").DEFINED
 
 
 @pytest.mark.parametrize("robot", ["puma560_measured", "ur5_robot.urdf"])

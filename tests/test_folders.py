@@ -19,6 +19,7 @@ from adaptctl.files import name_beside, replacing, write_text
 from adaptctl.folders import replacing_folder
 
 RUN = [sys.executable, "-m", "adaptctl", "experiment", "run", "puma560-adaptive", "--duration", "0.2", "--overwrite"]
+RUNS = 7
 WHOLE = {"recording.rrd", "summary.json", "trace.parquet", "report.html", "figures"}
 
 

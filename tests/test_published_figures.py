@@ -10,12 +10,15 @@ from xml.etree import ElementTree
 
 import pytest
 
+from adaptctl.dynamics import load
+from adaptctl.identifiability import essential_space, fundamental_basis
 from benchmarks.findings import Agreement, Finding, Measurement, Speedup
 from benchmarks.interleaved import Spread
 from benchmarks.machine import Machine
 from benchmarks.published import NUMBERS, PLOT, agreements, comparisons, measurements
 from docs.making.null_directions import write_null_directions
 from docs.making.verification import KEPT, PAGE, TESTS, asked_in, publish, shown
+from experiments.adaptation_laws import AdaptationLaws
 
 ROOT = Path(__file__).resolve().parent.parent
 KINDS: dict[str, type[Any]] = {"speedup": Speedup, "measurement": Measurement, "agreement": Agreement}
@@ -95,3 +98,18 @@ def test_arms_that_differ_along_a_null_direction_move_alike(tmp_path: Path) -> N
     assert "prefers-reduced-motion" in text
     shown = (ROOT / "docs" / "images" / "null-directions.svg").read_text(encoding="utf-8")
     assert set(re.findall(r"<text[^>]*>([^<]*kg)", text)) == set(re.findall(r"<text[^>]*>([^<]*kg)", shown))
+
+
+def test_operations_of_laws_are_those_of_their_ticks() -> None:
+    """Each row of the table of laws, whose name is that of a controller of the experiment."""
+    experiment = AdaptationLaws()
+    mechanism = load(experiment.robot)
+    contenders = experiment.contenders(mechanism, fundamental_basis(essential_space(mechanism)))
+    counted = {one.name: one.controller.kernel.operations.flops for one in contenders}
+    page = (ROOT / "docs" / "adaptation.md").read_text(encoding="utf-8").partition("## A payload")[0]
+    rows = re.findall(r"^\| (`(\w+)`|adaptation off).*\| ([\d,]+) \|$", page, re.MULTILINE)
+    names = [re.sub(r"(?<!^)(?=[A-Z])", "-", name or "adaptation-off").lower() for _, name, _ in rows]
+    assert len(names) > 10
+    assert {name: int(count.replace(",", "")) for name, (*_, count) in zip(names, rows, strict=True)} == {
+        name: counted[name] for name in names
+    }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -17,18 +18,37 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 IMPORTING = "<frozen importlib._bootstrap>"
 SOON = 0.01
 """s after which a signal is sent again that came at a wrong moment"""
+PATIENCE = 3.0
+"""s that an import is given to end"""
+
+_since: dict[int, float] = {}
+"""Signals that wait for an import to end, and since when (s)."""
 
 
 def raised(number: int, frame: FrameType | None) -> None:
-    """Handle a signal by KeyboardInterrupt, at once or, in the midst of Python's own code that imports, soon.
+    """Handle a signal by KeyboardInterrupt, at once or, in the midst of an import, soon.
 
-    That code takes a lock which every import needs: an exception between two of its lines leaves it taken, and other
-    threads wait for ever.
+    Python's own code that imports takes a lock which every import needs: an exception between two of its lines leaves
+    it taken, and other threads wait for ever. What a module does while it is imported makes other errors of it: in
+    `__set_name__` a RuntimeError, in a destructor nothing.
     """
-    if frame is None or frame.f_code.co_filename != IMPORTING:
-        raise KeyboardInterrupt
-    main = threading.main_thread().ident or 0
-    threading.Timer(SOON, signal.pthread_kill, (main, number)).start()
+    innermost = frame is not None and frame.f_code.co_filename == IMPORTING
+    waited = time.monotonic() - _since.setdefault(number, time.monotonic())
+    if innermost or (_importing(frame) and waited < PATIENCE):
+        main = threading.main_thread().ident or 0
+        threading.Timer(SOON, signal.pthread_kill, (main, number)).start()
+        return
+    del _since[number]
+    raise KeyboardInterrupt
+
+
+def _importing(frame: FrameType | None) -> bool:
+    """True where a frame, or one that called it, is Python's own code that imports."""
+    while frame is not None:
+        if frame.f_code.co_filename == IMPORTING:
+            return True
+        frame = frame.f_back
+    return False
 
 
 class Interruption:

@@ -15,10 +15,13 @@ from adaptctl.description.inertia import pseudo_inertia
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, Scalar, each, log, sqrt
+from adaptctl.scalars import Column, Scalar, each, log, maximum, sqrt
 
 Matrix: TypeAlias = list[list[Any]]
 """Rows of a small matrix of scalars."""
+
+LONGEST_STEP = 2.0
+"""The longest step of a control period in the affine-invariant metric; no moment changes more than 7.4-fold in it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +38,8 @@ class Natural(AdaptationLaw[NoMemory]):
     divergence D(A, B) = log(det B/det A) + tr(B^-1 A) - 4. And whatever disturbs: every link's pseudo-inertia
     stays positive definite, so the estimate is some rigid bodies', and its mass matrix is positive definite.
     Sampled, P = G G' becomes G Q Q G' with X = T_c rate_i G'L G and Q = exp(-X/2) by its Pade approximant of order
-    (2, 2): the geodesic to fourth order, Q positive definite and within a factor of 14 of 1 for every X.
+    (2, 2): the geodesic to fourth order, Q positive definite for every X. A step longer than 2 in that metric, in which
+    a mass would change more than 7.4-fold within one period, ends there.
 
     Gives up: the reduced model; it adapts all parameters, and starts from consistent ones. Under disturbance it
     drifts as `Gradient` does, and faster the farther it has come, its gain being the estimate. A body that starts
@@ -165,22 +169,28 @@ def raised_slope(parameters: Column, slope: Column, bodies: int) -> Column:
 
 
 def moved_body(ten: Sequence[Scalar], slope: Sequence[Scalar]) -> list[Any]:
-    """A link's ten after one step: G Q Q G' for its pseudo-inertia G G'."""
+    """A link's ten after one step: G Q Q G' for its pseudo-inertia G G', as what is added to G G'.
+
+    So a small step is rounded as a small number is, and many small steps do not wear an estimate away.
+    """
     root = cholesky(pseudo(ten))
     X = matrix_product(transposed(root), matrix_product(slope_matrix(slope), root))
-    half = matrix_product(root, _decay(X))
-    return the_ten(matrix_product(half, transposed(half)))
+    less = _decay_less_one(X)
+    change = [
+        [2.0 * d + e for d, e in zip(*rows, strict=True)] for rows in zip(less, matrix_product(less, less), strict=True)
+    ]
+    added = matrix_product(root, matrix_product(change, transposed(root)))
+    return [old + new for old, new in zip(ten, the_ten(added), strict=True)]
 
 
-def _decay(X: Matrix) -> Matrix:
-    """exp(-X/2) of a symmetric X: (1 - Y/2 + Y^2/12)(1 + Y/2 + Y^2/12)^-1 for Y = X/2, both factors positive."""
+def _decay_less_one(X: Matrix) -> Matrix:
+    """exp(-X/2) - 1 of a symmetric X: -Y (1 + Y/2 + Y^2/12)^-1 for Y = X/2, the last factor positive; a longer X is
+    taken as one of length `LONGEST_STEP`."""
     square = matrix_product(X, X)
-
-    def factor(sign: float) -> Matrix:
-        return [[float(i == j) + sign * 0.25 * X[i][j] + square[i][j] / 48.0 for j in range(4)] for i in range(4)]
-
-    below = factor(1.0)
-    columns = [solve_symmetric(below, Column(entries)).of for entries in transposed(factor(-1.0))]
+    share = LONGEST_STEP / maximum(sqrt(square[0][0] + square[1][1] + square[2][2] + square[3][3]), LONGEST_STEP)
+    Y, squares = 0.5 * share, share * share / 48.0
+    below = [[float(i == j) + 0.5 * Y * X[i][j] + squares * square[i][j] for j in range(4)] for i in range(4)]
+    columns = [solve_symmetric(below, Column([-Y * x for x in row])).of for row in X]
     return transposed([list(entries) for entries in columns])
 
 

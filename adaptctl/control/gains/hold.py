@@ -74,13 +74,26 @@ def _searched(
 ) -> HoldNumber:
     mechanism, K, L = workspace.mechanism, np.array(damping), np.array(bandwidth)
     parameters = None if estimate is None else np.array(estimate)
-    if parameters is None and 0.0 < L.min() == L.max() and not np.any(_viscous(mechanism)[1]):
-        # M^-1 (K + M lambda) = M^-1 K + lambda: one search is enough for every such bandwidth
-        unmoved = _searched(workspace, damping, tuple(0.0 * L), period, None)
-        return unmoved._replace(value=unmoved.value + period * bandwidth[0])
+    if parameters is None and L.min() == L.max() and not np.any(_viscous(mechanism)[1]):
+        # T_c M^-1 (K + M lambda) = T_c (k M^-1 (K/k) + lambda): one search for all K in proportion and all such Lambda
+        unit = _of_proportion(workspace, tuple(float(f"{x:.14g}") for x in K / K.max()))
+        return unit._replace(value=period * (float(K.max()) * unit.value + bandwidth[0]))
+    return _found(workspace, K, L, period, parameters)
+
+
+@lru_cache(maxsize=64)
+def _of_proportion(workspace: Workspace, damping: tuple[float, ...]) -> HoldNumber:
+    """The hold number without a bandwidth, for a period of 1 s."""
+    K = np.array(damping)
+    return _found(workspace, K, 0.0 * K, 1.0, None)
+
+
+def _found(workspace: Workspace, K: Array, L: Array, period: float, parameters: Array | None) -> HoldNumber:
+    mechanism = workspace.mechanism
 
     def feedback(p: Array) -> Array:
-        return _feedback(mechanism, p, K, L, period, parameters)
+        M = workspace.mass_matrices if p is workspace.samples else mechanism.mass_matrix(p)
+        return _feedback(mechanism, p, M, K, L, period, parameters)
 
     worst = workspace.highest(lambda p: _hold_numbers(feedback(p)))
     if np.isinf(worst.value):
@@ -103,14 +116,14 @@ def hold_numbers(
     `hold_number`."""
     K, L = per_joint(damping, mechanism.dof, "damping"), per_joint(bandwidth, mechanism.dof, "bandwidth")
     known = None if estimate is None else np.asarray(estimate, dtype=np.float64)
-    return _hold_numbers(_feedback(mechanism, np.asarray(p, dtype=np.float64), K, L, period, known))
+    p = np.asarray(p, dtype=np.float64)
+    return _hold_numbers(_feedback(mechanism, p, mechanism.mass_matrix(p), K, L, period, known))
 
 
 def _feedback(
-    mechanism: Mechanism, p: Array, damping: Array, bandwidth: Array, period: float, estimate: Array | None
+    mechanism: Mechanism, p: Array, M: Array, damping: Array, bandwidth: Array, period: float, estimate: Array | None
 ) -> Array:
     """T_c M^-1 (K + M^ Lambda) (..., r, r), infinite where M is not positive definite."""
-    M = mechanism.mass_matrix(p)
     own = M if estimate is None else mass_matrix_of(mechanism, p, estimate)
     definite = np.asarray(scaled_eigenvalues(M) > DEFINITE)[..., :1, None]
     M = np.where(definite, M, np.eye(mechanism.dof))
