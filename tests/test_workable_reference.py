@@ -12,7 +12,7 @@ from adaptctl.control.gains.torque_limits import finite_torque_limits
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.tuning import tune
-from adaptctl.tuning.initial_error import initial_error
+from adaptctl.tuning.initial_error import recoverable_error
 from adaptctl.tuning.proposal import Proposals
 from adaptctl.tuning.workable_reference import WorkableReference, workable_reference
 from tests.random_trees import random_tree
@@ -141,7 +141,7 @@ def test_gravity_at_the_initial_error_leaves_torque_for_heavier_links() -> None:
     humanoid = load(urdf("simple_humanoid.urdf"))
     limits, wanted = finite_torque_limits(humanoid), reference(humanoid).reference
     start, rest = wanted(0.0).p, np.zeros(humanoid.dof)
-    error = initial_error(humanoid, limits, wanted)
+    error = recoverable_error(humanoid, limits, wanted)
     assert np.abs(humanoid.inverse_dynamics(start + error, rest, rest) / limits).max() <= 0.4
     assert np.abs(humanoid.inverse_dynamics(start + 1.3 * error, rest, rest) / limits).max() > 0.4
     assert error.min() > 0.02

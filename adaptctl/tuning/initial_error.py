@@ -22,7 +22,7 @@ LESS, ROUNDS = 0.8, 20
 """times the errors of all joints, while gravity asks more"""
 
 
-def initial_error(mechanism: Mechanism, limits: Array, reference: Reference) -> Array:
+def recoverable_error(mechanism: Mechanism, limits: Array, reference: Reference) -> Array:
     """Initial errors (r,), rad or m, with which an arm of torque limits (r,) starts on a reference.
 
     They are a tenth of each joint's range, at most LARGEST_ERROR and what its torque brings back with a bandwidth of

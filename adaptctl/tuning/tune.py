@@ -17,8 +17,7 @@ from adaptctl.errors import InputError
 from adaptctl.simulation import Plant
 from adaptctl.simulation.stiffness import MOST, integration
 from adaptctl.tuning.carried_gains import MANY, POSTURES, POSTURES_OF_MANY, CarriedGains
-from adaptctl.tuning.initial_error import SLOW
-from adaptctl.tuning.initial_error import initial_error as largest_error
+from adaptctl.tuning.initial_error import SLOW, recoverable_error
 from adaptctl.tuning.limitations import limitations
 from adaptctl.tuning.proposal import Proposals
 from adaptctl.tuning.search import searched
@@ -46,10 +45,11 @@ def tune(
     """Reference, gains and integration with which Slotine and Li's law learns a mechanism from zero.
 
     `period` is the control period T (s). The `reference`, unless given, is drawn by `seed` within 60 % of the torque
-    limits. Lambda is `bandwidth` (1/s) where the torques can follow; K is the largest that T lambda_max((M + T B)^-1 K)
-    of at most `hold` allows along the reference, joint by joint; Gamma is as the prior ranges are, with
-    T lambda_max(K^-1 Y Gamma Y') of `adaptation`. With `search` as many settings about these are run, on links 30 %
-    off, in time and late, and the best is taken. What is found is verified in closed loop.
+    limits; the `initial_error`, unless given, is 0.1 rad or m, and less where a range or a torque limit is small.
+    Lambda is `bandwidth` (1/s) where the torques can follow; K is the largest that T lambda_max((M + T B)^-1 K) of at
+    most `hold` allows along the reference, joint by joint; Gamma is half as the prior ranges are and half alike for all
+    links, with T lambda_max(K^-1 Y Gamma Y') of `adaptation`. With `search` as many settings about these are run, on
+    links 30 % off, in time and late, and the best is taken. What is found is verified in closed loop.
 
     Raises `InputError` for settings that are out of range, and for joints that no gains can hold.
     """
@@ -58,15 +58,13 @@ def tune(
     _require("adaptation", adaptation, 1.0)
     if not isinstance(search, int) or search < 0:
         raise InputError(f"search: expected a whole number of at least 0, got {search!r}")
+    given = None if initial_error is None else _given_error(mechanism, initial_error)
     limits = finite_torque_limits(mechanism)
     if reference is None:
         found = workable_reference(mechanism, limits, seed)
     else:
         found = judged_reference(mechanism, limits, reference)
-    if initial_error is None:
-        off = largest_error(mechanism, limits, found.reference)
-    else:
-        off = _given_error(mechanism, initial_error)
+    off = given if given is not None else recoverable_error(mechanism, limits, found.reference)
     proposals = Proposals.along(mechanism, limits, found.reference, off, period, _postures(mechanism), seed)
     first = proposals.proposed(bandwidth, hold, adaptation, "mixed")
     plant = _plant(mechanism, float(period), tuple(limits.tolist()))
