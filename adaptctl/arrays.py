@@ -17,7 +17,7 @@ Given = ParamSpec("Given")
 
 
 class HasName(Protocol):
-    """An object with a `name`, by which errors call the owner of wrong numbers."""
+    """Protocol of an object with a `name`, by which errors call the owner of wrong numbers."""
 
     @property
     def name(self) -> str:
@@ -44,7 +44,8 @@ def frozen_array(values: ArrayLike, shape: tuple[int, ...], what: str) -> Array:
 
 
 def numbers(values: ArrayLike, what: str, kind: str = "") -> Array:
-    """A float64 array. Raises `InputError` for what holds no numbers, such as strings or numbers beyond a double."""
+    """A float64 array of any shape. Raises `InputError` for what holds no numbers, such as strings or numbers beyond a
+    double."""
     try:
         if getattr(getattr(values, "dtype", None), "kind", "") == "c":
             raise TypeError("complex numbers have no place here")
@@ -118,7 +119,7 @@ def same_samples(**arrays: Array) -> tuple[int, ...]:
 
 
 def stacked(entries: Sequence[Any], samples: tuple[int, ...]) -> Array:
-    """Scalars gathered along a new last axis; constants are repeated over the samples."""
+    """The array (..., n) of n scalars gathered along a new last axis; constants are repeated over the samples."""
     out = np.empty((*samples, len(entries)))
     for i, entry in enumerate(entries):
         out[..., i] = entry
@@ -126,6 +127,6 @@ def stacked(entries: Sequence[Any], samples: tuple[int, ...]) -> Array:
 
 
 def stacked_rows(rows: Sequence[Iterable[Any]], samples: tuple[int, ...]) -> Array:
-    """Rows of scalars gathered as (..., rows, columns)."""
+    """The array (..., rows, columns) of rows of scalars."""
     flat = [entry for row in rows for entry in row]
     return stacked(flat, samples).reshape(*samples, len(rows), len(flat) // max(len(rows), 1))

@@ -30,7 +30,7 @@ def sent_as_made(owner: type[Owner]) -> type[Owner]:
 
 
 class cached_property(functools.cached_property[Value]):  # noqa: N801  # stands for functools' own
-    """A property computed when it is first asked for, as functools' is, with two differences.
+    """A property computed when it is first asked for, as functools' is, which is not sent and needs no lock.
 
     No lock is held meanwhile: a process that forks while a thread computes, such as a compilation, would inherit the
     lock held, and wait for ever (Python 3.12 has done away with it too). And values are dropped, not sent, when an
@@ -76,7 +76,8 @@ Method = TypeVar("Method", bound=Callable[..., Any])
 
 
 def replaced_by(name: str) -> Callable[[Method], Method]:
-    """Have an instance's property of this name called in place of a method, which then only tells what it does.
+    """A decorator that has an instance's property of this name called in place of a method, which then only documents
+    it.
 
     The property is kept where the method would be looked up: what is native is called with no step through Python.
     """

@@ -7,7 +7,8 @@ LONGEST_MESSAGE = 2_000
 
 
 class AdaptctlError(Exception):
-    """Base of every error this package raises on purpose. Its message shows control characters, and sends none."""
+    """Base class of every error that this package raises on purpose. Its message shows control characters, and sends
+    none."""
 
     def __init__(self, message: object = "") -> None:
         super().__init__(printable(str(message), LONGEST_MESSAGE))
@@ -24,23 +25,23 @@ def printable(text: str, most: int = 80) -> str:
 
 
 class InputError(AdaptctlError, ValueError):
-    """The caller's input is wrong: the message names the element, what it was, and what would be right."""
+    """Error of a caller's input: the message names the element, what it was, and what would be right."""
 
 
 class FileError(InputError):
-    """A file cannot be used: the message names the file, the element in it, and what would be right."""
+    """Error of a file that cannot be used: the message names the file, the element in it, and what would be right."""
 
 
 class NotFoundError(InputError, LookupError):
-    """A name is unknown: the message lists the names that exist."""
+    """Error of an unknown name: the message lists the names that exist."""
 
 
 class NonFiniteError(InputError):
-    """A number is NaN or infinite where a finite one is needed."""
+    """Error of a number that is NaN or infinite where a finite one is needed."""
 
 
 class RankError(AdaptctlError):
-    """The rank of an energy matrix cannot be certified; `singular_values` holds the spectrum."""
+    """Error of an energy matrix whose rank cannot be certified; `singular_values` holds the spectrum."""
 
     def __init__(self, message: str, singular_values: tuple[float, ...] = ()) -> None:
         super().__init__(message)
@@ -48,11 +49,11 @@ class RankError(AdaptctlError):
 
 
 class GainError(InputError):
-    """The gains cannot be carried by the sampling period."""
+    """Error of gains that the sampling period cannot carry."""
 
 
 class PhysicalConsistencyWarning(UserWarning):
-    """Links have inertial parameters that no rigid body can have."""
+    """Warning of links with inertial parameters that no rigid body can have."""
 
 
 class StabilityWarning(UserWarning):
@@ -60,11 +61,12 @@ class StabilityWarning(UserWarning):
 
 
 class ReferenceWarning(UserWarning):
-    """A reference's accelerations or velocities are not the derivatives that a controller takes them for."""
+    """Warning of a reference whose velocities or accelerations are not derivatives of its positions."""
 
 
 class TraceError(AdaptctlError, TypeError):
-    """An equation cannot be traced: it asks for a number that is not known yet, or does what no node can."""
+    """Error of an equation that cannot be traced: it asks for a number that is not known yet, or does what no symbolic
+    scalar can."""
 
 
 class NotCompiledWarning(UserWarning):
@@ -77,11 +79,11 @@ class SimplificationWarning(UserWarning):
 
 
 class LoopError(InputError):
-    """Loops that cannot be: they do not close, they lock, or the primary joints do not fit them."""
+    """Error of loops that do not close, that lock, or that the primary joints do not fit."""
 
 
 class SingularityError(AdaptctlError):
-    """A loop is at or near a configuration where its primary joints no longer determine the others."""
+    """Error of a loop at or near a configuration where its primary joints no longer determine the others."""
 
 
 class MissingExtraError(AdaptctlError, ImportError):
@@ -90,8 +92,8 @@ class MissingExtraError(AdaptctlError, ImportError):
 
 
 class LostSamplesWarning(UserWarning):
-    """A log has not kept all samples it was given."""
+    """Warning that a log has not kept all samples it was given."""
 
 
 class LiveViewWarning(UserWarning):
-    """A live view is not, or no longer, to be seen; what it shows goes on."""
+    """Warning that a live view is not, or no longer, to be seen; the loop that it shows goes on."""

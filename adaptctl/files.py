@@ -102,18 +102,19 @@ def is_of_the_dead(name: str) -> bool:
 
 
 def write_bytes(path: str | Path, data: bytes) -> None:
-    """Write a file whole or not at all."""
+    """Write a file of bytes whole or not at all. Raises `FileError` where it cannot be written."""
     with replacing(path) as beside:
         beside.write_bytes(data)
 
 
 def write_text(path: str | Path, data: str) -> None:
-    """Write a UTF-8 file whole or not at all."""
+    """Write a UTF-8 file whole or not at all. Raises `FileError` where it cannot be written."""
     write_bytes(path, data.encode())
 
 
 def write_json(path: str | Path, value: object) -> None:
-    """Write dicts, lists, dataclasses, msgspec Structs, NumPy arrays and numbers as JSON, keys in their order.
+    """Write dicts, lists, dataclasses, msgspec Structs, NumPy arrays and numbers as JSON, keys in their order. Raises
+    `FileError` where it cannot be written.
 
     NaN and infinity are refused by name: JSON has neither. Raises `FileError` for these, and where the file cannot be
     written.
@@ -127,7 +128,7 @@ def write_json(path: str | Path, value: object) -> None:
 
 
 def hashed(content: Any) -> str:
-    """SHA-256 of content in JSON's types."""
+    """SHA-256 hash of content in JSON's types, in hexadecimal."""
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 

@@ -37,7 +37,7 @@ def baselines(env: Any, *, episodes: int = 1, seed: int = 0) -> dict[str, float]
 
 
 def shown_baselines(returns: dict[str, float]) -> str:
-    """A line for each of the returns, the least first."""
+    """Text of the returns, a line each, the least first."""
     rows = sorted(returns.items(), key=lambda row: row[1])
     return "\n".join(f"{name:<28}{value:12.2f}" for name, value in rows)
 

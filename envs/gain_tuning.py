@@ -22,7 +22,8 @@ HALVINGS = 12
 
 @dataclass(frozen=True, eq=False)
 class GainRange:
-    """Gains of a controller of r joints that may be moved, each between `lowest` and `highest` times what it is.
+    """Range of gains of a controller of r joints that may be moved, each between `lowest` and `highest` times what it
+    is.
 
     Gains of one number a joint have an action each; others, such as Gamma, have one for all their numbers.
     """
@@ -61,7 +62,7 @@ class GainRange:
 
     @property
     def sizes(self) -> dict[str, int]:
-        """The number of actions of each name."""
+        """Numbers of actions by the gains' names."""
         shapes = {name: self.controller.numbers[name].shape for name in self.names}
         return {name: self.controller.dof if shape == (self.controller.dof,) else 1 for name, shape in shapes.items()}
 
@@ -126,14 +127,16 @@ class TuningEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.R
         self._seen: tuple[Array, Array, ReferencePoint]
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """Begin an episode; the controller knows nothing of the last one."""
+        """The first observation (n,) and info of an episode, which begins; the controller begins with an empty
+        memory."""
         observation, info = self.env.reset(seed=seed, options=options)
         self._look(observation)
         self._memory = self.controller.init(*self._seen[:2])
         return observation, info | {"gains": self.range.gains(np.zeros(self.range.space.shape))}
 
     def step(self, action: Any) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
-        """One control period under the controller with the gains that the action tells."""
+        """Observation (n,), reward, end, time-out and info after one control period under the controller, with its
+        gains scaled by the action (a,)."""
         if self._memory is None:
             raise gymnasium.error.ResetNeeded("there is no episode yet: call env.reset() first")
         chosen = finite_actions(action, self.range.space)
@@ -149,7 +152,8 @@ class TuningEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.R
 
 
 class TuningVectorEnv(ControlledVectorEnv):
-    """`TuningEnv` for many arms, each with gains of its own; `info` tells of them as `gains`, (N, n) each."""
+    """`TuningEnv` for many arms, each with gains of its own: actions are (N, a), and `info` has `gains`, (N, n) each by
+    name."""
 
     def __init__(
         self, env: VectorTrackingEnv, controller: Controller[Any], gains: Iterable[str], span: float = 4.0

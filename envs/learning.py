@@ -113,12 +113,12 @@ class LearningEnv(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begin an episode."""
+        """The first observation (n,) and info of an episode, which begins."""
         observation, info = self.env.reset(seed=seed, options=options)
         return self._view(observation), info
 
     def step(self, action: Any) -> tuple[Observation, Any, bool, bool, dict[str, Any]]:
-        """One control period."""
+        """Observation (n,), reward, end, time-out and info after one control period under an action (r,) in [-1, 1]."""
         observation, reward, terminated, truncated, info = self.env.step(scaled(action, self._scale))
         return self._view(observation), reward, terminated, truncated, info
 
@@ -137,12 +137,13 @@ class LearningVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any])
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begin an episode of every arm."""
+        """Observations (N, n) and infos of all arms, after an episode of every arm has begun."""
         observations, info = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]  # ours take more
         return self._view(observations), info
 
     def step(self, actions: Any) -> tuple[Observation, Any, Any, Any, dict[str, Any]]:
-        """One control period of all arms."""
+        """Observations (N, n), rewards, ends, time-outs (N,) and infos after one control period of all arms under
+        actions (N, r) in [-1, 1]."""
         observations, rewards, terminated, truncated, info = self.env.step(scaled(actions, self._scale))
         if "final_obs" in info:
             last = [None if one is None else self._view(one) for one in info["final_obs"]]
@@ -157,22 +158,24 @@ MANY: dict[str, Any] = DEFAULTS | {"autoreset_mode": "SameStep"}
 
 
 def learning(**settings: Any) -> LearningEnv:
-    """`adaptctl/Learning-v0`: `TrackingEnv` with settings that suit learners where none are given."""
+    """A learning environment, `adaptctl/Learning-v0`: `TrackingEnv` with settings that suit learners where none are
+    given."""
     return LearningEnv(TrackingEnv(**DEFAULTS | settings))
 
 
 def puma560_learning(**settings: Any) -> LearningEnv:
-    """`adaptctl/Puma560Learning-v0`: `Puma560TrackingEnv` likewise."""
+    """A learning environment for the PUMA 560, `adaptctl/Puma560Learning-v0`: `Puma560TrackingEnv` with settings that
+    suit learners."""
     return LearningEnv(Puma560TrackingEnv(**DEFAULTS | settings))
 
 
 def many_learning(num_envs: int = 1, **settings: Any) -> LearningVectorEnv:
-    """`adaptctl/Learning-v0` for many arms, which begin again in the same step."""
+    """A learning environment for many arms, `adaptctl/Learning-v0`, whose episodes begin again in the same step."""
     return LearningVectorEnv(VectorTrackingEnv(num_envs, **MANY | settings))
 
 
 def many_puma560_learning(num_envs: int = 1, **settings: Any) -> LearningVectorEnv:
-    """`adaptctl/Puma560Learning-v0` for many arms likewise."""
+    """A learning environment for many PUMA 560, `adaptctl/Puma560Learning-v0`."""
     return LearningVectorEnv(Puma560VectorTrackingEnv(num_envs, **MANY | settings))
 
 

@@ -12,7 +12,8 @@ from adaptctl.recording.live import Live
 
 
 class LiveView(gymnasium.Wrapper[Array, Array, Array, Array]):
-    """An environment of ours, or one with `observation_slices`, that shows each control period in a `Live` view."""
+    """A wrapper that shows each control period of an environment of ours, or of one with `observation_slices`, in a
+    `Live` view."""
 
     def __init__(self, env: gymnasium.Env[Any, Any], live: Live) -> None:
         super().__init__(env)

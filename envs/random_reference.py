@@ -59,7 +59,7 @@ def all_drawn(
 
 
 def random_sinusoids(mechanism: Mechanism, rng: np.random.Generator) -> Sinusoids:
-    """One sinusoid a joint about a random centre, within the position and velocity limits.
+    """A random reference of one sinusoid a joint about a random centre, within the position and velocity limits.
 
     An unlimited joint moves within 2 AMPLITUDE of zero, or of its only bound. A mechanism with loops stays where
     they can be followed and within its conditions.

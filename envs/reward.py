@@ -15,7 +15,7 @@ from adaptctl.errors import InputError
 
 @dataclass(frozen=True)
 class RewardWeights:
-    """Weights of the squares, summed over the joints, that are subtracted at each control period.
+    """Weights of the reward: those of the squares, summed over the joints, that are subtracted at each control period.
 
     `termination` is subtracted once when an error passes its bound. Without it a learner whose every reward
     is negative would do best by ending the episode at once.
@@ -36,12 +36,14 @@ class RewardWeights:
                 raise InputError(f"reward weight of {name}: expected a number of at least 0, got {value}")
 
     def cost(self, position: Any, velocity: Any, torque: Any) -> Any:
-        """The weighted sum of sums of squares, over scalars of any kind."""
+        """The weighted sum of the summed squares of position errors, velocity errors and relative torques, scalars of
+        any kind."""
         return self.position * position + self.velocity * velocity + self.torque * torque
 
     def reward(
         self, error: Array, velocity_error: Array, relative_torque: Array, terminated: NDArray[np.bool_]
     ) -> Array:
-        """Minus the weighted squares of errors (..., r) and torque (..., r), and what ending (...) costs."""
+        """The reward (...): minus the weighted squares of errors (..., r) and relative torques (..., r), and minus
+        `termination` where an episode ended."""
         squares = (np.vecdot(x, x) for x in (error, velocity_error, relative_torque))
         return np.asarray(-self.cost(*squares) - self.termination * terminated)

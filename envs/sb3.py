@@ -62,15 +62,15 @@ class TrackingVecEnv(VecEnv):  # type: ignore[misc]  # stable-baselines3 need no
         return [getattr(owner, attr_name) for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: int | Iterable[int] | None = None) -> None:
-        """Arms have no attributes of their own: raises `InputError`."""
+        """Raise `InputError`: arms have no attributes of their own."""
         raise InputError(f"{attr_name}: arms share what they are made with: use `set_options`, or make others")
 
     def env_method(
         self, method_name: str, *method_args: Any, indices: int | Iterable[int] | None = None, **method_kwargs: Any
     ) -> list[Any]:
-        """Arms have no methods of their own: raises `InputError`."""
+        """Raise `InputError`: arms have no methods of their own."""
         raise InputError(f"{method_name}: arms are stepped together and have no methods of their own")
 
     def env_is_wrapped(self, wrapper_class: type, indices: int | Iterable[int] | None = None) -> list[bool]:
-        """Arms are in no wrappers."""
+        """False for each arm: arms are in no wrappers."""
         return [False for _ in self._get_indices(indices)]

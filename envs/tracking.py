@@ -221,7 +221,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     @property
     def reference(self) -> Reference:
-        """The reference of the episode."""
+        """The reference trajectory of the running episode."""
         return self._running("reference").preview.reference
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:

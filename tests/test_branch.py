@@ -138,3 +138,19 @@ def test_a_loop_that_is_open_is_off_the_branch(name: str) -> None:
         assert max(map(abs, residual)) == pytest.approx(gap, rel=0.5, abs=1e-13)
         assert bool(continuation.regularity(q) == 0.0) is open_loop
         assert bool(continuation.surely_regular(Column(q.tolist()))) is not open_loop
+
+
+@pytest.mark.parametrize("name", ["four-bar", "spatial point"])
+def test_the_regularity_is_a_ratio_of_smallest_singular_values(name: str) -> None:
+    """Against NumPy's of the dependent block at the reference and a step along the branch, of two joints and more."""
+    mechanism, _ = random_loop(1, RECIPES[name])
+    continuation = mechanism.continuation
+    assert continuation is not None
+    start = continuation.reference[continuation.primary]
+    q = continuation.follow(start + 0.02)
+    blocks = (continuation.equations.dependent_block(Column(at.tolist())) for at in (q, continuation.reference))
+    here, there = (np.linalg.svd(np.array([c.of for c in block]), compute_uv=False)[-1] for block in blocks)
+    assert continuation.regularity(q) == pytest.approx(here / there, rel=1e-9)
+    assert continuation.regularity(np.stack([q, continuation.reference])) == pytest.approx(
+        [here / there, 1.0], rel=1e-9
+    )

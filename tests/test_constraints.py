@@ -313,3 +313,12 @@ def test_wrong_constraints() -> None:
         Constraints.of(np.ones((3, 49)), mechanism.parameter_names)
     with pytest.raises(InputError, match="relation 1 a = inf: expected finite weights"):
         Relation({"a": 1.0}, np.inf)
+
+
+def test_a_relation_is_with_zero_unless_a_value_is_given() -> None:
+    """Nothing is known then, and no torque stems from it."""
+    mechanism, weights = arm("semi_direct_drive"), {"link2.mc_x": 1.0, "link3.mc_x": -2.0}
+    p, v, a = mechanism.home, np.zeros(3), np.ones(3)
+    for relation, known in ((Relation(weights), False), (Relation(weights, value=1.0), True)):
+        left = constrained(mechanism, Constraints(relations=(relation,)))
+        assert left.known_torque(p, v, a).any() == known

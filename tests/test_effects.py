@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
+from every_effect import RIGID
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_trees import random_chain, random_tree
@@ -38,16 +39,6 @@ from adaptctl.simulation.effects import (
 from adaptctl.simulation.stiffness import friction_rate, integration
 
 PERIOD = 1e-3
-ALL: list[Effect] = [
-    FilteredDifferences(80.0),
-    Encoder(1e-4, 2e-5, 1e-3),
-    PayloadHeld(1.5, 0.02, 0.05),
-    Friction(0.5, 1.0, 0.5),
-    ActuatorLag(4e-3),
-    TorqueRateLimit(5e3),
-    TorqueLimit(60.0),
-    ControlDelay(2),
-]
 
 
 @pytest.fixture(scope="module")
@@ -251,7 +242,7 @@ def test_a_payload_is_picked_up_and_dropped(puma: Mechanism) -> None:
 
 
 def test_native_code_is_the_equations_on_floats_and_arrays(puma: Mechanism) -> None:
-    plant = Plant(puma, PERIOD, effects=ALL)
+    plant = Plant(puma, PERIOD, effects=RIGID)
     rng, true = np.random.default_rng(0), puma.inertial_parameters
     p, v, torque = rng.normal(size=(3, 4, 6)) * np.array([1.0, 1.0, 80.0])[:, None, None]
     noise = rng.normal(size=(4, 12))
@@ -268,7 +259,7 @@ def test_native_code_is_the_equations_on_floats_and_arrays(puma: Mechanism) -> N
             np.testing.assert_allclose(got, [np.broadcast_to(x, 4)[k] for x in many.of], rtol=1e-11, atol=1e-12)
 
 
-@pytest.mark.parametrize("effects", [(), ALL], ids=["none", "all"])
+@pytest.mark.parametrize("effects", [(), RIGID], ids=["none", "all"])
 def test_many_arms_step_as_one_does(puma: Mechanism, effects: Sequence[Effect]) -> None:
     plant, members = Plant(puma, PERIOD, effects=effects), 3
     rng = np.random.default_rng(0)
@@ -334,7 +325,7 @@ def test_everything_at_once_is_repeatable_whatever_the_order(puma: Mechanism) ->
     law = ComputedTorque(puma, 5.0)
     runs = [
         rollout(TrackingEnv(puma, 1, duration=0.1, initial_error=0.05, effects=effects), law, seed=seed)
-        for effects, seed in ((ALL, 4), (ALL[::-1], 4), (ALL, 5))
+        for effects, seed in ((RIGID, 4), (RIGID[::-1], 4), (RIGID, 5))
     ]
     first, again, other = runs
     for name in ("p", "measured_p", "measured_v", "torque", "applied"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
 
@@ -21,10 +22,11 @@ from adaptctl.control import (
     exciting_reference,
     persistent_excitation,
 )
-from adaptctl.control.excitation.exciting_reference import SAMPLES, FourierSearch
+from adaptctl.control.excitation.exciting_reference import SAMPLES, FourierSearch, _gram
 from adaptctl.control.excitation.measure import BLOCKS, regressor_of, scaled_regressor
+from adaptctl.description import Description, JointKind, Limits
 from adaptctl.description.drive import Drive
-from adaptctl.dynamics import load
+from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
@@ -215,6 +217,8 @@ def test_a_share_of_the_limits_is_about_their_middle() -> None:
     limits = [joint.limits for joint in of.mechanism.primary_joints]
     np.testing.assert_allclose(whole.lower, [each.lower for each in limits], atol=1e-12)
     np.testing.assert_allclose(whole.upper, [each.upper for each in limits], atol=1e-12)
+    np.testing.assert_array_equal(whole.velocity, [each.velocity for each in limits])
+    np.testing.assert_array_equal(whole.torque, of.mechanism.effort_limits)
     np.testing.assert_allclose(part.upper - part.lower, 0.4 * (whole.upper - whole.lower), rtol=1e-12)
     np.testing.assert_allclose(part.upper + part.lower, whole.upper + whole.lower, atol=1e-12)
     np.testing.assert_allclose((part.velocity, part.torque), (0.4 * whole.velocity, 0.4 * whole.torque), rtol=1e-12)
@@ -264,3 +268,37 @@ def test_a_search_may_walk_however_far(shares: Array, seed: int) -> None:
     assert np.all((p >= allowed.lower - room) & (p <= allowed.upper + room))
     assert np.all(np.abs(v) <= (1.0 + 1e-9) * allowed.velocity)
     assert np.isfinite(search.cost(x))
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "expected"),
+    [
+        (-np.inf, 1.0, (1.0 - 2.0 * np.pi, 1.0)),
+        (-np.inf, 4.0, (-np.pi, 4.0)),
+        (-1.0, np.inf, (-1.0, 2.0 * np.pi - 1.0)),
+        (-4.0, np.inf, (-4.0, np.pi)),
+    ],
+)
+def test_a_joint_with_one_limit_has_a_turn_of_room(lower: float, upper: float, expected: tuple[float, float]) -> None:
+    (link,) = random_chain(1, 1).links
+    joint = replace(link.joint, kind=JointKind.REVOLUTE, limits=Limits(lower, upper))
+    one = Mechanism(Description("one", (replace(link, joint=joint),)))
+    limits = MotionLimits.of(ReducedModel.full(one), 1.0)
+    np.testing.assert_allclose((limits.lower[0], limits.upper[0]), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("shape", [(1, 1, 1), (3, 2, 4), (500, 6, 4), (1000, 3, 40), (1001, 3, 40)])
+def test_gram_matrices_are_sums_over_all_samples(shape: tuple[int, int, int]) -> None:
+    Y = np.random.default_rng(0).normal(size=shape)
+    flat = Y.reshape(-1, shape[-1])
+    np.testing.assert_allclose(_gram(Y), flat.T @ flat, rtol=1e-12, atol=1e-12 * shape[0])
+
+
+def test_equal_coefficients_make_harmonics_that_fall_as_one_over_their_order() -> None:
+    of = model("puma560_geared")
+    search = FourierSearch(of, MotionLimits.of(of, 0.5), 0.1, 3, np.ones(len(of.columns)))
+    x = np.concatenate((np.full(18, 0.3), np.full(18, -0.4), np.zeros(12)))
+    found = search.reference(x)
+    amplitude, phase = np.asarray(found.amplitude), np.asarray(found.phase)
+    np.testing.assert_allclose(amplitude * np.arange(1.0, 4.0)[:, None], amplitude[:1].repeat(3, 0), rtol=1e-12)
+    np.testing.assert_allclose(phase, np.full((3, 6), np.arctan2(-0.4, 0.3)), rtol=1e-12)

@@ -36,7 +36,8 @@ PAGES = {
 
 @pytest.mark.parametrize(("page", "name"), [(page, name) for page, names in PAGES.items() for name in names])
 def test_what_is_registered_is_on_its_page(page: str, name: str) -> None:
-    assert re.search(rf"[`\"]{re.escape(name)}[`\"(]", (HOME / "docs" / f"{page}.md").read_text())
+    text = (HOME / "docs" / f"{page}.md").read_text()
+    assert re.search(rf"[`\"]{re.escape(name)}[`\"(]", text), f"add a row or a line about `{name}` to docs/{page}.md"
 
 
 def test_all_kinds_are_found() -> None:

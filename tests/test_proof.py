@@ -15,18 +15,23 @@ from random_trees import random_chain, random_inertia, random_tree
 from robot_files import urdf
 
 from adaptctl.description import ClosureKind, Description, Joint, Link, Pose
+from adaptctl.description.drive import Drive
 from adaptctl.description.pose import rotation_about
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError, RankError
 from adaptctl.identifiability import Constraints, Priority, Relation, constrained, essential_space, fundamental_basis
+from adaptctl.identifiability.fundamental_basis import _kept_against_the_order
 from adaptctl.identifiability.proof import elimination, pivots
 from adaptctl.identifiability.proof.digits import BITS, Digits, digits, floats, samples_of, scaled
 from adaptctl.identifiability.proof.exact_energies import ExactEnergies
 from adaptctl.identifiability.proof.exact_geometry import ExactGeometry, Reading
+from adaptctl.identifiability.proof.field_energies import energy_changes
+from adaptctl.identifiability.proof.joint_states import random_places, random_rates
 from adaptctl.identifiability.proof.prime_field import PRIME, Modular, modular, residue
 from adaptctl.identifiability.proof.simplest import AS_GIVEN, AS_MEANT, simplest_rational, turn
 from adaptctl.identifiability.proof.turns import turns_of
 from adaptctl.identifiability.sampling import characteristic_length
+from adaptctl.identifiability.tree.unobservable_inertia import inertial_transfers
 from adaptctl.scalars import Column, Mat, cos, sin
 from benchmarks.rank_oracle import Case, bent, five_bar, independent, tree
 
@@ -333,3 +338,56 @@ def test_right_angles_of_eleven_digits_are_right_ones() -> None:
     """TIAGo's wrist is turned by several angles of 1.57079632679, whose misses add up."""
     basis = fundamental_basis(essential_space(load(urdf("tiago.urdf"))), prove=True)
     assert (basis.rank, basis.passed_over) == (310, ())
+
+
+@settings(max_examples=15, deadline=None)
+@given(seeds, st.integers(1, 5), st.booleans())
+def test_links_described_from_frame_to_frame_move_like_the_files(seed: int, links: int, branched: bool) -> None:
+    mechanism = (random_tree if branched else random_chain)(seed, links)
+    reading = Reading(float, characteristic_length(mechanism))
+    geometry = ExactGeometry.by_frames(mechanism.description, reading)
+    again = replace(mechanism.equations, segments=geometry.links, gravity=geometry.gravity)  # type: ignore[type-var]
+    p, v = np.random.default_rng(seed).uniform(-1.0, 1.0, (2, links)).tolist()
+    E, same = (np.array([*of.energy_regressor(Column(p), Column(v))]) for of in (mechanism.equations, again))
+    np.testing.assert_allclose(same, E, atol=1e-9 * max(np.abs(E).max(), 1.0))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_as_much_changes_at_a_joint_exactly_as_in_floats(seed: int) -> None:
+    """Rotors alone add a column, the squares of their speeds."""
+    drives = [Drive(rotor_inertia=0.1), Drive(), Drive(rotor_inertia=0.2)]
+    mechanism, samples = random_chain(seed, 3).with_drives(drives), 16
+    description, geometry = mechanism.description, ExactEnergies(mechanism).geometry
+    changes = energy_changes(description, geometry, samples, seed=5)
+    rng = np.random.default_rng(5)
+    random_places(description, geometry, samples, rng)
+    rates = [rate.residues for rate in random_rates(description, samples, rng)]
+    assert changes.shape == (3, samples, 11)
+    for i, drive in enumerate(drives):
+        expected = 0 * rates[i] if drive.rotor_inertia is None else rates[i] * rates[i] % PRIME
+        np.testing.assert_array_equal(changes[i, :, 10], expected)
+    seen = inertial_transfers(mechanism).observable
+    assert elimination.ranks(changes) == tuple(map(len, seen))
+
+
+def test_what_floats_keep_and_exact_geometry_removes_is_told_or_refused() -> None:
+    """With the proof of another arm, and with a choice that the order does not make; looked at where asked for."""
+    plain = planar_arm(np.random.default_rng(4))[:3]
+    tilted = Pose(np.array([[1.0, 0.0, 0.0], [0.0, 0.6, -0.8], [0.0, 0.8, 0.6]]), np.array([0.1, 0.05, 0.2]))
+    arms = [Description("arm", tuple(links), np.array([0.0, -9.81, 0.0])) for links in (plain, bend(plain, tilted))]
+    planar, bent = map(Mechanism, arms)
+    space, order = essential_space(bent, prove=True), Priority().indices(bent.parameter_names)
+    mixed = replace(space, proof=ExactEnergies(planar))
+    both = (fundamental_basis(essential_space(arm)).columns for arm in (bent, planar))
+    expected = set.difference(*map(set, both))
+    found = fundamental_basis(mixed, prove=True)
+    assert set(found.passed_over) == {bent.parameter_names[j] for j in expected}
+    assert fundamental_basis(mixed).passed_over == ()
+    backward = space.null_space.regrouping(order[::-1], 1e-6)
+    assert _kept_against_the_order(space, backward, order, False, 1e-6) == ()
+    with pytest.raises(RankError, match=r"arm: on exact geometry, over a prime field, this priority removes link"):
+        _kept_against_the_order(space, backward, order, True, 1e-6)
+
+
+def bend(links: list[Link], near: Pose) -> list[Link]:
+    return [links[0], *(replace(link, near=near) for link in links[1:])]

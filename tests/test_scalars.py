@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from adaptctl.compilation import Op, trace
 from adaptctl.scalars import Column, Dual, Mat, Vec, absolute, clip, cos, cross, dot, maximum, minimum, sin, sqrt, where
 
 reals = st.floats(-3.0, 3.0)
@@ -30,6 +31,14 @@ def test_arrays_of_samples_multiply_vectors_and_columns() -> None:
     samples = np.array([1.0, 2.0])
     np.testing.assert_array_equal((samples * Vec(1.0, 0.0, 3.0)).z, [3.0, 6.0])
     np.testing.assert_array_equal((samples * Column((1.0, 2.0)))[1], [2.0, 4.0])
+
+
+def test_a_scalar_multiplies_a_column_from_either_side() -> None:
+    column, samples = Column((1.0, -2.0)), np.array([3.0, 4.0])
+    assert (column * 2.0).of == (2.0 * column).of == (2.0, -4.0)
+    np.testing.assert_array_equal((column * samples).of, (samples * column).of)
+    traced = trace(lambda x, y: (x * y[0], y[0] * x), {"x": 2, "y": 1})
+    assert traced.operations[Op.MULTIPLY] == 2  # the same two products from either side
 
 
 def test_columns_of_different_lengths_do_not_add() -> None:

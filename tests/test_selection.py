@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 import scipy.linalg
 from hypothesis import assume, given
 from hypothesis import strategies as st
@@ -73,3 +74,17 @@ def test_the_condition_of_a_regrouping_is_within_its_bound(seed: int, k: int, re
     own = Regrouping((0,), (1,), np.array([[3.0]]), 1)
     assert own.bound == np.sqrt(10.0)
     assert Regrouping((0,), (), np.zeros((1, 0)), 1).bound == 1.0
+
+
+@pytest.mark.parametrize(("largest", "determined"), [(1.0, True), (9.9e3, True), (1.1e4, False)])
+def test_a_condition_beyond_bounds_determines_nothing(largest: float, determined: bool) -> None:
+    """One removed parameter of two that are far apart: the condition is about the coefficient itself."""
+    found = Regrouping((0,), (1, 2), np.array([[largest, 0.0]]), 1)
+    assert found.condition == pytest.approx(np.sqrt(1.0 + largest**2), rel=1e-12)
+    assert found.determined is determined
+
+
+def test_a_condition_within_bounds_is_enough_where_its_bound_is_not() -> None:
+    found = Regrouping((0, 1), (2, 3), 1e5 * np.eye(2), 2)
+    assert found.bound > 1e4 > found.condition
+    assert found.determined

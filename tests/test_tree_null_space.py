@@ -248,3 +248,14 @@ def test_frames_and_functionals(seed: int) -> None:
     w, v = twist[:3], twist[3:]
     expected = 0.5 * w @ inertia_tensor(ten) @ w + 0.5 * ten[0] * v @ v + v @ np.cross(w, ten[1:4])
     assert functionals(0.5 * X.T @ X) @ ten == pytest.approx(expected)
+
+
+def test_bodies_are_ten_numbers_and_a_rotor() -> None:
+    """Each joint's observable functionals and unobservable bodies make up a space of eleven dimensions."""
+    chain = random_chain(4, 4).with_drives([Drive(rotor_inertia=0.1), Drive(), Drive(), Drive(rotor_inertia=0.2)])
+    transfers = inertial_transfers(chain)
+    for own, seen, unseen in zip(transfers.own, transfers.observable, transfers.unobservable, strict=True):
+        both = np.vstack([seen, unseen])
+        np.testing.assert_allclose(both @ both.T, np.eye(11), atol=1e-12)
+        assert own.bodies.shape == (11, len(own.indices))
+        assert own.bodies[10, -1] == float(len(own.indices) == 11)

@@ -23,7 +23,7 @@ Given = Callable[[int, int], str]
 
 
 class CStatements:
-    """The statements of one piece of a routine, in order."""
+    """C statements of one piece of a routine, in order."""
 
     def __init__(
         self, prefix: str, number: CNumber, piece: Piece, symbols: Mapping[Routine, str], given: Given
@@ -37,7 +37,7 @@ class CStatements:
         self._turned: set[int] = set()
 
     def compute(self, x: Expression, *, named: bool) -> None:
-        """One expression: a name for it, or, used once and short, its text where it is used."""
+        """Write one expression: a name for it, or, used once and short, its text where it is used."""
         if x.op is Op.CALL:
             self._call(x)
             return
@@ -56,16 +56,16 @@ class CStatements:
         self._text[x.index] = f"x{x.index}"
 
     def store(self, place: str, value: Expression | float) -> None:
-        """A number to its place."""
+        """Write the assignment of a number to its place."""
         self.lines.append(f"{place} = {self.operand(value)};")
 
     def copy_where(self, condition: Expression, runs: Iterable[tuple[str, str, int]]) -> None:
-        """Numbers side by side, so many each, to one place from another, where a condition holds."""
+        """Write a copy of numbers side by side, so many each, from one place to another where a condition holds."""
         copies = [f"    (void)memcpy(&{to}, &{of}, {n}u * sizeof({self._prefix}_real));" for to, of, n in runs]
         self.lines += [f"if ({self.operand(condition)}) {{", *copies, "}"]
 
     def operand(self, x: Expression | float) -> str:
-        """The text of a number."""
+        """The C text of an operand, an expression or a number."""
         if not isinstance(x, Expression):
             return self._number.text(x)
         if x.index not in self._text:
@@ -125,7 +125,8 @@ class CStatements:
 
 
 def most_alive(expressions: Sequence[Expression], outputs: Iterable[Expression | float]) -> int:
-    """The most numbers that wait at one time to be used, done in this order: about what the stack holds."""
+    """The greatest number of values that wait at one time to be used, in this order of computation: about what the
+    stack holds."""
     last = {y.index: k for k, x in enumerate(expressions) for y in x.operands if isinstance(y, Expression)}
     own = {x.index for x in expressions if x.op not in (Op.INPUT, Op.CALL)}
     kept = {x.index for x in outputs if isinstance(x, Expression)}

@@ -14,14 +14,14 @@ Kind: TypeAlias = Literal["double", "float"]
 
 @dataclass(frozen=True)
 class CNumber:
-    """One of C's two kinds of number, and `names`: the meanings of constants by magnitude, written beside them."""
+    """A kind of number in C, and `names`: the meanings of constants by magnitude, written beside them."""
 
     kind: Kind
     names: Mapping[float, str]
 
     @property
     def size(self) -> int:
-        """Bytes of a number."""
+        """Size of a number in bytes."""
         return 8 if self.kind == "double" else 4
 
     @property
@@ -38,7 +38,7 @@ class CNumber:
         return math.copysign(float(np.float32(within)), x)
 
     def constant(self, x: float) -> str:
-        """C's text for a number, without the name of what it stands for: hexadecimal unless it is short, since not
+        """The C text of a number, without the name of what it stands for: hexadecimal unless it is short, since not
         every compiler reads decimal digits alike."""
         if math.isinf(x):
             huge = f"HUGE_VAL{self.suffix.upper()}"  # INFINITY is a float
@@ -49,6 +49,6 @@ class CNumber:
         return f"({text})" if text.startswith("-") else text
 
     def text(self, x: float) -> str:
-        """C's text for a number within the law, with what it stands for in a comment."""
+        """The C text of a number within the law, with what it stands for in a comment."""
         name = self.names.get(abs(x))
         return f"{self.constant(x)} /* {name} */" if name else self.constant(x)

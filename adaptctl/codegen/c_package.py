@@ -31,7 +31,7 @@ TOLERANCE: Mapping[Kind, float] = {"double": 1e-11, "float": 1e-3}
 
 
 class CPackage:
-    """A controller's C code by file, and what is known of it."""
+    """A controller's C code by file, with its sizes, rules and version for the templates."""
 
     def __init__(self, interface: Interface, name: str, kind: Kind) -> None:
         self.interface, self.name, self.kind = interface, name, kind
@@ -42,7 +42,7 @@ class CPackage:
         self.stack = 0
 
     def files(self, ticks: Sequence[RecordedTick], last_state: Any) -> dict[str, str]:
-        """The C files by name."""
+        """Contents of the C files by name."""
         estimate = self.interface.estimate
         leaves = dict(zip((f.name for f in self.interface.memory), self.interface.memory_of(last_state), strict=True))
         recorded = {
@@ -63,7 +63,7 @@ class CPackage:
 
     @cached_property
     def functions(self) -> str:
-        """The law and all it calls, and what `init` calls."""
+        """The C functions of the law and of all it calls, and of what `init` calls."""
         name, start = self.name, self.start
         law = self.program.source(self.interface.law, self._law_signature())
         texts, self.stack = [law.text], law.stack
@@ -80,7 +80,7 @@ class CPackage:
 
     @cached_property
     def hash(self) -> str:
-        """64 bits of the code's own text, in hexadecimal."""
+        """Hash of the code's own text, 64 bits in hexadecimal."""
         starts = [field.name + str(field.dimensions) + self._array(field.values) for field in self.memory]
         text = "\n".join([self.functions, *starts, str(self.interface.marks), str(self.start.configurations)])
         return hashlib.sha256(text.encode()).hexdigest()[:16].upper()
@@ -92,7 +92,7 @@ class CPackage:
 
     @property
     def state_bytes(self) -> int:
-        """Size of the caller's state."""
+        """Size of the caller's state in bytes."""
         numbers = max(sum(field.size for field in self.memory), 1)
         return 16 + -(-2 * numbers * self.number.size // 8) * 8
 
@@ -138,7 +138,7 @@ class CPackage:
         }
 
     def filled(self, template: str, **more: Any) -> str:
-        """A template filled with what is known of this controller."""
+        """The text of a template filled with this controller's contents."""
         return filled(template, **self._content, **more)
 
     def _walk(self) -> dict[str, Any] | None:
@@ -241,7 +241,7 @@ def title(interface: Interface) -> str:
 
 
 def filled(template: str, **content: object) -> str:
-    """A template of this package, filled."""
+    """The text of a template of this package, filled."""
     return _environment().get_template(f"{template}.jinja").render(**content)
 
 

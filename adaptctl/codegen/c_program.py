@@ -44,14 +44,14 @@ class Signature:
 
 @dataclass(frozen=True)
 class CSource:
-    """C functions, and about how many bytes of stack the last of them takes with all it calls."""
+    """Source of C functions, and about how many bytes of stack the last of them takes with all it calls."""
 
     text: str
     stack: int
 
 
 class CProgram:
-    """Functions of several routines, each written once; `prefix` begins their names."""
+    """A C program: functions of several routines, each written once; `prefix` begins their names."""
 
     def __init__(self, prefix: str, number: CNumber) -> None:
         self.prefix, self.number = prefix, number
@@ -60,7 +60,7 @@ class CProgram:
         self._stacks: dict[Routine, int] = {}
 
     def source(self, routine: Routine, signature: Signature) -> CSource:
-        """The function of a routine with a signature of its own, after those it calls."""
+        """The C function of a routine with a signature of its own, after those it calls."""
         texts = [self._called(inner) for inner in _callees(routine) if inner not in self._symbols]
         text, stack = self._functions(routine, signature)
         return CSource("\n".join([*texts, text]), stack)
@@ -125,7 +125,7 @@ class CProgram:
 
 
 def helpers(prefix: str, operations: set[Op]) -> str:
-    """The smaller and the larger of two numbers, NaN when either is, where a law asks for them."""
+    """The C functions for the smaller and the larger of two numbers, NaN when either is, where a law asks for them."""
     texts = []
     for op, sign in ((Op.MINIMUM, "<"), (Op.MAXIMUM, ">")):
         if op in operations:

@@ -25,7 +25,7 @@ _SINGLE = """\
 
 
 def sine_source(prefix: str, number: CNumber) -> str:
-    """The function `PREFIX_sincos`: NaN where an angle is too far for its reduction."""
+    """The C function `PREFIX_sincos`, sine and cosine: NaN where an angle is too far for its reduction."""
     near = _double(prefix, number) if number.kind == "double" else _SINGLE.format(p=prefix)
     far = FARTHEST if number.kind == "double" else SINGLE_FARTHEST
     bits = f"uint{8 * number.size}_t"

@@ -97,7 +97,8 @@ LONGEST_NAME = 40
 
 @dataclass(frozen=True)
 class Exported:
-    """An exported controller: its folder, its name, its files, and its manifest."""
+    """An exported controller: its folder, the name that begins its code's names, its files and the contents of its
+    manifest."""
 
     directory: Path
     name: str

@@ -21,7 +21,7 @@ BACK = 0.9
 
 @dataclass(frozen=True)
 class GainRule:
-    """Rule for the numbers of a gain, one by one, others as they are."""
+    """Rule that the numbers of a gain must satisfy one by one, such as being positive, others staying as they are."""
 
     field: Field
     positive: bool = False

@@ -26,7 +26,8 @@ GIVEN = ("p", "v", *(f"reference.{part}" for part in ReferencePoint._fields))
 
 @dataclass(frozen=True)
 class Field:
-    """A named array of numbers: its shape, its first value, and what each number is called, where that is known."""
+    """A field of the interface, a named array of numbers: its shape, its first value, and what each number is called,
+    where that is known."""
 
     name: str
     values: Array
@@ -34,21 +35,21 @@ class Field:
 
     @property
     def size(self) -> int:
-        """Count of numbers."""
+        """Number of numbers in the field."""
         return int(self.values.size)
 
     @property
     def dimensions(self) -> str:
-        """C's text of the shape; nothing for a single number."""
+        """The C text of the shape; empty for a single number."""
         return "".join(f"[{n}]" for n in self.values.shape)
 
     def place(self, k: int) -> str:
-        """C's text of the k-th number."""
+        """The C text of the k-th number's place."""
         where = np.unravel_index(k, self.values.shape) if self.values.shape else ()
         return self.name + "".join(f"[{int(i)}]" for i in where)
 
     def label(self, k: int) -> str:
-        """Name of the k-th number; empty without names."""
+        """Name of the k-th number; the empty string where numbers have no names."""
         return self.labels[k % len(self.labels)] if self.labels else ""
 
 
@@ -63,13 +64,13 @@ class Brake(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Interface:
-    """A controller as code sees it."""
+    """The interface of a controller in code: its memory, gains, names and the traced law."""
 
     controller: Controller[Any]
 
     @cached_property
     def law(self) -> Routine:
-        """One tick, traced: what the native code here is made from too."""
+        """One tick as a traced routine, from which the native code here is made too."""
         law = self.controller
         sizes = law._given_sizes | law._memory_sizes | law.gain_sizes
         return trace(law._equation(), sizes, name="law")
@@ -89,7 +90,7 @@ class Interface:
 
     @cached_property
     def brake(self) -> Brake | None:
-        """The guards' brake; nothing without guards."""
+        """The guards' brake; None without guards."""
         law = self.controller
         if not isinstance(law, Guarded):
             return None
@@ -98,12 +99,12 @@ class Interface:
 
     @cached_property
     def model(self) -> ReducedModel | None:
-        """The model whose parameters are estimated."""
+        """The model whose parameters are estimated; None where none are."""
         return getattr(self.innermost, "model", None)
 
     @cached_property
     def mechanism(self) -> Mechanism | None:
-        """The mechanism that is driven; a user's law may not tell."""
+        """The mechanism that is driven; None where a user's law does not tell."""
         return self.model.mechanism if self.model else getattr(self.innermost, "mechanism", None)
 
     @cached_property
@@ -128,7 +129,7 @@ class Interface:
 
     @cached_property
     def started(self) -> list[Array]:
-        """The memory at home and at rest."""
+        """The memory's leaves at home and at rest."""
         return [np.asarray(x, dtype=np.float64) for x in leaves(self.controller._blank)]
 
     @cached_property
@@ -140,25 +141,25 @@ class Interface:
 
     @cached_property
     def estimate(self) -> Field | None:
-        """The field that holds the estimate."""
+        """The field that holds the estimate; None where the law has none."""
         wanted = getattr(self.controller._blank, "estimate", None)
         pairs = zip(self.memory, leaves(self.controller._blank), strict=True)
         return next((field for field, leaf in pairs if leaf is wanted), None)
 
     @cached_property
     def gains(self) -> tuple[Field, ...]:
-        """The gains that a tick reads, and their values."""
+        """Fields of the gains that a tick reads, with their values."""
         used = self._gain_places
         return tuple(field for field, places in self._gain_fields() if used & places)
 
     @cached_property
     def all_gains(self) -> tuple[Field, ...]:
-        """All gains, in the order of the law's column."""
+        """Fields of all gains, in the order of the law's column."""
         return tuple(field for field, _ in self._gain_fields())
 
     @cached_property
     def marks(self) -> tuple[str, ...]:
-        """Names of the guards' marks of a tick."""
+        """Names of the guards' marks in a tick."""
         return tuple(getattr(guards(self.controller._blank), "_fields", ()))
 
     def memory_of(self, state: Any) -> list[Array]:
@@ -200,7 +201,7 @@ class Interface:
 
 
 def require_controller(controller: object) -> None:
-    """Refuse what is no controller whose steps are those of its law."""
+    """Raise `InputError` for what is no controller whose steps are those of its law."""
     if not isinstance(controller, Controller):
         raise InputError(f"controller: expected a Controller, got {type(controller).__name__}")
     if type(controller).step is not Controller.step:

@@ -35,7 +35,7 @@ LONGEST = 3000
 
 @dataclass(frozen=True)
 class LiveArm:
-    """A module, and what a page must know to run it, in JSON's types."""
+    """A live arm for a page: its WebAssembly module, and what a page must know to run it, in JSON's types."""
 
     binary: bytes
     facts: dict[str, Any]
@@ -43,7 +43,8 @@ class LiveArm:
 
 @dataclass(frozen=True, eq=False)
 class LiveLoop:
-    """A control period with time, gains, parameters and friction as arguments, over scalars of any kind."""
+    """The equation of a live arm: a control period with time, gains, parameters and friction as arguments, over scalars
+    of any kind."""
 
     plant: Plant
     controller: Controller[Any]
@@ -51,13 +52,13 @@ class LiveLoop:
 
     @property
     def state(self) -> dict[str, int]:
-        """Lengths of the columns that pass from one period to the next."""
+        """Lengths of the columns that pass from one period to the next, by name."""
         law = self.controller
         return self.plant.sizes | {f"memory_{k}": size for k, size in enumerate(law._memory_sizes.values())}
 
     @property
     def arguments(self) -> dict[str, int]:
-        """Lengths of all columns: those of `state`, then what a page sets."""
+        """Lengths of all columns by name: those of `state`, then what a page sets."""
         parameters = {"parameters": self.plant.mechanism.equations.parameters, "friction": self.plant.dof}
         return self.state | {"time": 1} | parameters | self.controller.gain_sizes
 
@@ -80,7 +81,8 @@ class LiveLoop:
 def live_arm(
     plant: Plant, controller: Controller[Any], reference: Reference, begun: PlantState, parameters: Array
 ) -> LiveArm | str:
-    """The loop from a plant's state on, with true parameters (P,); or why it cannot be shown, in a sentence."""
+    """The live arm of a loop from a plant's state on, with true parameters (P,); or the reason why it cannot be shown,
+    in a sentence."""
     if reason := _obstacle(plant, controller, reference):
         return reason
     loop = LiveLoop(plant, controller, reference)  # type: ignore[arg-type]  # _obstacle saw that these are Sinusoids

@@ -25,7 +25,7 @@ MARGIN = 0.15
 
 @dataclass(frozen=True)
 class RecordedTick:
-    """Arguments and results of a tick in Python."""
+    """A recorded tick: its arguments and results in Python."""
 
     p: Array
     v: Array
@@ -35,7 +35,8 @@ class RecordedTick:
 
 
 def default_reference(interface: Interface) -> Reference:
-    """Sinusoids of 0.1 rad (0.05 m in the world) about home, or about what the joints' limits allow nearest to it."""
+    """The stated reference of a check: sinusoids of 0.1 rad (0.05 m in the world) about home, or about what the joints'
+    limits allow nearest to it."""
     law, size = interface.innermost, interface.controller.reference_size
     center, amplitude = centre(interface), AMPLITUDE
     if isinstance(law, TaskSpaceSlotineLi) and not law.reference_in_joints:
@@ -47,7 +48,8 @@ def default_reference(interface: Interface) -> Reference:
 
 
 def centre(interface: Interface) -> Array:
-    """Home (r,), moved into the joints' limits where there are no loops."""
+    """The centre (r,) of the stated reference, rad or m: home, moved into the joints' limits where there are no
+    loops."""
     home, mechanism = np.asarray(interface.controller.home, dtype=np.float64), interface.mechanism
     if mechanism is None or mechanism.description.loops is not None:
         return home
@@ -57,7 +59,7 @@ def centre(interface: Interface) -> Array:
 
 
 def record(interface: Interface, reference: Reference, ticks: int = TICKS) -> tuple[list[RecordedTick], Any]:
-    """Ticks of the controller itself on a motion near the reference, and its state after them."""
+    """Recorded ticks of the controller itself on a motion near the reference, and its state after them."""
     controller, rows = interface.controller, []
     time = np.asarray(interface.period * np.arange(ticks), dtype=np.float64)
     p, v = _motion(interface, reference, time)

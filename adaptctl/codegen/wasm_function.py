@@ -25,7 +25,7 @@ class Called:
 
 
 class WasmCode:
-    """The code of a function whose first `parameters` variables are its arguments."""
+    """WebAssembly code of a function whose first `parameters` variables are its arguments."""
 
     def __init__(
         self, body: Sequence[Expression], outputs: Iterable[Expression | float], given: Callable[[int, int], bytes],
@@ -40,7 +40,7 @@ class WasmCode:
         self._turned: dict[int, int] = {}
 
     def compute(self, x: Expression, sincos: Callable[[], int]) -> None:
-        """One expression: kept in a variable where it is used again, else written where it is used."""
+        """Write one expression: kept in a variable where it is used again, else written where it is used."""
         if x.op in ANGLES:
             self._text[x.index] = GET + unsigned(self._sine(x.operands[0], sincos) + ANGLES[x.op])
             return
@@ -50,7 +50,8 @@ class WasmCode:
         self._text[x.index] = text
 
     def call(self, x: Expression, called: Called, results: Iterable[Expression]) -> None:
-        """A call: arguments to their places, and at once all results that are used to variables."""
+        """Write a call: its arguments to their places in memory, and after it all results that are used to
+        variables."""
         rest, routine = iter(x.operands), x.detail
         for at, size in zip(called.inputs, routine.inputs, strict=True):
             for k, y in enumerate(islice(rest, size)):
@@ -61,17 +62,17 @@ class WasmCode:
             self._text[result.index] = self.keep(load(called.outputs[part] + 8 * k), F64)
 
     def operand(self, x: Expression | float) -> bytes:
-        """Code that puts a number on the stack."""
+        """The code that puts a number on the stack."""
         return self._text[x.index] if isinstance(x, Expression) else constant(x)
 
     def keep(self, text: bytes, kind: bytes) -> bytes:
-        """Code that puts on the stack what some code makes, which is run once."""
+        """The code that puts on the stack what some code makes, which is run once."""
         number = self.new(kind)
         self.code += text + SET + unsigned(number)
         return GET + unsigned(number)
 
     def new(self, kind: bytes) -> int:
-        """A variable of a kind."""
+        """Index of a new variable of a kind."""
         self.locals.append(kind)
         return self._first + len(self.locals) - 1
 

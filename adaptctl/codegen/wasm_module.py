@@ -26,7 +26,7 @@ class WasmPlaces:
 
 
 class WasmModule:
-    """Functions of traced routines; `export` adds one under a name, `binary` is the module."""
+    """A WebAssembly module of traced routines; `export` adds one under a name, `binary` is the module."""
 
     def __init__(self) -> None:
         self._types: list[bytes] = []
@@ -37,13 +37,13 @@ class WasmModule:
         self._turning: int | None = None
 
     def export(self, name: str, routine: Routine) -> WasmPlaces:
-        """A function without arguments, which reads and writes at the places returned."""
+        """Addresses of the arguments and results of a new function without arguments, which reads and writes there."""
         called = self._function(routine)
         self._exports[name] = called.index
         return WasmPlaces(tuple(called.inputs), tuple(called.outputs))
 
     def binary(self) -> bytes:
-        """The module."""
+        """The module as bytes."""
         pages = -(-self._memory // wasm.PAGE)
         memory = unsigned(6) + b"memory" + b"\x02\x00"
         names = [unsigned(len(name)) + name.encode() + b"\x00" + unsigned(k) for name, k in self._exports.items()]
@@ -116,5 +116,5 @@ def _integer(n: int) -> bytes:
 
 
 def memory_of(places: Mapping[str, int]) -> dict[str, int]:
-    """WasmPlaces by name as numbers of 8 bytes, which is how JavaScript's Float64Array counts."""
+    """Places by name as numbers of 8 bytes, which is how JavaScript's Float64Array counts."""
     return {name: at // 8 for name, at in places.items()}

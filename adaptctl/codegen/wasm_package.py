@@ -20,7 +20,8 @@ from adaptctl.version import __version__
 
 
 def wasm_files(interface: Interface, name: str, scalar: Kind) -> tuple[dict[str, str | bytes], dict[str, Any]]:
-    """The files of a package, and what is known of them. Raises `InputError` for single precision."""
+    """The files of a WebAssembly package by name, and the entries of its manifest. Raises `InputError` for single
+    precision."""
     if scalar != "double":
         raise InputError("scalar: WebAssembly is exported in double; choose the language c for float")
     module, start = WasmModule(), start_of(interface, LOST)

@@ -17,7 +17,7 @@ each, and addresses of the results' rows."""
 
 
 def batch(routine: Routine, symbol: str, lanes: Lanes, checked: Mapping[str, bool]) -> str:
-    """The function ENTRY; inputs and outputs are `checked` to be finite or not."""
+    """LLVM IR of the function ENTRY over many samples; inputs and outputs are `checked` to be finite or not."""
     inputs = {f"in{k}": n for k, n in enumerate(routine.inputs)}
     outputs = {f"out{k}": math.prod(shape) for k, shape in enumerate(routine.layout.shapes)}
     both = inputs | outputs

@@ -58,7 +58,7 @@ class Form(NamedTuple):
 
     @property
     def arguments(self) -> list[int]:
-        """Numbers of the arguments."""
+        """Indices of the arguments."""
         return sorted({place.argument for place in self.places if place.argument is not None})
 
     @property
@@ -122,7 +122,8 @@ def has_builtins() -> bool:
 
 
 def builtin(code: NativeCode, name: str, instead: Callable[..., Any], *bound: Any) -> Callable[..., Any]:
-    """Python's function for code that `builtin_source` is part of; `instead` is called for unusual arguments.
+    """A built-in function of Python for code that `builtin_source` is part of; `instead` is called for unusual
+    arguments.
 
     It is bound to types of tuples, and then to arrays, as its form says.
     """
@@ -137,7 +138,7 @@ def _api(name: str, *types: Any) -> Callable[..., Any]:
 
 
 def builtin_source(routine: Routine, symbol: str, *, finite: Finite, form: Form) -> str:
-    """LLVM IR of the function; if `finite`, NaN and infinity are unusual too, computed or even given."""
+    """LLVM IR of a built-in function; if `finite`, NaN and infinity are unusual too, computed or even given."""
     shapes, inputs = dict(enumerate(routine.layout.shapes)), dict(enumerate(routine.inputs))
     arrays, numbers = ([k for k, shape in shapes.items() if bool(shape) is wanted] for wanted in (True, False))
     sizes = {f"%in{k}": n for k, n in inputs.items()} | {f"%out{k}": math.prod(shape) for k, shape in shapes.items()}

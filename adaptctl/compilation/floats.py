@@ -41,7 +41,7 @@ class OnFloats:
 
     @property
     def call(self) -> OnFloats:
-        """The object itself: on floats there is no faster call, as a kernel has one."""
+        """The object itself, as a kernel's `call` is its fastest form: on floats there is no faster one."""
         return self
 
 
@@ -58,7 +58,8 @@ def native_or_floats(
     finite: Finite = False,
     form: Form | None = None,
 ) -> Kernel | OnFloats:
-    """`function` for a mechanism of so many links, compiled up to LARGEST_COMPILED, in Python beyond.
+    """The kernel of `function` for a mechanism of so many links, up to LARGEST_COMPILED; beyond, a function that runs
+    it in Python.
 
     It is called with Columns by keyword, `arguments` has their names and lengths, and returns a tuple of Columns.
     """

@@ -14,7 +14,7 @@ from adaptctl.compilation.graph import Expression, Op
 
 
 def add(x: Any, y: Any) -> Any:
-    """`x + y`; a negated operand is subtracted."""
+    """The expression `x + y`; a negated operand is subtracted."""
     if _is(x, 0.0) or _is(y, 0.0):
         return y if _is(x, 0.0) else x
     if _does(y, Op.NEGATE):
@@ -25,7 +25,7 @@ def add(x: Any, y: Any) -> Any:
 
 
 def subtract(x: Any, y: Any) -> Any:
-    """`x - y`; a negated operand and a constant are added."""
+    """The expression `x - y`; a negated operand and a constant are added."""
     if x is y:
         return 0.0
     if _is(x, 0.0):
@@ -38,7 +38,7 @@ def subtract(x: Any, y: Any) -> Any:
 
 
 def negate(x: Any) -> Any:
-    """`-x`, for free where `x` is a difference, a negation or a constant multiple."""
+    """The expression `-x`, for free where `x` is a difference, a negation or a constant multiple."""
     if _does(x, Op.NEGATE):
         return x.operands[0]
     if _does(x, Op.SUBTRACT):
@@ -49,7 +49,7 @@ def negate(x: Any) -> Any:
 
 
 def multiply(x: Any, y: Any) -> Any:
-    """`x * y`; signs move outwards, or into a constant factor."""
+    """The expression `x * y`; signs move outwards, or into a constant factor."""
     x, y = _ordered(x, y)
     if isinstance(x, float) and abs(x) in (0.0, 1.0):
         return 0.0 if x == 0.0 else y if x > 0.0 else negate(y)
@@ -61,7 +61,7 @@ def multiply(x: Any, y: Any) -> Any:
 
 
 def divide(x: Any, y: Any) -> Any:
-    """`x / y`; signs move outwards, or into a constant operand."""
+    """The expression `x / y`; signs move outwards, or into a constant operand."""
     if _is(x, 0.0):
         return 0.0
     if _is(y, 1.0) or _is(y, -1.0):
@@ -74,24 +74,24 @@ def divide(x: Any, y: Any) -> Any:
 
 
 def absolute(x: Any) -> Any:
-    """`|x|`."""
+    """The expression `|x|`."""
     if _does(x, Op.NEGATE):
         return absolute(x.operands[0])
     return x if _does(x, Op.ABSOLUTE) else _make(Op.ABSOLUTE, x)
 
 
 def minimum(x: Any, y: Any) -> Any:
-    """The smaller; NaN when either is NaN."""
+    """The expression of the smaller of two; NaN when either is NaN."""
     return x if x is y else _make(Op.MINIMUM, *_ordered(x, y))
 
 
 def maximum(x: Any, y: Any) -> Any:
-    """The larger; NaN when either is NaN."""
+    """The expression of the larger of two; NaN when either is NaN."""
     return x if x is y else _make(Op.MAXIMUM, *_ordered(x, y))
 
 
 def elementary(op: Op) -> Callable[[Any], Any]:
-    """A function of one expression about which no law is used."""
+    """The function that makes expressions of one elementary operation, about which no law is used."""
     return lambda x: _make(op, x)
 
 

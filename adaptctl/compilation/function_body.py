@@ -18,7 +18,7 @@ _INTRINSICS = {Op.SQRT: "sqrt", Op.ABSOLUTE: "fabs", Op.MINIMUM: "minimum", Op.M
 
 
 class FunctionBody:
-    """The instructions of one function: `memory` for the calls it makes is set aside first."""
+    """LLVM instructions of one function's body: `memory` for the calls it makes is set aside first."""
 
     def __init__(self, symbols: Mapping[Routine, str], lanes: Lanes, found: Mapping[int, int]) -> None:
         self.memory: list[str] = []
@@ -27,14 +27,14 @@ class FunctionBody:
         self._loaded: set[str] = set()
 
     def compute(self, expression: Expression) -> None:
-        """One expression into its register; what is in memory is loaded where it is first used."""
+        """Write one expression into its register; what is in memory is loaded where it is first used."""
         if expression.op is Op.CALL:
             self._call(f"%x{expression.index}", expression.detail, expression.operands)
         elif self._place(expression) is None:
             self._evaluate(f"%x{expression.index}", expression.op, [self._operand(y) for y in expression.operands])
 
     def turn(self, angles: Sequence[Expression], wide: Lanes) -> None:
-        """Sines and cosines of several angles, side by side for once."""
+        """Write sines and cosines of several angles, side by side at once."""
         value, several = wide.value, "zeroinitializer"
         for k, angle in enumerate(angles):
             x, before = self._operand(angle), several
@@ -69,7 +69,7 @@ class FunctionBody:
             self._add(f"{x} = call nsz {value} @llvm.{_INTRINSICS[op]}.{self._lanes.suffix}({arguments})")
 
     def store(self, pointer: str, k: int, value: Expression | float) -> None:
-        """A number into the k-th place after a pointer."""
+        """Write the store of a number into the k-th place after a pointer."""
         name, kind = f"{pointer}.{k}", self._lanes.value
         self._add(f"{name} = getelementptr {kind}, ptr {pointer}, i64 {k}")
         self._add(f"store {kind} {self._operand(value)}, ptr {name}, align 8")

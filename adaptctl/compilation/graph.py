@@ -12,7 +12,7 @@ E = TypeVar("E", bound="Expression")
 
 
 class Op(StrEnum):
-    """The operation of an expression on its operands."""
+    """The operations of the expression graph: the kind of an `Expression`."""
 
     INPUT = "input"
     ADD = "+"
@@ -34,7 +34,8 @@ class Op(StrEnum):
 
 
 class Expression:
-    """One operation on `operands`: earlier expressions of the same graph, or constants, which are plain floats.
+    """An expression: one operation on `operands`, earlier expressions of the same graph, or constants, which are plain
+    floats.
 
     `detail` says what operands cannot: which input, which routine is called, which of its results is meant.
     """
@@ -49,7 +50,7 @@ class Expression:
 
 
 class Graph:
-    """The expressions of one trace. Operands come before what uses them, so the indices are a schedule.
+    """The expression graph of one trace. Operands come before what uses them, so the indices are a schedule.
 
     `routines` remembers the functions called; the graph of a called function shares its caller's.
     """
@@ -68,14 +69,14 @@ class Graph:
         return cast(E, found)
 
     def require_own(self, values: Iterable[Any]) -> None:
-        """Raise when one of the values was traced elsewhere."""
+        """Raise `TraceError` when one of the values was traced elsewhere."""
         for x in values:
             if isinstance(x, Expression) and x.graph is not self:
                 raise untraceable("a value of another trace was used: pass it to the function as an argument")
 
 
 def reachable(outputs: Iterable[Any]) -> list[Expression]:
-    """Every expression that the outputs need, operands first."""
+    """All expressions that the outputs need, operands first."""
     needed: set[Expression] = set()
     pending = [x for x in outputs if isinstance(x, Expression)]
     while pending:

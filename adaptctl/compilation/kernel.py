@@ -115,7 +115,8 @@ class Kernel:
         )
 
     def otherwise(self, instead: Callable[..., Any], *bound: Any) -> Callable[..., Any]:
-        """The kernel, in its form, on usual arguments with a finite outcome; what is called in place of it on others.
+        """A callable that is the kernel for arguments of its form with a finite outcome, and calls `instead` for all
+        others.
 
         It is bound to the types of the form's tuples, and then to the arrays that no argument has.
         """

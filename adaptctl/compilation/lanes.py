@@ -12,7 +12,8 @@ from adaptctl.errors import InputError
 
 @dataclass(frozen=True)
 class Lanes:
-    """The LLVM types for `count` doubles worked on by one instruction: vectors, or plain numbers when it is 1."""
+    """The LLVM types for `count` doubles worked on by one instruction (SIMD lanes): vectors, or plain numbers when it
+    is 1."""
 
     count: int = 1
 
@@ -22,17 +23,17 @@ class Lanes:
 
     @property
     def value(self) -> str:
-        """The type of numbers."""
+        """The LLVM type of the lanes' numbers."""
         return self._of("double")
 
     @property
     def integer(self) -> str:
-        """The type of whole numbers of as many bits."""
+        """The LLVM type of whole numbers of as many bits."""
         return self._of("i64")
 
     @property
     def condition(self) -> str:
-        """The type of their comparison."""
+        """The LLVM type of the lanes' comparison."""
         return self._of("i1")
 
     @property
@@ -42,7 +43,7 @@ class Lanes:
 
     @property
     def alignment(self) -> int:
-        """Bytes on whose multiple they lie."""
+        """Alignment of the lanes in memory, bytes."""
         return 8 * self.count
 
     @property
@@ -52,12 +53,12 @@ class Lanes:
         return "nounwind" if self.count == 1 else f'nounwind "stackrealign" alignstack({self.alignment})'
 
     def constant(self, x: float) -> str:
-        """A number in every lane, as the digits of its bits."""
+        """The LLVM constant of a number in every lane, as the digits of its bits."""
         digits = f"0x{struct.pack('>d', x).hex()}"
         return digits if self.count == 1 else "<" + ", ".join([f"double {digits}"] * self.count) + ">"
 
     def whole(self, k: int) -> str:
-        """A whole number in every lane."""
+        """The LLVM constant of a whole number in every lane."""
         return str(k) if self.count == 1 else "<" + ", ".join([f"i64 {k}"] * self.count) + ">"
 
     def filled(self, name: str, **values: object) -> str:

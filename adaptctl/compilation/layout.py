@@ -15,8 +15,8 @@ Shape = tuple[int, ...]
 
 @dataclass(frozen=True)
 class Layout:
-    """A scalar, a Column, a list of Columns (the rows of a matrix), or a tuple or NamedTuple (its type is
-    `container`) of these.
+    """The layout of a result: a scalar, a Column, a list of Columns (the rows of a matrix), or a tuple or NamedTuple
+    (its type is `container`) of these.
 
     `shapes` has the shape of each part: (), (n,) or (rows, n).
     """
@@ -36,11 +36,11 @@ class Layout:
 
     @property
     def contain(self) -> Callable[[Iterator[Any]], Any]:
-        """Puts parts into their container; a part that needs none is the first and only one."""
+        """Function that puts parts into their container; a part that needs none is the first and only one."""
         return next if self.container is None else getattr(self.container, "_make", tuple)
 
     def restored(self, scalars: Sequence[Any]) -> Any:
-        """The scalars in the form they had."""
+        """The result in its own form, from its scalars in order."""
         parts = (scalars[place] for place in self.places)
         return self.contain(_restored(part, shape) for part, shape in zip(parts, self.shapes, strict=True))
 

@@ -36,7 +36,8 @@ class Source(StrEnum):
 
 
 def loop(routine: Routine, symbol: str, lanes: Lanes, columns: Mapping[Source, Sequence[int]]) -> str:
-    """The function ENTRY, for a routine whose arguments come source by source, with these lengths."""
+    """LLVM IR of the function ENTRY, the loop over steps of a routine whose arguments come source by source, with these
+    lengths."""
     results, states = routine.layout.sizes, len(columns[Source.STATE])
     count = {str(source): sum(lengths) for source, lengths in columns.items()}
     parts = {f"%{source}.at": lengths for source, lengths in columns.items()}

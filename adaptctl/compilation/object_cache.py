@@ -43,7 +43,7 @@ def cache_folder() -> Path | None:
 
 @dataclass(frozen=True)
 class ObjectCache:
-    """Objects by keys of 32 bytes, in a folder of at most `limit` bytes."""
+    """Cache of compiled objects on disk, by keys of 32 bytes, in a folder of at most `limit` bytes."""
 
     folder: Path
     limit: int = LIMIT
@@ -63,7 +63,7 @@ class ObjectCache:
         return data
 
     def put(self, key: bytes, data: bytes) -> None:
-        """Keep an object, where that is possible."""
+        """Keep an object under a key, where the folder can be written."""
         try:
             self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             _require_own(self.folder.stat())

@@ -22,8 +22,8 @@ _TRUTHS = (Op.LESS, Op.LESS_EQUAL)
 
 @dataclass(frozen=True)
 class Piece:
-    """Expressions to compute, in order; by their indices, the places in shared memory of those among them that later
-    pieces need (`kept`), and of what it needs of earlier ones (`found`)."""
+    """A piece of a routine: expressions to compute, in order; by their indices, the places in shared memory of those
+    among them that later pieces need (`kept`), and of what it needs of earlier ones (`found`)."""
 
     expressions: Sequence[Expression]
     kept: dict[int, int]

@@ -21,14 +21,14 @@ _LEVELS = {"sse2": ("x86-64", ("sse2",)), "avx2": ("x86-64-v3", _AVX2), "avx512"
 
 @dataclass(frozen=True)
 class Processor:
-    """LLVM's name for a processor, and what it can do beyond that: "+avx2,-avx512f,..."."""
+    """A processor: LLVM's name for it, and its features beyond that: "+avx2,-avx512f,..."."""
 
     name: str
     features: str
 
     @classmethod
     def host(cls) -> Processor:
-        """The one this runs on; where ADAPTCTL_PROCESSOR names a level, no more than that level of it.
+        """The processor this runs on; where ADAPTCTL_PROCESSOR names a level, no more than that level of it.
 
         Raises InputError for a level that is unknown or that the processor does not have.
         """
@@ -36,8 +36,8 @@ class Processor:
         return _whole() if level in ("", "native") else _whole().limited(level)
 
     def limited(self, level: str) -> Processor:
-        """A processor that has of this one only what belongs to a level: "sse2", "avx2" or "avx512". Raises
-        `InputError` for an unknown level, and for one that the processor lacks."""
+        """The processor with the features of a level alone: "sse2", "avx2" or "avx512". Raises `InputError` for an
+        unknown level, and for one that the processor lacks."""
         if level not in _LEVELS:
             known = ", ".join(("native", *_LEVELS))
             raise InputError(f"ADAPTCTL_PROCESSOR: expected one of {known}, got {level!r}")

@@ -23,17 +23,18 @@ _FREE = (Op.INPUT, Op.CALL, Op.RESULT)
 
 
 class Operations(Counter[Op]):
-    """Counts of each operation, those of called routines included."""
+    """Counts of the scalar operations of a routine by kind, those of called routines included."""
 
     @property
     def flops(self) -> int:
-        """Additions, subtractions, multiplications, divisions and negations."""
+        """The number of additions, subtractions, multiplications, divisions and negations."""
         return sum(self[op] for op in _FLOPS)
 
 
 @dataclass(frozen=True, eq=False)
 class Routine:
-    """A traced function of arguments with so many unknown scalars each; `layout` is that of its result."""
+    """A traced function: its name, the lengths of its arguments, its result's scalars and the `layout` they are put
+    into."""
 
     name: str
     inputs: tuple[int, ...]
@@ -42,17 +43,17 @@ class Routine:
 
     @cached_property
     def body(self) -> list[Expression]:
-        """The expressions to compute, in order."""
+        """The expressions to compute, operands before what uses them."""
         return reachable(self.outputs)
 
     @property
     def calls(self) -> list[Routine]:
-        """The routine behind each call, in order."""
+        """The routine that each call in the body calls, in order."""
         return [x.detail for x in self.body if x.op is Op.CALL]
 
     @cached_property
     def operations(self) -> Operations:
-        """The operations of one evaluation."""
+        """The operations of one evaluation, counted by kind."""
         total = Operations(x.op for x in self.body if x.op not in _FREE)
         for routine in self.calls:
             total.update(routine.operations)
@@ -60,7 +61,8 @@ class Routine:
 
 
 def trace(function: Callable[..., Any], arguments: Mapping[str, int], *, name: str = "") -> Routine:
-    """Run `function` once on Columns of nodes; `arguments` gives their names and lengths.
+    """The routine of a function, traced by calling it once on Columns of symbolic scalars; `arguments` gives their
+    names and lengths.
 
     The function returns a scalar, a Column, or a tuple or NamedTuple of these. Raises TraceError for any other
     result, and where the function needs a number that is not known yet.

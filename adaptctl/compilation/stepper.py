@@ -74,12 +74,12 @@ class Stepper:
         self.native = NativeLoop(self._code.address(ENTRY))
 
     def ensemble(self, members: int) -> Ensemble:
-        """Memory for a number of members, all zero."""
+        """An `Ensemble` of a number of members, their states and held columns all zero."""
         return Ensemble(self, members)
 
 
 class Ensemble:
-    """A number of members that take the same steps.
+    """The members (copies) of a compiled step that are stepped together: their state and the columns that they hold.
 
     `state` and `held` are their columns, to be read and assigned between runs. Members never see each other: a NaN
     stays with its own.
@@ -121,7 +121,7 @@ class Ensemble:
         return tuple(outputs[name].reshape(*axes, *shape) for name, shape in parts)
 
     def room(self, steps: int) -> LaneArray:
-        """Room for the outputs of so many steps, to be recorded into."""
+        """Memory (`LaneArray`) for the outputs of a number of steps, as `record_into` fills it."""
         return self._array(self._outputs, steps)
 
     def record_into(self, room: LaneArray, first: int, steps: int, signals: Mapping[str, ArrayLike]) -> None:

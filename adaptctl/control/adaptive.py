@@ -86,7 +86,7 @@ class AdaptiveController(Controller[AdaptiveState]):
 
     @property
     def tunable_parts(self) -> Mapping[str, Tunable]:
-        """The adaptation law, also where only a gain was given."""
+        """The parts whose numbers can be tuned, by attribute: the adaptation law, also where only a gain was given."""
         return {} if self.adaptation_law is None else {"adaptation": self.adaptation_law}
 
     @property
@@ -100,7 +100,8 @@ class AdaptiveController(Controller[AdaptiveState]):
         return self.model.mechanism.home
 
     def start(self, p: Array, v: Array) -> AdaptiveState:
-        """The memory before the first tick: the first estimate, and a period of no length to learn from."""
+        """The memory before the first tick, at p, v (..., r): the first estimate, and a period of no length to learn
+        from."""
         rest, initial = np.zeros(self.dof), np.array(self.initial)
         motion = np.zeros(self._motion_size)
         q, law = self.model.mechanism.configuration(p), self.adaptation_law

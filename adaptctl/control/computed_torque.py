@@ -19,7 +19,7 @@ from adaptctl.scalars import Column, column
 
 @dataclass(frozen=True, eq=False)
 class ComputedTorque(ModelBased):
-    """Inverse dynamics with a linear error loop (Luh, Walker and Paul 1980).
+    """Computed torque, or inverse dynamics control, with a linear error loop (Luh, Walker and Paul 1980).
 
         torque = M(p) (a_d - 2 zeta omega e' - omega^2 e) + C(p, v) v + g(p)
 

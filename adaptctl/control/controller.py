@@ -26,7 +26,7 @@ from adaptctl.scalars import Column, Structure, Tunable
 
 
 class ReferencePoint(NamedTuple):
-    """Desired positions, velocities and accelerations, each (..., r) or a column."""
+    """Desired positions (rad or m), velocities and accelerations (per s and s^2), each (..., r) or a column."""
 
     p: Any
     v: Any
@@ -34,7 +34,7 @@ class ReferencePoint(NamedTuple):
 
 
 class Reference(Protocol):
-    """A trajectory: a time (...) in s to a reference point (..., r)."""
+    """A reference trajectory: a callable from times (...) in s to a `ReferencePoint` (..., r)."""
 
     def __call__(self, t: ArrayLike, /) -> ReferencePoint:
         """The reference at times t."""
@@ -71,7 +71,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @property
     def reference_size(self) -> int:
-        """Length of each part of a reference point: r, unless the reference is not one of joints."""
+        """Length of each part of a reference point: r, or m where the reference is in a task space."""
         return self.dof
 
     @abstractmethod
@@ -98,7 +98,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
         return self._remembering(self._array_of(started, positions.shape[:-1]))
 
     def restart(self, state: Memory, arms: ArrayLike, p: ArrayLike, v: ArrayLike) -> Memory:
-        """The state of many arms with some of them, a mask (...), before their first tick again.
+        """The state of many arms after some of them, those of a mask (...), are set to before their first tick.
 
         These are arms whose episode has begun anew, at p and v (..., r): nothing of the last one is to be remembered.
         Raises `InputError` for another mask.
@@ -128,7 +128,8 @@ class Controller(Tunable, ABC, Generic[Memory]):
     def step_tuned(
         self, gains: Array, state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint
     ) -> tuple[Array, Memory]:
-        """`step` for many arms (N, r) that have gains (N, g) of their own: rows as `packed` is, not checked."""
+        """The torques (N, r) N m of one tick of N arms that have gains (N, g) of their own, and the next state: `step`,
+        with rows as `packed` is, not checked."""
         return self._step_many(state, p, v, reference, gains)
 
     def compile(self, many: bool = False) -> Self:
@@ -206,7 +207,8 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @property
     def on_floats(self) -> OnFloats:
-        """The law in Python with its own gains: it takes p, v, the reference's parts, the leaves of the memory."""
+        """The law as a function in Python with its own gains: it takes p, v, the reference's parts and the leaves of
+        the memory."""
         sizes = self._given_sizes | self._memory_sizes
         return OnFloats(self._equation(), sizes, name=type(self).__name__, finite=self.finite)
 
@@ -243,7 +245,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @property
     def gain_sizes(self) -> dict[str, int]:
-        """Length of the column of gains; nothing where all are compiled in."""
+        """Length of the column of tunable gains by its name; an empty mapping where all gains are compiled in."""
         return {GAINS: self.packed.size} if self.packed.size else {}
 
     @cached_property

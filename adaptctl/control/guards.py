@@ -26,7 +26,7 @@ Parts = TypeVar("Parts", bound=tuple[Any, ...])
 
 
 class Marks(NamedTuple):
-    """Marks of what the guards did in a tick, each (1,), 1 or 0."""
+    """Marks of the guards in a tick, each (1,), 1 where a guard acted and 0 where not."""
 
     torque_limited: Any
     """a torque was beyond its limit"""
@@ -55,7 +55,7 @@ class GuardedState(NamedTuple):
 
     @property
     def estimate(self) -> Any:
-        """The law's estimate, where it has one."""
+        """The wrapped law's estimate (k,), where it has one."""
         return self.of.estimate
 
     @property
@@ -66,7 +66,8 @@ class GuardedState(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Guarded(Controller[GuardedState]):
-    """A controller within limits that it knows.
+    """A controller behind guards: limits of torque, its rate and the estimate, and a brake where numbers are not
+    finite.
 
     Torques stay within `torque_limits` (N m) and change by at most `rate_limits` (N m/s) times `period` (s) from
     one tick to the next, but for the first. While either holds the torque back, the error is not the estimate's
@@ -111,7 +112,8 @@ class Guarded(Controller[GuardedState]):
 
     @property
     def tunable(self) -> tuple[str, ...]:
-        """Limits and bounds; those of rates only where there are any, for the others cost nothing."""
+        """Names of the tunable limits and bounds; limits of rates only where there are any, for the others cost
+        nothing."""
         rates = ("rate_limits",) if self._limits_rates else ()
         return ("torque_limits", "stop_damping", "estimate_bounds", *rates)
 
@@ -132,11 +134,11 @@ class Guarded(Controller[GuardedState]):
 
     @property
     def reference_size(self) -> int:
-        """Length of each part of the law's reference points."""
+        """Length of each part of the wrapped law's reference points."""
         return self.of.reference_size
 
     def start(self, p: Array, v: Array) -> GuardedState:
-        """The memory before the first tick: the law's own, and nothing done yet."""
+        """The memory before the first tick: the wrapped law's own, and marks of zero."""
         marks = Marks(*(np.zeros(1) for _ in Marks._fields))
         return GuardedState(self.of.start(p, v), np.zeros(self.dof), np.zeros(1), Ringing.silent(self.dof), marks)
 

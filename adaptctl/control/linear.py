@@ -26,7 +26,7 @@ _LABEL = re.compile(r"(\w+)\[(\d+)\]")
 
 
 class LinearState(NamedTuple):
-    """The memory of a linear controller."""
+    """The memory of a linear controller: its state x (n,)."""
 
     x: Any
     """(n,) the system's state"""
@@ -34,7 +34,8 @@ class LinearState(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class LinearController(Controller[LinearState]):
-    """torque = C x + D z, then x = A x + B z, where z holds p, v and the reference's p, v and a (5 r,).
+    """A linear controller in discrete time: torque = C x + D z, then x = A x + B z, where z holds p, v and the
+    reference's p, v and a (5 r,).
 
     With `feedforward` the torque that this mechanism's inverse dynamics asks for on the reference is added. `A` (n, n),
     `B` (n, 5 r), `C` (r, n), `D` (r, 5 r).
@@ -100,7 +101,7 @@ class LinearController(Controller[LinearState]):
         return len(self.D)
 
     def start(self, p: Array, v: Array) -> LinearState:
-        """The memory before the first tick: a state of zero."""
+        """The memory before the first tick: the system's state x (n,), zero."""
         return LinearState(np.zeros(len(self.A)))
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: LinearState) -> tuple[Column, LinearState]:

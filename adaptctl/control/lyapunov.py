@@ -12,13 +12,14 @@ from adaptctl.errors import InputError
 
 
 def has_sliding_variable(controller: object) -> bool:
-    """True for Slotine and Li's law, whose s = e' + Lambda e; its relatives' is another one."""
+    """True for Slotine and Li's law itself, whose sliding variable is s = e' + Lambda e; False for its relatives."""
     own = SlotineLi.reference_velocity
     return isinstance(controller, SlotineLi) and type(controller).reference_velocity is own
 
 
 def sliding_variable(controller: SlotineLi, run: TrackedRun) -> Array:
-    """s = e' + Lambda e (T, r). Raises `InputError` for the law's relatives, whose s is another one."""
+    """The sliding variable s = e' + Lambda e (T, r) of a run, rad/s or m/s. Raises `InputError` for the law's
+    relatives, whose s is another one."""
     if not has_sliding_variable(controller):
         law = type(controller).__name__
         raise InputError(f"sliding variable: that of {law} depends on more than the errors, which are all a run keeps")
@@ -26,7 +27,8 @@ def sliding_variable(controller: SlotineLi, run: TrackedRun) -> Array:
 
 
 def lyapunov(controller: SlotineLi, run: LearningRun, mechanism: Mechanism) -> Array:
-    """V (T,) = s'Ms/2 + error' Gamma^-1 error/2 in J, with the true mechanism's mass matrix and parameters.
+    """The Lyapunov function V (T,) = s'Ms/2 + error' Gamma^-1 error/2 of a run in J, with the true mechanism's mass
+    matrix and parameters.
 
     The second term is the adaptation law's own distance; with adaptation off only the first is left. Where the
     parameters are no physical set, M need not be positive definite, and V is then no distance; it is reported

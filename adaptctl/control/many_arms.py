@@ -18,7 +18,8 @@ Columns = Mapping[str, Array]
 
 @dataclass(frozen=True, eq=False)
 class ManyArms:
-    """A law as an equation of columns with names and lengths: those `given` to each tick, and its `memory`.
+    """A control law for many arms at once: an equation of columns with names and lengths, those `given` to each tick,
+    and its `memory`.
 
     `law` makes the torque (r,) and the memory after it.
     """
@@ -32,7 +33,7 @@ class ManyArms:
     write again what they hold, costs more than a tick."""
 
     def step(self, arms: int, given: Columns, memory: Columns) -> tuple[Array, list[Array]]:
-        """A tick of N arms: their torques (N, r), and their memory after it, all new, the memory read-only."""
+        """The torques (N, r), N m, of one tick of N arms, and their memory after it, all new, the memory read-only."""
         if not self.native:
             return self._on_arrays(arms, given, memory)
         spare: tuple[Ensemble, Columns] | None = self._spare.pop(arms, None)

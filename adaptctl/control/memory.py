@@ -40,7 +40,7 @@ def paths(memory: tuple[Any, ...], to: str = "state") -> Iterator[str]:
 
 
 def like(pattern: Memory, parts: Iterable[Any]) -> Memory:
-    """The memory of the pattern's kind that has these leaves."""
+    """A memory of the pattern's kind with these leaves."""
     return _filled(pattern, iter(parts))
 
 
@@ -56,7 +56,7 @@ def _names(memory: Any) -> tuple[str, ...]:
 
 
 class InOneArray(tuple[Any, ...]):
-    """A memory whose columns are views of one array (..., n), which native code reads and makes.
+    """A memory, the columns of which are views of one array (..., n) that native code reads and makes.
 
     It is a memory of its law's own kind, and like it in all but that: its parts are looked up when they are asked for.
     What is made of it with other parts, as by `_replace`, is an ordinary memory.

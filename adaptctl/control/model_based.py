@@ -15,14 +15,14 @@ from adaptctl.scalars import Column, column
 
 
 class BranchState(NamedTuple):
-    """The memory of a law that needs only the branch its loops, if any, are on."""
+    """The memory of a law without learning: the configuration q (n,), from which a mechanism's loops are followed."""
 
     q: Any
     """(n,) the tree's joints at the last tick, from which the next configuration is found"""
 
 
 class ModelBased(Controller[BranchState]):
-    """A control law with parameters (P,), right or wrong, of a mechanism; its own unless given."""
+    """Base class of control laws with parameters (P,), right or wrong, of a mechanism; its own unless given."""
 
     mechanism: Mechanism
     parameters: Array | None

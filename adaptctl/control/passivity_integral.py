@@ -15,7 +15,7 @@ from adaptctl.scalars import Column, column
 
 
 class Integral(NamedTuple):
-    """The memory of integral action."""
+    """The memory of integral action: the error's integral (r,) and the last error (r,)."""
 
     integral: Any
     """(r,) of the error so far, rad s"""
@@ -25,8 +25,8 @@ class Integral(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PassivityIntegral(SlotineLi):
-    """Slotine and Li's law about the integral of the error (Slotine and Li 1991, section 9.2; the passivity of
-    the family: Ortega and Spong 1989).
+    """Slotine and Li's law with integral action (Slotine and Li 1991, section 9.2; the passivity of the family: Ortega
+    and Spong 1989).
 
         e = p - p_d,  v_r = v_d - 2 Lambda e - Lambda^2 (integral of e),  s = v - v_r
         torque = Y_r(p, v, v_r, a_r) estimate - K s
@@ -50,7 +50,7 @@ class PassivityIntegral(SlotineLi):
     def reference_velocity(
         self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> ReferenceVelocity:
-        """The reference velocity v_r = v_d - 2 Lambda e - Lambda^2 (integral of e) (r,), 1/s times rad or m, and its
+        """The reference velocity v_r = v_d - 2 Lambda e - Lambda^2 (integral of e) (r,) in rad/s or m/s, and its
         derivative."""
         bandwidth = column(self.bandwidth)
         twice, square = 2.0 * bandwidth, bandwidth * bandwidth

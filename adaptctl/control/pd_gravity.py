@@ -20,7 +20,7 @@ from adaptctl.scalars import Column, column
 
 @dataclass(frozen=True, eq=False)
 class PDGravity(ModelBased):
-    """torque = g(p) - Kp (p - p_d) - Kd (v - v_d) (Takegaki and Arimoto 1981).
+    """PD control with gravity compensation: torque = g(p) - Kp (p - p_d) - Kd (v - v_d) (Takegaki and Arimoto 1981).
 
     Guarantees, with the true gravity: a p_d that stands still is reached from anywhere, as
     v'Mv/2 + e'Kp e/2 falls by -v'Kd v; whatever the inertias.

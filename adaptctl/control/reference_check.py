@@ -18,7 +18,7 @@ ALLOWED = 0.05
 
 
 def require_point(point: object) -> None:
-    """Refuse (`InputError`) what a reference returned where it is no reference point."""
+    """Raise `InputError` where what a reference returned is no reference point."""
     if not all(hasattr(point, name) for name in ReferencePoint._fields):
         raise InputError(
             f"reference: expected it to return ReferencePoint(p, v, a), each (n, r) at times (n,), got a "

@@ -51,7 +51,8 @@ class SinusoidNumbers(NamedTuple):
 
 
 def sinusoids_at(time: Scalar, numbers: SinusoidNumbers) -> ReferencePoint:
-    """`Sinusoids` at a time (s), over scalars of any kind: of arms that each follow their own, say."""
+    """The reference point of `Sinusoids` at a time (s), over scalars of any kind: of arms that each follow their own,
+    say."""
     fade, slope, bend = _faded_in(time, numbers.start_time[0])
     joints, terms = len(numbers.center), range(len(numbers.amplitude))
     points = []
@@ -175,11 +176,13 @@ class Sinusoids:
 
 @dataclass(frozen=True, eq=False)
 class Spline:
-    """Through given positions at given times: the spline of degree 5, whose acceleration has two derivatives.
+    """Reference through given positions at given times: the spline of degree 5, whose acceleration has two derivatives.
 
     `positions` (w, r) with w of at least 6, `times` (w,) in s, increasing: samples of a path that has no formula in
     joints, such as what inverse kinematics makes of one in space. Velocities and accelerations are the spline's
     own derivatives. Before the first time and after the last the arm rests, with a jump unless the samples rest there.
+
+    Raises `InputError` for fewer positions, other shapes and times that do not increase.
     """
 
     positions: Array
@@ -281,8 +284,8 @@ class MinimumJerk:
 
 @dataclass(frozen=True, eq=False)
 class Halted:
-    """A reference that another one is up to a time `stop` (s), and that then follows its path to rest within `over` s,
-    and stays there.
+    """A reference that follows another one up to a time `stop` (s), then along its path to rest within `over` s, and
+    stays there.
 
     Its time runs as 1 - quintic step, so that positions, velocities and accelerations stay continuous: motion that
     excites for an interval, and no longer.

@@ -20,7 +20,7 @@ LASTING = 25
 
 
 class Ringing(NamedTuple):
-    """Moving averages of a sliding variable s (r,)."""
+    """Detector of ringing by moving averages of a sliding variable s (r,)."""
 
     product: Any
     """(r,) of s now times s a tick ago"""
@@ -33,11 +33,11 @@ class Ringing(NamedTuple):
 
     @classmethod
     def silent(cls, dof: int) -> Ringing:
-        """The averages before the first tick."""
+        """The detector before the first tick, of `dof` joints."""
         return cls(np.zeros(dof), np.zeros(dof), np.zeros(dof), np.zeros(2))
 
     def heard(self, s: Column) -> Ringing:
-        """The averages a tick later."""
+        """The detector after one more tick, with a sliding variable s (r,)."""
         keep, new = 1.0 - 1.0 / SPAN, 1.0 / SPAN
         product = keep * self.product + new * (self.s * s)
         square = keep * self.square + new * (self.s * self.s)
@@ -47,12 +47,12 @@ class Ringing(NamedTuple):
 
     @property
     def alarm(self) -> Any:
-        """1 where a joint has rung for a while, else 0."""
+        """Alarm: 1 where a joint has rung for a while, else 0."""
         return where(self.lasting[0] > LASTING - 0.5, 1.0, 0.0)
 
     @property
     def brake(self) -> Any:
-        """1 where a joint has hardly done anything else for a while, else 0."""
+        """Signal to brake: 1 where a joint has hardly done anything but ring for a while, else 0."""
         return where(self.lasting[1] > LASTING - 0.5, 1.0, 0.0)
 
 
@@ -70,7 +70,7 @@ def _least(values: Column) -> Any:
 
 
 def ringing(s: Array) -> Array:
-    """rho (T, r) along a run whose sliding variable was s (T, r) at every tick."""
+    """The correlation rho (T, r) along a run, from its sliding variable s (T, r) at every tick."""
     averages, found = Ringing(*map(Column, Ringing.silent(s.shape[-1]))), np.empty(s.shape)
     for k, row in enumerate(s):
         averages = averages.heard(Column(row.tolist()))

@@ -8,7 +8,7 @@ from adaptctl.arrays import Array
 
 
 class TrackedRun(Protocol):
-    """T control periods of r joints and of the reference they followed."""
+    """Protocol of a run: T control periods of r joints and of the reference they followed."""
 
     @property
     def p(self) -> Array:
@@ -22,17 +22,17 @@ class TrackedRun(Protocol):
 
     @property
     def reference_p(self) -> Array:
-        """The reference's positions (T, r)."""
+        """The reference's positions (T, r), rad or m."""
         ...
 
     @property
     def reference_v(self) -> Array:
-        """The reference's velocities (T, r)."""
+        """The reference's velocities (T, r), rad/s or m/s."""
         ...
 
 
 class SampledRun(TrackedRun, Protocol):
-    """A run with its reference's accelerations and its sampling time."""
+    """Protocol of a run with its reference's accelerations and its sampling time."""
 
     @property
     def reference_a(self) -> Array:
@@ -46,7 +46,7 @@ class SampledRun(TrackedRun, Protocol):
 
 
 class LearningRun(TrackedRun, Protocol):
-    """A run with the estimates of its adaptive controller."""
+    """Protocol of a run with the estimates of its adaptive controller."""
 
     @property
     def estimate(self) -> Array:

@@ -24,7 +24,8 @@ from adaptctl.scalars import Column, column
 
 
 class ReferenceVelocity(NamedTuple):
-    """The velocity v_r (r,) that s = v - v_r is measured from, its derivative a_r (r,), and a law's memory of them."""
+    """A reference velocity v_r (r,), from which s = v - v_r is measured, its derivative a_r (r,), and a law's memory of
+    them."""
 
     v_r: Column
     a_r: Column
@@ -33,7 +34,7 @@ class ReferenceVelocity(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SlotineLi(AdaptiveController):
-    """Adaptive control by passivity (Slotine and Li 1987), on as many parameters as the model has.
+    """Slotine and Li's passivity-based adaptive control (1987), on as many parameters as the model has.
 
         e = p - p_d,  v_r = v_d - Lambda e,  a_r = v_r',  s = v - v_r
         torque = Y_r(p, v, v_r, a_r) estimate - K s
@@ -100,7 +101,8 @@ class SlotineLi(AdaptiveController):
     def reference_velocity(
         self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> ReferenceVelocity:
-        """v_r = v_d - Lambda e and its derivative, at configuration q (n,) of the tree."""
+        """The reference velocity v_r = v_d - Lambda e (r,) in rad/s or m/s, and its derivative, at configuration q (n,)
+        of the tree."""
         bandwidth = column(self.bandwidth)
         e, e_rate = p - reference.p, v - reference.v
         return ReferenceVelocity(reference.v - bandwidth * e, reference.a - bandwidth * e_rate, NoMemory())

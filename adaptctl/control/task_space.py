@@ -32,7 +32,7 @@ SMALLEST = 1e-12
 
 
 class Goal(NamedTuple):
-    """The memory of a reference given in joints: the branch its loops are on."""
+    """The memory of a reference given in joints: its configuration q (n,), from which loops are followed."""
 
     q: Any
     """(n,) its tree's joints at the last tick"""
@@ -40,8 +40,8 @@ class Goal(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TaskSpaceSlotineLi(SlotineLi):
-    """Slotine and Li's law with the reference velocity chosen for a point x(p) of a link (Slotine and Li 1987,
-    section on Cartesian control).
+    """Slotine and Li's law in task space: the reference velocity is chosen for a point x(p) of a link (Slotine and Li
+    1987, section on Cartesian control).
 
         v_r = J# (x_d' - Lambda (x - x_d)) + (1 - J# J)(-posture_rate (p - posture)),  J# = J'(J J' + mu^2)^-1
         a_r = its exact derivative in time, by dual numbers;  s = v - v_r
@@ -93,20 +93,20 @@ class TaskSpaceSlotineLi(SlotineLi):
 
     @property
     def reference_size(self) -> int:
-        """m, or r where the reference is given in joints."""
+        """Length of each part of a reference point: m coordinates, or r where the reference is given in joints."""
         return self.dof if self.reference_in_joints else len(self.axes)
 
     def reference_velocity(
         self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> ReferenceVelocity:
-        """v_r and its derivative along the motion, by dual numbers."""
+        """The reference velocity v_r (r,) in rad/s or m/s, and its derivative along the motion, by dual numbers."""
         goal, rate, more = self._goal(reference, memory)
         rates = self.model.mechanism.equations.rates(q, v)
         v_r = self._velocity(_moving(q, rates), _moving(p, v), goal, rate)
         return ReferenceVelocity(Column(x.value for x in v_r), Column(x.slope for x in v_r), more)
 
     def point(self, q: Column) -> tuple[Column, list[Column]]:
-        """x (m,) and the rows of J (m, r) at configuration q (n,)."""
+        """The tool's coordinates x (m,) in m, and the rows of their Jacobian J (m, r), at configuration q (n,)."""
         equations = self.model.mechanism.equations
         moving = moving_point(equations.links, q, self._link, Vec(*np.asarray(self.tool).tolist()))
         units = [Column(float(i == j) for j in range(self.dof)) for i in range(self.dof)]

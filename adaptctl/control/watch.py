@@ -18,7 +18,7 @@ from adaptctl.errors import InputError
 
 
 class Watch(NamedTuple):
-    """Stability of T samples of a run."""
+    """Stability numbers at T samples of a run: of the adaptation, of the held torque, and of ringing joint by joint."""
 
     adaptation: Array
     """(T,) a = T_c lambda_max(K^-1 Y Gamma Y'): the theorems of discrete adaptation ask for a below 2 or 2 - h"""
@@ -33,7 +33,8 @@ class _Run(LearningRun, SampledRun, Protocol):
 
 
 def watch(controller: SlotineLi, run: _Run, mechanism: Mechanism, every: int = 1) -> Watch:
-    """The numbers at every `every`-th sample of a run at all of the controller's ticks, with the true mechanism.
+    """The stability numbers at every `every`-th sample of a run with the true mechanism; the run must have all of the
+    controller's ticks.
 
     `adaptation` and `hold` cost a regressor and a mass matrix a sample. Raises `InputError` for the law's relatives.
     """

@@ -46,7 +46,8 @@ class JointKind(Enum):
 
 @dataclass(frozen=True)
 class Limits:
-    """Position range (rad or m), greatest speed (rad/s or m/s) and greatest effort (N m or N)."""
+    """Limits of a joint: its position range (rad or m), greatest speed (rad/s or m/s) and greatest effort (N m or
+    N)."""
 
     lower: float = -math.inf
     upper: float = math.inf
@@ -85,7 +86,7 @@ class Joint:
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Link:
-    """A rigid body behind one joint.
+    """A link: a rigid body, and the joint that connects it to its parent.
 
     `near` is the joint's frame in the parent link's frame at zero, `far` the link's frame in the joint's
     moved frame: the identity for URDF, a Denavit-Hartenberg step for frames at the far end.
@@ -161,7 +162,8 @@ class Description:
 
     @property
     def shafts(self) -> list[list[object]]:
-        """The joints whose drives turn with others, and these, plainly."""
+        """Indices of the joints whose drives turn with others, and the names and ratios of these, in JSON's types, for
+        hashing."""
         drives = ((i, link.joint.drive.turns_with) for i, link in enumerate(self.links))
         return [[i, [[name, repr(ratio)] for name, ratio in others]] for i, others in drives if others]
 
@@ -172,7 +174,7 @@ class Description:
 
     @cached_property
     def primary(self) -> tuple[int, ...]:
-        """The primary joints among the tree's, in the order of the primary coordinates p."""
+        """Indices of the primary joints among the tree's, in the order of the primary coordinates p."""
         names = self.joint_names if self.loops is None else self.loops.primary
         return tuple(self.joint_names.index(name) for name in names)
 
@@ -192,12 +194,12 @@ class Description:
 
     @property
     def bodies(self) -> tuple[int, ...]:
-        """The links that own ten parameters each: all but the massless ones."""
+        """Indices of the links that own ten parameters each: all but the massless ones."""
         return tuple(i for i, link in enumerate(self.links) if not link.massless)
 
     @cached_property
     def body_names(self) -> tuple[str, ...]:
-        """The names of these links."""
+        """Names of the links that own ten parameters each."""
         return tuple(self.links[i].name for i in self.bodies)
 
     @property
@@ -207,7 +209,7 @@ class Description:
         return tuple((i, kind) for kind in DriveParameter for i, d in enumerate(drives) if d.value(kind) is not None)
 
     def shaft(self, joint: int) -> tuple[tuple[int, float], ...]:
-        """The joints that a joint's drive turns with, itself first, and the ratios of their speeds."""
+        """Indices of the joints that a joint's drive turns with, itself first, and the ratios of their speeds."""
         others = self.links[joint].joint.drive.turns_with
         return (joint, 1.0), *((self.joint_names.index(name), ratio) for name, ratio in others)
 
@@ -235,17 +237,18 @@ class Description:
 
     @cached_property
     def weightless(self) -> tuple[str, ...]:
-        """Names of the links of a tree that have no mass and carry none: nothing resists their joints."""
+        """Names of the links of a tree that have no mass and carry none: their joints' accelerations are not
+        determined."""
         return () if self.loops is not None else weightless_ends(self.links)
 
     @property
     def inconsistent_links(self) -> tuple[str, ...]:
-        """Names of the links whose ten no rigid body can have."""
+        """Names of the links whose ten inertial parameters no rigid body can have."""
         bodies = [self.links[i] for i in self.bodies]
         return tuple(body.name for body in bodies if not is_physically_consistent(body.inertia))
 
     def with_parameters(self, parameters: ArrayLike) -> Description:
-        """The same mechanism with other parameters (P,)."""
+        """The same mechanism with other parameters (P,) in SI units. Raises `InputError` for another number of them."""
         values = frozen_array(parameters, (len(self.parameter_names),), f"{self.name}: parameters")
         links, tens = list(self.links), 10 * len(self.bodies)
         for i, ten in zip(self.bodies, values[:tens].reshape(-1, 10), strict=True):
@@ -267,7 +270,7 @@ class Description:
 
     @property
     def sha256(self) -> str:
-        """A hash of everything that moves: equal mechanisms, equal hashes. Where it came from does not count."""
+        """Hash of everything that moves: equal mechanisms, equal hashes. The source of the numbers does not count."""
         content: dict[str, object] = {"name": self.name, "gravity": self.gravity.tolist()}
         content["links"] = [_plain(link) for link in self.links]
         if self.drive_parameters:
@@ -283,7 +286,7 @@ class Description:
 
     @property
     def geometry_sha256(self) -> str:
-        """A hash of what decides which parameters matter: gravity, the tree, its joints and frames, link names.
+        """Hash of what decides which parameters matter: gravity, the tree, its joints and frames, link names.
 
         Inertial values, limits and the mechanism's name do not count. Numbers count to 1e-12, so that another
         machine's sine gives the same hash.
@@ -307,8 +310,8 @@ class Description:
 
 
 def depth_first(links: Iterable[Link]) -> tuple[Link, ...]:
-    """The same tree with every subtree contiguous and parents before children; siblings keep their order. Raises
-    `InputError` for a link that does not hang on the ground through its parents."""
+    """The links in depth-first order: every subtree contiguous and parents before children; siblings keep their order.
+    Raises `InputError` for a link that does not hang on the ground through its parents."""
     given = tuple(links)
     order: list[int] = []
     pending = [i for i, link in enumerate(given) if link.parent == GROUND][::-1]
@@ -323,7 +326,8 @@ def depth_first(links: Iterable[Link]) -> tuple[Link, ...]:
 
 
 def weightless_ends(links: Sequence[Link]) -> tuple[str, ...]:
-    """Names of the links that have neither mass nor rotor, and carry none that has: nothing resists their joints."""
+    """Names of the links that have neither mass nor rotor, and carry none that has: their joints' accelerations are not
+    determined."""
     heavy: set[int] = set()
     for i, link in reversed(list(enumerate(links))):
         if i in heavy or np.any(link.inertia) or link.joint.drive.rotor_inertia:

@@ -36,7 +36,7 @@ MAY_BE_NEGATIVE = frozenset({DriveParameter.SQUARE_ROOT, DriveParameter.STRIBECK
 
 @dataclass(frozen=True)
 class Drive:
-    """Rotor inertia and friction of a joint at its shaft's speed s, rad/s or, for a prismatic joint, m/s.
+    """A joint's drive: rotor inertia and friction at its shaft's speed s, rad/s or, for a prismatic joint, m/s.
 
     `rotor_inertia` (kg m^2, or kg) counts through the gears. The friction torque (N m, or N) is
 

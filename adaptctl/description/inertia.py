@@ -18,26 +18,29 @@ _LOWER = (0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2)
 
 
 def inertia_tensor(ten: ArrayLike) -> Array:
-    """The tensor (3, 3) about the frame's origin; off-diagonal entries are -integral xy dm."""
+    """The inertia tensor (3, 3), kg m^2, about the frame's origin, of ten inertial parameters (10,); off-diagonal
+    entries are -integral xy dm."""
     return np.asarray(ten, dtype=np.float64)[_TENSOR]
 
 
 def from_tensor(mass: float, first_moment: ArrayLike, tensor: ArrayLike) -> Array:
-    """The ten from a mass, a first moment (3,) and a tensor (3, 3), all about the frame's origin."""
+    """The ten inertial parameters (10,) from a mass (kg), a first moment (3,) in kg m and a tensor (3, 3) in kg m^2,
+    all about the frame's origin."""
     entries = np.asarray(tensor, dtype=np.float64)
     return np.array([mass, *np.asarray(first_moment, dtype=np.float64), *(entries[index] for index in _LOWER)])
 
 
 def from_center_of_mass(mass: float, center: ArrayLike, tensor_at_center: ArrayLike) -> Array:
-    """The ten (10,) from a mass (kg), its centre (3,) in m and the tensor (3, 3) in kg m^2 about that centre (Huygens
-    and Steiner)."""
+    """The ten inertial parameters (10,) from a mass (kg), its centre (3,) in m and the tensor (3, 3) in kg m^2 about
+    that centre (Huygens and Steiner)."""
     c = np.asarray(center, dtype=np.float64)
     shift = mass * (np.dot(c, c) * np.eye(3) - np.outer(c, c))
     return from_tensor(mass, mass * c, np.asarray(tensor_at_center, dtype=np.float64) + shift)
 
 
 def pseudo_inertia(ten: ArrayLike) -> Array:
-    """The pseudo-inertia matrix (4, 4): [[Sigma, mc], [mc', m]] with Sigma = tr(I)/2 1 - I.
+    """The pseudo-inertia matrix (4, 4) of ten inertial parameters (10,), in the order of PARAMETERS: [[Sigma, mc],
+    [mc', m]] with Sigma = tr(I)/2 1 - I.
 
     A mass density can produce the ten exactly when it is positive definite (Wensing, Kim and Slotine 2018).
     """
@@ -52,24 +55,25 @@ UNIT_PSEUDO_INERTIAS = np.stack([pseudo_inertia(unit) for unit in np.eye(len(PAR
 
 
 def from_pseudo_inertia(matrix: ArrayLike) -> Array:
-    """The ten (10,) of a pseudo-inertia matrix (4, 4)."""
+    """The ten inertial parameters (10,) of a pseudo-inertia matrix (4, 4)."""
     values = np.asarray(matrix, dtype=np.float64)
     second_moments = values[:3, :3]
     return from_tensor(values[3, 3], values[:3, 3], np.trace(second_moments) * np.eye(3) - second_moments)
 
 
 def transformed(ten: ArrayLike, pose: Pose) -> Array:
-    """The ten (10,) in a parent frame of a body whose ten are given in the frame that stands there at `pose`."""
+    """The ten inertial parameters (10,) in a parent frame of a body whose ten are given in the frame that stands there
+    at `pose`."""
     homogeneous = np.eye(4)
     homogeneous[:3, :3], homogeneous[:3, 3] = pose.rotation, pose.translation
     return from_pseudo_inertia(homogeneous @ pseudo_inertia(ten) @ homogeneous.T)
 
 
 def is_physically_consistent(ten: ArrayLike) -> bool:
-    """True where some rigid body of positive density has these ten."""
+    """True where some rigid body of positive density has these ten inertial parameters (10,)."""
     return bool(np.linalg.eigvalsh(pseudo_inertia(ten))[0] > 0.0)
 
 
 def parameter_names(link_names: Sequence[str]) -> tuple[str, ...]:
-    """Names such as ``link3.I_xx``, ten a link."""
+    """Names of inertial parameters, such as ``link3.I_xx``, ten a link."""
     return tuple(f"{link}.{name}" for link in link_names for name in PARAMETERS)

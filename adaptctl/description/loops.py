@@ -14,7 +14,8 @@ from adaptctl.errors import InputError, NotFoundError
 
 
 class ClosureKind(Enum):
-    """The part of two frames' poses that coincides: the origin, origin and z axis (a hinge), or the whole pose."""
+    """The kind of a loop closure, by what coincides of two frames: the origin, origin and z axis (a hinge), or the
+    whole pose."""
 
     POINT = "point"
     AXIS = "axis"
@@ -28,7 +29,7 @@ class ClosureKind(Enum):
 
 @dataclass(frozen=True)
 class Closure:
-    """A joint that was cut to make a tree: a frame on one link coincides with a frame on another.
+    """A loop closure, the joint that was cut to make a tree: a frame on one link coincides with a frame on another.
 
     Links are named, None being the ground; the frames are poses in their links.
     """
@@ -47,7 +48,7 @@ class Closure:
 
 @dataclass(frozen=True)
 class Coupling:
-    """A joint that follows another through gears or a mimic: follower = ratio leader + offset."""
+    """A coupling of two joints through gears or a mimic: follower = ratio leader + offset (rad or m)."""
 
     name: str
     follower: str
@@ -87,7 +88,7 @@ class Condition:
 
 @dataclass(frozen=True, eq=False)
 class Loops:
-    """The closures, couplings and primary joints that make a tree a mechanism with loops.
+    """The loops of a mechanism: closures, couplings and primary joints that make a tree a mechanism with loops.
 
     `primary` names the joints that are driven and whose coordinates describe the motion; the others follow.
     `reference` gives the configuration (rad or m by joint name, zero where not given) from which the motion is
@@ -129,7 +130,7 @@ class Loops:
                 raise InputError(f"coupling {c.name!r}: joint {c.follower!r} follows another, so it cannot be primary")
 
     def require_known(self, links: Collection[str], joints: Collection[str]) -> None:
-        """Refuse names of links and joints that the tree does not have."""
+        """Raise `InputError` for names of links and joints that the tree does not have."""
         named_links = {link: c.name for c in self.closures for link in (c.first, c.second) if link is not None}
         named_joints = {joint: c.name for c in self.couplings for joint in (c.follower, c.leader)}
         named_joints |= dict.fromkeys(self.primary, "primary") | dict.fromkeys(self.reference, "reference")
@@ -139,7 +140,7 @@ class Loops:
                     raise NotFoundError(f"{where}: there is no {what} {name!r}; there are {', '.join(sorted(known))}")
 
     def plain(self) -> list[object]:
-        """Contents that bear on motion, in JSON's types, for hashing."""
+        """The loops' contents that bear on motion, in JSON's types, for hashing."""
         closures = [
             [c.name, c.first, c.second, _plain(c.first_frame), _plain(c.second_frame), c.kind.value]
             for c in self.closures

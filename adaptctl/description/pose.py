@@ -34,7 +34,7 @@ def exact_right_angles(rotation: Array, tolerance: float = 1e-15) -> Array:
 
 
 def roll_pitch_yaw(angles: ArrayLike) -> Array:
-    """Rotation matrix of URDF's fixed-axis roll, pitch and yaw (rad)."""
+    """Rotation matrix (3, 3) of URDF's fixed-axis roll, pitch and yaw (3,), rad."""
     roll, pitch, yaw = np.asarray(angles, dtype=np.float64)
     product = rotation_about((0, 0, 1), yaw) @ rotation_about((0, 1, 0), pitch) @ rotation_about((1, 0, 0), roll)
     return exact_right_angles(product)
@@ -43,7 +43,7 @@ def roll_pitch_yaw(angles: ArrayLike) -> Array:
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """A child frame in a parent frame: `rotation` (3, 3) turns child coordinates into the parent's,
+    """The pose of a child frame in a parent frame: `rotation` (3, 3) turns child coordinates into the parent's,
     `translation` (3,) is the child's origin in the parent (m). Both are read-only."""
 
     rotation: Array
@@ -63,7 +63,7 @@ class Pose:
 
     @classmethod
     def identity(cls) -> Pose:
-        """The parent frame itself."""
+        """The identity: the pose of a frame in itself."""
         return cls(np.eye(3), np.zeros(3))
 
     def __matmul__(self, inner: Pose) -> Pose:
@@ -73,7 +73,7 @@ class Pose:
 
     @property
     def inverse(self) -> Pose:
-        """The parent frame in the child."""
+        """The inverse: the pose of the parent frame in the child."""
         return Pose(self.rotation.T, -self.rotation.T @ self.translation + 0.0)
 
     def __eq__(self, other: object) -> bool:

@@ -29,7 +29,8 @@ def link_end(link: Link) -> Array:
 
 
 def attachments(description: Description) -> list[list[Array]]:
-    """Points (3,) of every link, m in its frame, where others hang on it or meet it in a loop; its end without any."""
+    """Attachment points (3,) of every link, m in its frame, where others hang on it or meet it in a loop; its end
+    without any."""
     points: list[list[Array]] = [[] for _ in description.links]
     for link in description.links:
         if link.parent != GROUND:

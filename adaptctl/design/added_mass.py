@@ -20,7 +20,7 @@ PERCENT = 1.0
 
 @dataclass(frozen=True, eq=False)
 class AddedMass:
-    """The effect of a body on a link over a task's states, as far as it is in the essential space."""
+    """The effect of an added body on the energy, torques and essential parameters of an arm, over a task's states."""
 
     task: DesignTask
     link: str
@@ -45,17 +45,17 @@ class AddedMass:
 
     @property
     def own_energy(self) -> float:
-        """Energy (J, RMS about its mean) that the body itself carries."""
+        """Energy of the body alone, J: the root mean square about its mean over the task's states."""
         return self.task.cost("energy", self.change)
 
     @property
     def energy_change(self) -> float:
-        """Change of the energy that the arm carries, as share of it; below zero where the body balances the arm."""
+        """Change of the energy that the arm carries, as a share of it; negative where the body balances the arm."""
         return self._change("energy")
 
     @property
     def torque_change(self) -> float:
-        """Change of the torques (RMS over limits, all joints together), as share of them."""
+        """Change of the torques, as a share of them: root mean squares over their limits, all joints together."""
         return self._change("torque")
 
     @property
@@ -65,18 +65,18 @@ class AddedMass:
 
     @property
     def components(self) -> int:
-        """Number of essential components that keep the energy to the error."""
+        """Number of essential components that keep the energy to an error of `percent`."""
         return self.task.components(self.percent, self.parameters)
 
     @cached_property
     def becomes_essential(self) -> tuple[str, ...]:
-        """Fundamental parameters that were zero, and are not with the body."""
+        """Names of the fundamental parameters that are zero without the body, and are not with it."""
         before = set(self.task.carried())
         return tuple(name for name in self.task.carried(self.parameters) if name not in before)
 
     @cached_property
     def changed(self) -> tuple[tuple[str, float], ...]:
-        """Fundamental parameters that the body changes and by how much, in SI units."""
+        """Names of the fundamental parameters that the body changes, and by how much, in SI units."""
         basis = self.task.basis
         changes = basis.regrouping @ self.change
         size = 1e-9 * float(np.abs(self.change).max(initial=0.0))

@@ -14,12 +14,13 @@ STEEL = 7850.0
 
 
 def point(mass: float, place: ArrayLike = (0.0, 0.0, 0.0)) -> Payload:
-    """A point of a mass (kg) at a place (3,) in its link's frame, m. Raises `InputError` for a mass below zero."""
+    """A point mass (kg) at a place (3,), m in its link's frame. Raises `InputError` for a mass below zero."""
     return Payload(mass, frozen_array(place, (3,), "place"))
 
 
 def sphere(mass: float, place: ArrayLike = (0.0, 0.0, 0.0), *, density: float = STEEL) -> Payload:
-    """A solid ball of a density (kg/m^3). Raises `InputError` unless all numbers are positive and finite."""
+    """A solid ball of a mass (kg) and a density (kg/m^3) with its centre at a place (3,), m in its link's frame. Raises
+    `InputError` unless mass and density are positive and finite."""
     _require(density=density, mass=mass)
     return Payload(mass, frozen_array(place, (3,), "place"), ball_moment(mass, density) * np.eye(3))
 
@@ -81,14 +82,15 @@ def ball_moment(mass: float, density: float) -> float:
 
 
 def ball_tens(masses: ArrayLike, places: ArrayLike, density: float = np.inf) -> Array:
-    """The tens (..., 10) of balls of these masses (...) at places (..., 3): points, where the density is infinite."""
+    """The inertial parameters (..., 10) of balls of masses (...), kg, at places (..., 3), m: points, where the density
+    is infinite."""
     m, x = np.asarray(masses, dtype=np.float64), np.asarray(places, dtype=np.float64)
     own = 0.4 * m * (3.0 * m / (4.0 * np.pi * density)) ** (2.0 / 3.0)
     return np.asarray(m[..., None] * _per_mass(x) + own[..., None] * EVEN)
 
 
 def ball_tens_slopes(masses: Array, places: Array, density: float) -> Array:
-    """Slopes (..., 10, 4) of `ball_tens` with the mass and the three coordinates."""
+    """Derivatives (..., 10, 4) of `ball_tens` by the mass and the three coordinates."""
     own = (2.0 / 3.0) * (3.0 * masses / (4.0 * np.pi * density)) ** (2.0 / 3.0)
     with_mass = _per_mass(places) + own[..., None] * EVEN
     slopes = [with_mass]

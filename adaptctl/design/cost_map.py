@@ -18,7 +18,8 @@ EACH = 9
 
 @dataclass(frozen=True, eq=False)
 class LinkCost:
-    """The places of a link where a point mass costs least and most, as changes of the arm's cost by shares of it."""
+    """Cost of a point mass on a link: the places where it is least and most, as changes of the arm's cost by shares of
+    it."""
 
     link: str
     least: float
@@ -32,14 +33,15 @@ class LinkCost:
 
 @dataclass(frozen=True, eq=False)
 class CostMap:
-    """The change of an objective's cost by a point of a mass (kg), over places on links, as share of the cost."""
+    """Map of a point mass's (kg) effect on an objective: relative changes of its cost, over places on links."""
 
     task: DesignTask
     mass: float
     objective: str
 
     def at(self, link: str, places: ArrayLike) -> Array:
-        """Changes (...) at places (..., 3) in a link's frame. Raises `InputError` for unknown links."""
+        """Relative changes (...) of the cost by the mass at places (..., 3), m in a link's frame. Raises `InputError`
+        for unknown links."""
         x = checked(places, 3, f"{link}: places")
         M, first = self.task.matrix(self.objective), 10 * self.task.link(link)
         before = M @ self.task.parameters
@@ -49,7 +51,8 @@ class CostMap:
         return np.asarray((after - size) / size)
 
     def over(self, places: PlaceBounds, each: int = EACH) -> LinkCost:
-        """The cheapest and the dearest of a grid of places on a link."""
+        """The least and the greatest relative change of the cost on a grid of `each`^3 places on a link, and where they
+        are."""
         grid = places.grid(each)
         changes = self.at(places.link, grid)
         low, high = int(np.argmin(changes)), int(np.argmax(changes))
@@ -58,7 +61,8 @@ class CostMap:
 
 
 def cost_map(task: DesignTask, mass: float = 1.0, objective: str = "energy") -> CostMap:
-    """The map of what a point of a mass (kg) costs. Raises `InputError` for other than a positive mass."""
+    """The map of what a point mass (kg) changes of an objective's cost. Raises `InputError` for other than a positive
+    mass, and for an unknown objective."""
     task.matrix(objective)
     task.require_energy()
     return CostMap(task, positive_number(mass, "mass"), objective)

@@ -26,7 +26,7 @@ NO_MASS = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Counterweight:
-    """A ball of a mass (kg) at a place (3,) in a link's frame, m."""
+    """A counterweight: a ball of a mass (kg) and a density at a place (3,), m in a link's frame."""
 
     link: str
     mass: float
@@ -36,13 +36,14 @@ class Counterweight:
 
     @property
     def body(self) -> Payload:
-        """The ball as a body on the link."""
+        """The counterweight as a rigid body on the link."""
         return sphere(self.mass, self.place, density=self.density)
 
 
 @dataclass(frozen=True, eq=False)
 class Counterweights:
-    """The counterweights that make an objective's cost least, within bounds, and what they change."""
+    """Result of `optimal_counterweights`: the counterweights that make an objective's cost least, within bounds, and
+    the costs with and without them."""
 
     task: DesignTask
     objective: str
@@ -63,7 +64,7 @@ class Counterweights:
 
     @cached_property
     def balanced(self) -> DesignTask:
-        """The same task of the mechanism with the counterweights."""
+        """The same task for the mechanism with the counterweights."""
         return self.task.with_parameters(self.parameters)
 
     @property
@@ -73,17 +74,18 @@ class Counterweights:
 
     @property
     def cost_after(self) -> float:
-        """The objective's cost with them."""
+        """The objective's cost with the counterweights, in the unit of `cost_before`."""
         return _cost(self.balanced, self.objective, self.percent)
 
     @property
     def saved(self) -> float:
-        """Share of the cost that they remove."""
+        """Share of the cost that the counterweights remove, from 0 to 1."""
         return 1.0 - self.cost_after / self.cost_before if self.cost_before > 0.0 else 0.0
 
     @property
     def inconsistent(self) -> tuple[str, ...]:
-        """Links whose ten no rigid body can have, with the counterweights: none that were right without them."""
+        """Names of the links whose ten parameters no rigid body can have, with the counterweights: none that were right
+        without them."""
         names, tens = self.task.mechanism.description.body_names, self.parameters
         pairs = ((name, tens[10 * i : 10 * i + 10]) for i, name in enumerate(names))
         return tuple(name for name, ten in pairs if not is_physically_consistent(ten))
@@ -98,7 +100,7 @@ def optimal_counterweights(
     density: float = STEEL,
     seed: int = 0,
 ) -> Counterweights:
-    """The balls, one on each of some links, with the least cost over masses and places within bounds.
+    """The counterweights, one ball on each of some links, with the least cost over masses and places within bounds.
 
     The objective is the energy carried ("energy", J), the torques ("torque", share of limits), the mass matrix's
     entries off the diagonal ("coupling", kg m^2), or the number of essential components that keep the energy to an

@@ -25,7 +25,8 @@ SLACK = 1e-9
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class PlaceBounds:
-    """The box of places (3,) from `lower` to `upper`, m in a link's frame, and the mass (kg) that fits there at most.
+    """Bounds of a counterweight on a link: the box of its places (3,) from `lower` to `upper`, m in the link's frame,
+    and its greatest mass (kg).
 
     Raises `InputError` for masses below zero and for boxes whose ends are the wrong way around.
     """
@@ -47,7 +48,8 @@ class PlaceBounds:
 
     @classmethod
     def of(cls, mechanism: Mechanism, link: str, share: float = SHARE, beyond: float = BEYOND) -> PlaceBounds:
-        """The box about a link's joints, its ends and its centre of mass, and beyond by a share of its length.
+        """Bounds about a link: the box of its joints, its ends and its centre of mass, widened by a share `beyond` of
+        its length.
 
         The mass is a share of the link's own. Raises `InputError` for unknown links and shares below zero.
         """
@@ -78,7 +80,7 @@ class PlaceBounds:
 def bounds(
     mechanism: Mechanism, links: Iterable[str], share: float = SHARE, beyond: float = BEYOND
 ) -> tuple[PlaceBounds, ...]:
-    """The default places on some links. Raises `InputError` for unknown links, and for a link given twice."""
+    """The default bounds on some links. Raises `InputError` for unknown links, and for a link given twice."""
     names = tuple(links)
     if len(set(names)) < len(names) or not names:
         raise InputError(f"links: expected at least one, each once, got {', '.join(names) or 'none'}")

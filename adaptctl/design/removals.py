@@ -34,7 +34,7 @@ EACH = 13
 
 @dataclass(frozen=True, eq=False)
 class Removal:
-    """A change of design after which fewer fundamental parameters are enough, for certain."""
+    """A change of design after which certainly fewer fundamental parameters are enough."""
 
     basis: FundamentalBasis
     way: Way
@@ -56,12 +56,12 @@ class Removal:
 
     @property
     def rank(self) -> int:
-        """The number of parameters that are enough afterwards."""
+        """Number of parameters that are enough after the change."""
         return len(self.columns)
 
     @property
     def gone(self) -> tuple[str, ...]:
-        """Fundamental parameters that need not be carried any more."""
+        """Names of the fundamental parameters that need not be carried any more."""
         left = {self.basis.parameter_names[j] for j in self.columns}
         return tuple(name for name in self.basis.names if name not in left)
 
@@ -81,12 +81,12 @@ class Removal:
 
     @cached_property
     def before(self) -> tuple[str, ...]:
-        """Regrouping equations that the change touches, as they were."""
+        """Regrouping equations, as text, of the parameters that the change affects, before the change."""
         return tuple(equation for equation in self.basis.equations() if equation not in self._left)
 
     @cached_property
     def after(self) -> tuple[str, ...]:
-        """Equations that replace the removed parameters."""
+        """Regrouping equations, as text, that hold after the change instead of those of `before`."""
         own = set(self.basis.equations())
         return (*(f"{name}* = 0" for name in self.zero), *(equation for equation in self._left if equation not in own))
 
@@ -96,7 +96,7 @@ class Removal:
 
 
 def operations_saved(task: DesignTask, removal: Removal) -> int:
-    """Floating-point operations that an adaptive tick's equations save with the parameters that are left."""
+    """Number of floating-point operations that an adaptive tick's equations save with the parameters that are left."""
     mechanism = task.mechanism
     friction = range(mechanism.energetic, len(mechanism.parameter_names))
     before, after = (equation_costs(mechanism, (*c, *friction)).tick for c in (task.basis.columns, removal.columns))
@@ -104,7 +104,8 @@ def operations_saved(task: DesignTask, removal: Removal) -> int:
 
 
 def removals(task: DesignTask, within: Sequence[PlaceBounds], density: float = STEEL) -> tuple[Removal, ...]:
-    """Every removal on some links, the largest first, then the one with the least mass.
+    """All changes of design on some links that remove fundamental parameters, the largest first, then the one with the
+    least mass.
 
     By symmetry: a link that is its own mirror image along axes of its frame. By balance: a ball added to a link within
     its bounds makes one fundamental parameter zero that is not. By relocation: a part of the link's own mass, taken

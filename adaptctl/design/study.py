@@ -48,19 +48,20 @@ class DesignStudy:
 
     @cached_property
     def links(self) -> tuple[LinkCost, ...]:
-        """The cheapest and the dearest place on every link."""
+        """The cheapest and the dearest place for the body's mass on every link."""
         return tuple(self.map.over(places) for places in self.within)
 
     @cached_property
     def added(self) -> tuple[AddedMass, ...]:
-        """The body at the centre of mass of every link."""
+        """Effects of the body at the centre of mass of every link."""
         centers = (self.task.center_of_mass(places.link) for places in self.within)
         pairs = zip(self.within, centers, strict=True)
         return tuple(added_mass(self.task, p.link, self.body, x, percent=self.percent) for p, x in pairs)
 
     @cached_property
     def worthwhile(self) -> tuple[tuple[Removal, int], ...]:
-        """The removals of either kind that leave least, and operations saved a tick; of equal ones the lightest."""
+        """The removals by symmetry and by balance that leave the fewest parameters, each with the operations it saves a
+        tick; of equal ones the lightest."""
         lightest: dict[tuple[tuple[str, ...], bool], Removal] = {}
         for removal in self.removals:
             lightest.setdefault((removal.gone, removal.way == "symmetry"), removal)
@@ -83,7 +84,7 @@ def design_study(
     percent: float = PERCENT,
     seed: int = 0,
 ) -> DesignStudy:
-    """The study of a body, by itself, by name or as a point's mass in kg, and of counterweights on some links.
+    """The design study of a body, given itself, by name or as a point mass in kg, and of counterweights on some links.
 
     Where no links are named, the heaviest six carry some, but for those that turn about the vertical on the ground.
     Raises `InputError` as `named_body` and `PlaceBounds` do.

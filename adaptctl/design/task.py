@@ -43,7 +43,8 @@ CARRIED = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class DesignTask:
-    """States of a mechanism in motion: positions, velocities and accelerations (samples, r), and where they are from.
+    """A task to judge a design by: states of a mechanism in motion, positions, velocities and accelerations (samples,
+    r), and where they are from.
 
     What a design is judged by is linear in the parameters D (P,): its cost is |M D| with a matrix M (P, P). Raises
     `InputError` for arrays of other shapes, for a mechanism whose parameters are not ten a link, and for states that
@@ -71,7 +72,8 @@ class DesignTask:
     def within_limits(
         cls, mechanism: Mechanism, samples: int = SAMPLES, seed: int = 0, speed: float = SPEED
     ) -> DesignTask:
-        """Random states within the joints' limits, at normal speeds about `speed` sqrt(g/L), or the joints' limits.
+        """The task of random states within the joints' limits, at normal speeds about `speed` sqrt(g/L), or the joints'
+        limits.
 
         Accelerations are normal about the square of that. At a `speed` of 1 kinetic and potential energy weigh alike;
         an arm at work moves at about a quarter of it. With loops, positions are on the reference's branch. Raises
@@ -89,8 +91,8 @@ class DesignTask:
 
     @classmethod
     def along(cls, mechanism: Mechanism, reference: Reference, duration: float, samples: int = SAMPLES) -> DesignTask:
-        """The states of a reference at evenly spaced times from 0 to a duration (s). Raises `InputError` for another
-        number of samples or a duration that is not positive."""
+        """The task of following a reference: its states at evenly spaced times from 0 to a duration (s). Raises
+        `InputError` for another number of samples or a duration that is not positive."""
         if not 2 <= samples <= MOST or not 0.0 < duration < np.inf:
             raise InputError(
                 f"task: expected 2 to {MOST} samples and a positive duration, got {samples} and {duration}"
@@ -105,7 +107,7 @@ class DesignTask:
 
     @cached_property
     def basis(self) -> FundamentalBasis:
-        """The fundamental basis by the default priority."""
+        """The fundamental basis of the mechanism by the default priority."""
         return fundamental_basis(self.space, Priority())
 
     @cached_property
@@ -116,7 +118,7 @@ class DesignTask:
 
     @cached_property
     def torque_limits(self) -> Array:
-        """Limits (r,) that torques are compared with, N m or N."""
+        """Torque limits (r,) that torques are compared with, N m or N."""
         return finite_torque_limits(self.mechanism)
 
     def require_energy(self) -> None:
@@ -128,7 +130,8 @@ class DesignTask:
             )
 
     def matrix(self, objective: str) -> Array:
-        """M (n, P) of an objective's cost |M D|: "energy" in J, "torque" as share of the limits, "coupling" in kg m^2.
+        """The matrix M (n, P) of an objective's cost |M D|: "energy" in J, "torque" as share of the limits, "coupling"
+        in kg m^2.
 
         Each is a root of a mean of squares over the states: of energies about their mean, which is half the mean square
         of their differences among all pairs (Sheu and Walker 1991, equation 8); of the joints' torques, which add up;
@@ -146,7 +149,8 @@ class DesignTask:
         return rows[objective]()
 
     def cost(self, objective: str, parameters: ArrayLike | None = None) -> float:
-        """The cost |M D| of parameters D (P,), the mechanism's own by default."""
+        """The cost |M D| of an objective at parameters D (P,), the mechanism's own by default; the unit is that of
+        `matrix`."""
         return float(np.linalg.norm(self.matrix(objective) @ self._given(parameters)))
 
     def torques(self, parameters: ArrayLike | None = None) -> Array:
@@ -158,19 +162,21 @@ class DesignTask:
         return int(component_counts(self._components @ self._given(parameters), percent))
 
     def carried(self, parameters: ArrayLike | None = None, share: float = CARRIED) -> tuple[str, ...]:
-        """Names of the fundamental parameters whose loss would change the energy by more than a share of it."""
+        """Names of the fundamental parameters whose loss would change the energy by more than a share of it, for
+        parameters (P,), the mechanism's own by default."""
         return tuple(
             name for name, weight in zip(self.basis.names, self.weights(parameters), strict=True) if weight > share
         )
 
     def weights(self, parameters: ArrayLike | None = None) -> Array:
-        """Shares (k,) of the energy that would be lost with each fundamental parameter alone."""
+        """Shares (k,) of the energy that would be lost with each fundamental parameter alone, for parameters (P,), the
+        mechanism's own by default."""
         D = self._given(parameters)
         each = np.linalg.norm(self._energy[:, list(self.basis.columns)], axis=0)
         return each * np.abs(self.basis.regrouping @ D) / max(self.cost("energy", D), np.finfo(float).tiny)
 
     def link(self, name: str) -> int:
-        """The place of a link among those that own parameters. Raises `InputError` naming those that there are."""
+        """Index of a link among those that own parameters. Raises `InputError` naming those that there are."""
         names = self.mechanism.description.body_names
         if name not in names:
             raise InputError(
@@ -184,7 +190,7 @@ class DesignTask:
         return np.asarray(ten[1:4] / ten[0]) if ten[0] > 0.0 else np.zeros(3)
 
     def with_parameters(self, parameters: ArrayLike) -> DesignTask:
-        """The same states of the mechanism with other parameters (P,) that enter energies; friction stays."""
+        """The same task of the mechanism with other parameters (P,) that enter energies, SI units; friction stays."""
         own = np.array(self.mechanism.inertial_parameters)
         own[: self.mechanism.energetic] = self._given(parameters)
         return replace(self, mechanism=self.mechanism.with_parameters(own))

@@ -24,7 +24,8 @@ LINEAR, QUADRATIC = 48, 24
 
 
 class ArrayEquation:
-    """A function of columns, called with arrays (..., n): trailing axes are the columns, leading ones are samples.
+    """An equation on arrays: a function of columns, called with arrays (..., n), whose trailing axes are the columns
+    and leading ones samples.
 
     The rule: it runs in Python, on floats or on NumPy's arrays, until it has been called CALLS times or for STATES
     states, or as much of both; then it is compiled, or found in the cache of compiled objects, one state at a time for
@@ -67,7 +68,7 @@ class ArrayEquation:
         self.call: Callable[..., Array] = self._generally
 
     def into(self, out: Array, *arguments: ArrayLike) -> Array:
-        """The result, put into `out`, an array of its shape (..., *shape), which is returned."""
+        """The equation's result (..., *shape), put into `out`, an array of that shape, which is returned."""
         return self._generally(*arguments, out=out)
 
     def _generally(self, *arguments: ArrayLike, out: Array | None = None) -> Array:

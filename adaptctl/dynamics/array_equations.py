@@ -70,7 +70,8 @@ class ArrayEquations:
         self.mass_matrix = self.of(inertia, "parameters", longest=QUADRATIC)
 
     def on_columns(self, regressor: str, columns: tuple[int, ...]) -> ArrayEquation:
-        """A regressor with asked columns only."""
+        """The equation on arrays of a regressor, "torque_regressor" or "slotine_li_regressor", with the asked columns
+        only."""
         key = regressor, columns
         if key not in self._on_columns:
             self._on_columns[key] = self._regressor(*key)
@@ -83,8 +84,8 @@ class ArrayEquations:
         longest: int = LINEAR,
         sizes: Mapping[str, int] | None = None,
     ) -> ArrayEquation:
-        """A function of columns on arrays: of q, the configuration of the p that it is called with, and of other
-        arguments: (r,), `parameters` (P,), or of other `sizes`."""
+        """An equation on arrays from a function of columns: of q, the configuration of the p that it is called with,
+        and of other arguments: (r,), `parameters` (P,), or of other `sizes`."""
         mechanism = self._mechanism
         configured = None if mechanism.description.loops is None else mechanism.configuration
 

@@ -12,7 +12,7 @@ from adaptctl.scalars import Column, Scalar
 
 
 class ConstrainedMotion(Motion):
-    """A whole mechanism's motion, in the free parameters z."""
+    """A mechanism's motion, with torques and regressors in the free parameters z."""
 
     __slots__ = ("equations", "whole")
 
@@ -20,7 +20,7 @@ class ConstrainedMotion(Motion):
         self.equations, self.whole = equations, whole
 
     def torque(self, parameters: Column) -> Column:
-        """M a_r + C(p, v) v_r + g + friction (r,), the known share included."""
+        """The torque M a_r + C(p, v) v_r + g + friction (r,), N m, with the part due to known parameters."""
         return self.whole.torque(self.equations.expanded(parameters))
 
     def regressor(self, columns: Sequence[int]) -> list[Column]:
@@ -30,7 +30,7 @@ class ConstrainedMotion(Motion):
         return [self.equations.combined(dict(zip(needed, row, strict=True)), columns) for row in rows]
 
     def powers(self, s: Column, columns: Sequence[int]) -> Column:
-        """(Y N)' s on the asked columns, without forming Y."""
+        """The product (Y N)' s (c,) of the regressor's asked columns and joint rates s (r,), without forming Y."""
         needed = self.equations.needed(columns)
         return self.equations.combined(dict(zip(needed, self.whole.powers(s, needed), strict=True)), columns)
 
@@ -42,7 +42,7 @@ class ConstrainedMotion(Motion):
 
 @dataclass(frozen=True)
 class ConstrainedEquations(Equations):
-    """The equations of a mechanism in free parameters z, of which all its parameters are D = D0 + N z.
+    """The equations of motion in free parameters z (Z,), of which all the mechanism's parameters are D = D0 + N z.
 
     Regressors are those of z alone, Y N; torques and accelerations include the share of D0. Columns of N that are
     zero but for a single one cost nothing: that parameter itself is free.
@@ -91,11 +91,11 @@ class ConstrainedEquations(Equations):
         return self._gathered(self.whole.energy_regressor(q, v).of)
 
     def potential_regressor(self, q: Column) -> Column:
-        """Potential part (Z,) of N' E."""
+        """The potential part (Z,) of the energy regressor N' E, J per unit of each free parameter."""
         return self._gathered(self.whole.potential_regressor(q).of)
 
     def motion(self, q: Column, v: Column, v_r: Column, a_r: Column) -> ConstrainedMotion:
-        """The whole mechanism's motion, in z."""
+        """The mechanism's motion, with torques and regressors in the free parameters z."""
         return ConstrainedMotion(self, self.whole.motion(q, v, v_r, a_r))
 
     def remembered(self, numbers: Column) -> ConstrainedMotion:
@@ -104,11 +104,11 @@ class ConstrainedEquations(Equations):
 
     @property
     def motion_size(self) -> int:
-        """Number of numbers in a motion."""
+        """Length of `Motion.numbers`."""
         return self.whole.motion_size
 
     def forward_dynamics(self, q: Column, v: Column, torque: Column, parameters: Column) -> Column:
-        """Primary accelerations (r,) under primary torques, the known share included."""
+        """Accelerations (r,) of the primary joints under their torques (r,), with the part due to known parameters."""
         return self.whole.forward_dynamics(q, v, torque, self.expanded(parameters))
 
     def weightless(self) -> ConstrainedEquations:
@@ -124,7 +124,7 @@ class ConstrainedEquations(Equations):
         return self.whole.damping(q, v, self.expanded(parameters))
 
     def expanded(self, parameters: Column) -> Column:
-        """D = D0 + N z (P,)."""
+        """All parameters D = D0 + N z (P,) of free ones z (Z,)."""
         terms: list[list[tuple[float, Any]]] = [[(1.0, x)] if x else [] for x in self.known]
         for z, enters in zip(parameters, self.spread, strict=True):
             for place, weight in enters:
@@ -132,14 +132,14 @@ class ConstrainedEquations(Equations):
         return Column(map(_sum, terms))
 
     def needed(self, columns: Sequence[int]) -> list[int]:
-        """The parameters among D that the asked z enter, rising."""
+        """Indices, rising, of the parameters among D that the asked free ones enter."""
         return sorted({place for column in columns for place, _ in self.spread[column]})
 
     def _gathered(self, entries: Sequence[Scalar]) -> Column:
         return self.combined(dict(enumerate(entries)), range(self.parameters))
 
     def combined(self, entries: dict[int, Scalar], columns: Sequence[int]) -> Column:
-        """N' times entries (one for each `needed` parameter), for the asked z."""
+        """The entries (Z,) of the asked free parameters: N' times entries, one for each `needed` parameter."""
         return Column(_sum([(weight, entries[place]) for place, weight in self.spread[c]]) for c in columns)
 
 

@@ -38,7 +38,7 @@ class Parametrisation:
 
 
 class ConstrainedMechanism(Mechanism):
-    """A mechanism under linear constraints on its parameters, in the Z parameters that are left free.
+    """A mechanism under linear constraints on its parameters, with the Z parameters that are left free.
 
     All that takes or gives parameters means those Z: names, values, regressors, and so the essential space, bases
     and controllers made from it. Regressors times parameters leave out the share of known values other than zero
@@ -62,7 +62,7 @@ class ConstrainedMechanism(Mechanism):
 
     @property
     def is_plain_tree(self) -> bool:
-        """False, since the parameters are fewer than ten a link."""
+        """False: the mechanism has constraints, so its parameters are fewer than ten a link."""
         return False
 
     @property
@@ -72,7 +72,7 @@ class ConstrainedMechanism(Mechanism):
 
     @property
     def free_directions(self) -> Array:
-        """N (P, Z) of D = D0 + N z."""
+        """The matrix N (P, Z) of D = D0 + N z: derivatives of all parameters by the free ones."""
         return self.parametrisation.matrix
 
     @property
@@ -110,7 +110,7 @@ class ConstrainedMechanism(Mechanism):
         return ConstrainedMechanism(whole, self.parametrisation)
 
     def energy(self, p: ArrayLike, v: ArrayLike) -> Array:
-        """Kinetic plus potential energy (...), in J, the known share included."""
+        """Kinetic plus potential energy (...), in J, with the part due to known parameters."""
         return Mechanism(self.description).energy(p, v)
 
     def known_torque(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:

@@ -11,7 +11,8 @@ from adaptctl.scalars import Column, spread
 
 
 class EquationCosts(NamedTuple):
-    """Additions, subtractions, multiplications, divisions and negations of one evaluation; sines are not among them."""
+    """Counts of floating-point operations of one evaluation: additions, subtractions, multiplications, divisions and
+    negations; sines are not among them."""
 
     regressor: int
     """Slotine and Li's regressor Y (r, k)"""
@@ -22,7 +23,8 @@ class EquationCosts(NamedTuple):
 
 
 def equation_costs(mechanism: Mechanism, columns: Sequence[int] | None = None) -> EquationCosts:
-    """The costs with the asked parameters only, all others being zero; all of them where none are named.
+    """The operation counts of a mechanism's equations with the asked parameters only, all others being zero; with all
+    of them where no columns are named.
 
     With loops, at a tree configuration that closes them. Sheu and Walker (1991, section 5.3) compare such counts.
     """

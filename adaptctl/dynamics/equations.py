@@ -11,7 +11,8 @@ from adaptctl.scalars import Column, Scalar
 
 
 class Motion(ABC):
-    """A mechanism at one instant, under velocities v and v_r and accelerations a_r: torques, regressors and powers.
+    """The motion of a mechanism at one instant, under velocities v and v_r and accelerations a_r: torques, regressors
+    and powers follow from it.
 
     Its links are placed and moved once; what is asked of them afterwards shares that work.
     """
@@ -20,15 +21,18 @@ class Motion(ABC):
 
     @abstractmethod
     def torque(self, parameters: Column) -> Column:
-        """M a_r + C(p, v) v_r + g + friction at v_r (r,), in N m (N for a prismatic joint), of parameters (P,)."""
+        """The torque M a_r + C(p, v) v_r + g + friction at v_r (r,), in N m (N for a prismatic joint), of parameters
+        (P,)."""
 
     @abstractmethod
     def regressor(self, columns: Sequence[int]) -> list[Column]:
-        """Rows of Y (r, k), the asked k columns only: Y D is the torque, but for what known parameters add."""
+        """The rows of the regressor Y (r, k), the asked k columns only: Y D is the torque, but for what known
+        parameters add."""
 
     @abstractmethod
     def powers(self, s: Column, columns: Sequence[int]) -> Column:
-        """Y' s (k,), without forming Y: the power that a unit of each asked parameter takes under joint rates s."""
+        """The product Y' s (k,) of the regressor's asked columns and joint rates s (r,), in W per unit of a parameter,
+        without forming Y."""
 
     @property
     @abstractmethod
@@ -55,7 +59,7 @@ class Equations(ABC):
     @property
     @abstractmethod
     def links(self) -> tuple[Segment, ...]:
-        """The tree's links, as geometry; parents come before their children."""
+        """Geometry of the tree's links; parents come before their children."""
 
     @property
     def joints(self) -> int:
@@ -69,12 +73,12 @@ class Equations(ABC):
 
     @property
     def has_known_share(self) -> bool:
-        """True where torques hold a share of known parameters, which no column of a regressor stands for."""
+        """True where torques have a part due to known parameters, for which regressors have no columns."""
         return False
 
     @abstractmethod
     def closed(self, p: Column, guess: Column) -> Column:
-        """The configuration q = U(p) (n,), from a nearby one."""
+        """The closed configuration q = U(p) (n,) of primary positions p (r,), from a nearby one (n,)."""
 
     @abstractmethod
     def projected(self, q: Column) -> Column:
@@ -90,35 +94,38 @@ class Equations(ABC):
 
     @abstractmethod
     def potential_regressor(self, q: Column) -> Column:
-        """The potential part of E (P,)."""
+        """The potential part (P,) of the energy regressor: potential energy is its product with D, in J."""
 
     @abstractmethod
     def motion(self, q: Column, v: Column, v_r: Column, a_r: Column) -> Motion:
-        """The motion under velocities v and v_r and accelerations a_r (r,), from which torques follow."""
+        """The `Motion` at configuration q (n,) under velocities v and v_r and accelerations a_r (r,), from which
+        torques follow."""
 
     @abstractmethod
     def remembered(self, numbers: Column) -> Motion:
-        """The motion that has these numbers (motion_size,)."""
+        """The `Motion` whose `numbers` (motion_size,) these are."""
 
     @property
     @abstractmethod
     def motion_size(self) -> int:
-        """Number of numbers in a motion."""
+        """Length of `Motion.numbers`."""
 
     @abstractmethod
     def mass_matrix(self, q: Column, parameters: Column) -> list[list[Scalar]]:
-        """Rows of M(p) (r, r)."""
+        """The rows of the mass matrix M(p) (r, r), in kg m^2 (kg between prismatic joints)."""
 
     @abstractmethod
     def damping(self, q: Column, v: Column, parameters: Column) -> list[list[Scalar]]:
-        """Rows of B (r, r), symmetric and at least 0: the drives' friction at v is B v."""
+        """The rows of the damping matrix B (r, r) in N m s/rad, symmetric and at least 0: the drives' friction at v is
+        B v."""
 
     @abstractmethod
     def weightless(self) -> Equations:
         """The same equations without gravity."""
 
     def torque_regressor(self, q: Column, v: Column, v_r: Column, a_r: Column, columns: Sequence[int]) -> list[Column]:
-        """Rows of Y (r, k), the asked k columns only: Y D = M a_r + C(p, v) v_r + g + friction at v_r."""
+        """The rows of the torque regressor Y (r, k), the asked k columns only: Y D = M a_r + C(p, v) v_r + g + friction
+        at v_r."""
         return self.motion(q, v, v_r, a_r).regressor(columns)
 
     def inverse_dynamics(self, q: Column, v: Column, v_r: Column, a_r: Column, parameters: Column) -> Column:
@@ -126,7 +133,7 @@ class Equations(ABC):
         return self.motion(q, v, v_r, a_r).torque(parameters)
 
     def forward_dynamics(self, q: Column, v: Column, torque: Column, parameters: Column) -> Column:
-        """Accelerations (r,) under a torque: M(p) a = torque - C(p, v) v - g(p) - friction."""
+        """Accelerations (r,) under a torque (r,): M(p) a = torque - C(p, v) v - g(p) - friction."""
         bias = self.inverse_dynamics(q, v, v, Column.zeros(self.dof), parameters)
         return solve_symmetric(self.mass_matrix(q, parameters), torque - bias)
 

@@ -44,7 +44,8 @@ class Tip:
         return self._moved(self.mechanism.configuration(p))[0]
 
     def joints(self, goals: ArrayLike, start: ArrayLike) -> Array:
-        """Positions p (..., 3) at which it is at goals (..., 3), reached from `start` (3,) along straight lines.
+        """Positions p (..., 3) of the joints at which the point is at goals (..., 3), reached from `start` (3,) along
+        straight lines.
 
         For mechanisms of three freedoms. All goals are reached on the branch of `start`, by Newton's steps. Raises
         `InputError` where that fails: out of reach, or on the other side of a singularity.

@@ -28,7 +28,7 @@ class LoopMotion(Motion):
         self.following, self.tree = following, tree
 
     def torque(self, parameters: Column) -> Column:
-        """J' times the tree's torques (r,)."""
+        """The torques J' tau_tree (r,) of the primary joints, N m, from the tree's."""
         return self.following.primary(self.tree.torque(parameters))
 
     def regressor(self, columns: Sequence[int]) -> list[Column]:
@@ -71,7 +71,7 @@ class LoopEquations(Equations):
         return self.tree.segments
 
     def closed(self, p: Column, guess: Column) -> Column:
-        """q = U(p): Newton steps from a nearby configuration (n,), so that the branch is kept.
+        """The closed configuration q = U(p) (n,), by Newton steps from a nearby one (n,), so that the branch is kept.
 
         The number of steps is fixed, so nothing branches on a value: from 0.05 rad away the first leaves 1e-3,
         the second 1e-6, the third round-off.
@@ -100,7 +100,7 @@ class LoopEquations(Equations):
         return Posture(self.closing, placements(self.tree.segments, q))
 
     def dependent_block(self, q: Column) -> list[Column]:
-        """Columns of the residual's Jacobian (m, m) by the dependent joints: singular where the loop locks."""
+        """The columns of the residual's Jacobian (m, m) by the dependent joints: singular where the loop locks."""
         columns = self.closing.jacobian(placements(self.tree.segments, q))
         return [columns[d] for d in self.closing.dependent]
 
@@ -113,7 +113,7 @@ class LoopEquations(Equations):
         return self.tree.energy_regressor(q, self.posture(q).tree(v))
 
     def potential_regressor(self, q: Column) -> Column:
-        """The potential part of E (P,)."""
+        """The potential part (P,) of the energy regressor, J per unit of each parameter."""
         return self.tree.potential_regressor(q)
 
     def motion(self, q: Column, v: Column, v_r: Column, a_r: Column) -> LoopMotion:
@@ -128,7 +128,7 @@ class LoopEquations(Equations):
 
     @property
     def motion_size(self) -> int:
-        """Number of numbers in a motion."""
+        """Length of `Motion.numbers`."""
         return len(self.closing.primary) * len(self.closing.dependent) + self.tree.motion_size
 
     def forward_dynamics(self, q: Column, v: Column, torque: Column, parameters: Column) -> Column:
@@ -142,11 +142,11 @@ class LoopEquations(Equations):
         return replace(self, tree=self.tree.weightless())
 
     def mass_matrix(self, q: Column, parameters: Column) -> list[list[Scalar]]:
-        """Rows of M(p) = J' M_tree J."""
+        """The rows of the mass matrix M(p) = J' M_tree J (r, r), kg m^2."""
         return self._mass_matrix(self.posture(q), q, parameters)
 
     def damping(self, q: Column, v: Column, parameters: Column) -> list[list[Scalar]]:
-        """Rows of B = J' B_tree J."""
+        """The rows of the damping matrix B = J' B_tree J (r, r), N m s/rad."""
         posture = self.posture(q)
         rows = [Column(row) for row in self.tree.damping(q, posture.tree(v), parameters)]
         ways = self._ways(posture)

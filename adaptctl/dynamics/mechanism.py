@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 class Mechanism:
-    """A mechanism's energies, torques, regressors and accelerations, on arrays.
+    """A mechanism, with its energies, torques, regressors and accelerations on arrays.
 
     Trailing axes are the mathematics, leading axes are samples: p, v, a, torque are (..., r), regressors
     (..., P) and (..., r, P). Angles in rad, lengths in m, torques in N m (N for a prismatic joint).
@@ -72,7 +72,7 @@ class Mechanism:
 
     @cached_property
     def equations(self) -> Equations:
-        """The equations over scalars of any kind, to trace or to differentiate: see `Equations`."""
+        """The equations of motion over scalars of any kind, to trace or to differentiate: see `Equations`."""
         return TreeEquations.of(self.description) if self._looped is None else self._looped[0]
 
     @cached_property
@@ -98,13 +98,15 @@ class Mechanism:
 
     @property
     def home(self) -> Array:
-        """Positions (r,) that the mechanism can surely have: those its loops are known to close at, else zero."""
+        """Positions (r,), rad or m, that the mechanism can surely have: those its loops are known to close at, else
+        zero."""
         if self.continuation is None:
             return np.zeros(self.dof)
         return self.continuation.reference[self.continuation.primary]
 
     def configuration(self, p: ArrayLike, start: ArrayLike | None = None) -> Array:
-        """The tree's joints q = U(p) (..., n), followed from `start` (..., n), the reference if not given.
+        """Joint positions q = U(p) (..., n) of the tree, with all loops closed, followed from `start` (..., n), the
+        reference if not given.
 
         For a tree it is p itself. Sheu and Walker (1991), equation 1.
         """
@@ -125,12 +127,12 @@ class Mechanism:
 
     @property
     def links(self) -> tuple[Link, ...]:
-        """The links, depth first."""
+        """The links in depth-first order."""
         return self.description.links
 
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:
-        """The P parameters' names."""
+        """Names of the P parameters."""
         return self.description.parameter_names
 
     @cached_property
@@ -145,7 +147,7 @@ class Mechanism:
 
     @property
     def unconstrained(self) -> Mechanism:
-        """The same mechanism on all its parameters: itself, but under constraints on them."""
+        """The same mechanism without constraints on its parameters: itself where there are none."""
         return self
 
     @property
@@ -161,12 +163,12 @@ class Mechanism:
 
     @property
     def geometry_sha256(self) -> str:
-        """A hash of what decides which parameters matter; inertial values do not count."""
+        """Hash of what decides which parameters matter, gravity and geometry; inertial values do not count."""
         return self.description.geometry_sha256
 
     @property
     def effort_limits(self) -> Array:
-        """Greatest torque of every primary joint (r,), infinite where none is known."""
+        """Greatest torque of every primary joint (r,), N m or N; infinite where none is known."""
         return np.array([joint.limits.effort for joint in self.primary_joints])
 
     @property
@@ -175,7 +177,8 @@ class Mechanism:
         return tuple(self.links[i].joint for i in self.description.primary)
 
     def with_parameters(self, parameters: ArrayLike) -> Mechanism:
-        """The same mechanism with other inertial parameters (P,)."""
+        """The same mechanism with other inertial parameters (P,), SI units. Raises `InputError` for another number of
+        them."""
         return Mechanism(self.description.with_parameters(parameters))
 
     def on_columns(self, regressor: str, columns: Sequence[int]) -> ArrayEquation:
@@ -183,14 +186,16 @@ class Mechanism:
         return self._arrays.on_columns(regressor, tuple(self._columns(columns)))
 
     def with_drives(self, drives: Drive | Sequence[Drive]) -> Mechanism:
-        """The same mechanism with other rotors and friction in its tree's joints, one drive for all or one each.
+        """The same mechanism with other rotors and friction in its tree's joints, one drive for all or one each. Raises
+        `InputError` for another number of drives.
 
         What a drive has is a parameter like the others; `Drive()` has nothing.
         """
         return Mechanism(self.description.with_drives(drives))
 
     def energy_regressor(self, p: ArrayLike, v: ArrayLike, out: Array | None = None) -> Array:
-        """E (..., P): kinetic plus potential energy is E @ D, in J (Sheu and Walker 1991, section 2.2)."""
+        """The energy regressor E (..., P): kinetic plus potential energy is E @ D, in J (Sheu and Walker 1991, section
+        2.2)."""
         if out is None:
             return self._arrays.energy_regressor.call(p, v)
         return self._arrays.energy_regressor.into(out, p, v)
@@ -208,7 +213,7 @@ class Mechanism:
         columns: Sequence[int] | None = None,
         out: Array | None = None,
     ) -> Array:
-        """Y (..., r, P) of the equations of motion tau = Y D, or its asked columns only."""
+        """The torque regressor Y (..., r, P), or its asked columns: the equations of motion are tau = Y D."""
         own = self._arrays.torque_regressor
         equation = own if columns is None else self.on_columns("torque_regressor", columns)
         return equation.call(p, v, a) if out is None else equation.into(out, p, v, a)
@@ -222,36 +227,40 @@ class Mechanism:
         columns: Sequence[int] | None = None,
         out: Array | None = None,
     ) -> Array:
-        """Y_r (..., r, P): Y_r D = M(p) a_r + C(p, v) v_r + g(p), C the Christoffel one (Slotine and Li 1987)."""
+        """The Slotine-Li regressor Y_r (..., r, P), or its asked columns: Y_r D = M(p) a_r + C(p, v) v_r + g(p), C the
+        Christoffel one (Slotine and Li 1987)."""
         own = self._arrays.slotine_li_regressor
         equation = own if columns is None else self.on_columns("slotine_li_regressor", columns)
         return equation.call(p, v, v_r, a_r) if out is None else equation.into(out, p, v, v_r, a_r)
 
     def inverse_dynamics(self, p: ArrayLike, v: ArrayLike, a: ArrayLike, out: Array | None = None) -> Array:
-        """Torque (..., r) that gives the accelerations a."""
+        """Torque (..., r), N m or N, that gives the accelerations a (..., r) at positions p and velocities v."""
         if out is None:
             return self._arrays.inverse_dynamics.call(p, v, a, self.inertial_parameters)
         return self._arrays.inverse_dynamics.into(out, p, v, a, self.inertial_parameters)
 
     def known_torque(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
-        """Torque (..., r) that regressors times parameters leave out: zero, but under constraints on parameters."""
+        """The part of the torque (..., r), N m or N, due to known parameters, which regressors times parameters leave
+        out: zero without constraints on parameters."""
         _, samples = self._joints(p=p, v=v, a=a)
         return np.zeros((*samples, self.dof))
 
     def forward_dynamics(self, p: ArrayLike, v: ArrayLike, torque: ArrayLike, out: Array | None = None) -> Array:
-        """Accelerations (..., r) under a torque. Raises `InputError` where links have no mass to be accelerated."""
+        """Accelerations (..., r), rad/s^2 or m/s^2, under a torque (..., r). Raises `InputError` where links have no
+        mass to be accelerated."""
         if out is None:
             return self._arrays.forward_dynamics.call(p, v, torque, self.inertial_parameters)
         return self._arrays.forward_dynamics.into(out, p, v, torque, self.inertial_parameters)
 
     def require_mass(self) -> None:
-        """Refuse a tree whose torques do not say how it accelerates. Raises `InputError` with its weightless links."""
+        """Raise `InputError` for a tree with links that have no mass and carry none, with their names: torques do not
+        determine its accelerations."""
         if self.description.weightless:
             names = ", ".join(self.description.weightless)
             raise InputError(f"{self.name}: links move without mass and carry none, give them some: {names}")
 
     def mass_matrix(self, p: ArrayLike, out: Array | None = None) -> Array:
-        """M(p) (..., r, r)."""
+        """The mass matrix M(p) (..., r, r), in kg m^2 (kg between prismatic joints)."""
         if out is None:
             return self._arrays.mass_matrix.call(p, self.inertial_parameters)
         return self._arrays.mass_matrix.into(out, p, self.inertial_parameters)
@@ -276,7 +285,8 @@ class Mechanism:
     @classmethod
     @needed("Mechanism.from_pinocchio")
     def from_pinocchio(cls, model: pinocchio.Model) -> Mechanism:
-        """A mechanism from a Pinocchio model, whatever order it was built in."""
+        """A mechanism from a Pinocchio model, whatever order it was built in. Raises `InputError` for joints of other
+        kinds."""
         from adaptctl.description.readers.pinocchio_model import from_pinocchio
 
         return cls(from_pinocchio(model))

@@ -22,7 +22,7 @@ class ParameterLayout:
 
     @property
     def driven(self) -> int:
-        """The column at which the drives' parameters begin."""
+        """Index of the first parameter of the drives."""
         return 10 * len(self.bodies)
 
     @property

@@ -40,7 +40,7 @@ class TreeMotion(Motion):
         self.layout, self.places, self.links, self.drives = layout, places, links, drives
 
     def torque(self, parameters: Column) -> Column:
-        """M a_r + C(p, v) v_r + g + friction at v_r (r,)."""
+        """The torque M a_r + C(p, v) v_r + g + friction at v_r (r,), N m."""
         total = list(joint_torques(self.places, self.links, self.layout.tens(parameters)))
         shares = zip(self.layout.drives, self.drives, self.layout.of_drives(parameters), strict=True)
         for term, share, value in shares:
@@ -119,11 +119,12 @@ class TreeEquations(Equations):
         return self.energies(energy.energy_regressor(self.segments, p, v, self.gravity), v)
 
     def energies(self, tens: Column, v: Column) -> Column:
-        """E (P,) from the energies of the ten of every link (10N,) and the joints' velocities."""
+        """The energy regressor E (P,) from the energies of every link's ten parameters (10N,) and the joints'
+        velocities."""
         return Column((*self.layout.owned(tens), *(term.energy(v) for term in self.layout.drives)))
 
     def potential_regressor(self, p: Column) -> Column:
-        """The potential part of E (P,)."""
+        """The potential part (P,) of the energy regressor, J per unit of each parameter."""
         links = energy.potential_regressor(self.segments, p, self.gravity)
         return Column((*self.layout.owned(links), *(0.0 for _ in self.layout.drives)))
 
@@ -142,11 +143,11 @@ class TreeEquations(Equations):
 
     @property
     def motion_size(self) -> int:
-        """Number of numbers in a motion."""
+        """Length of `Motion.numbers`."""
         return sum(link.coordinates + 12 for link in self.segments) + len(self.layout.drives)
 
     def mass_matrix(self, p: Column, parameters: Column) -> list[list[Scalar]]:
-        """Rows of M(p): the links' by composite bodies, and the rotors'."""
+        """The rows of the mass matrix M(p) (r, r): the links' by composite bodies, and the rotors'."""
         rows = mass_matrix(placements(self.segments, p), self.layout.tens(parameters))
         for term, value in zip(self.layout.drives, self.layout.of_drives(parameters), strict=True):
             for joint, share in [] if term.kind.is_friction else term.on_joints(value):
@@ -155,7 +156,8 @@ class TreeEquations(Equations):
         return rows
 
     def damping(self, p: Column, v: Column, parameters: Column) -> list[list[Scalar]]:
-        """Rows of B (r, r), which is diagonal but for shafts that turn with several joints."""
+        """The rows of the damping matrix B (r, r), N m s/rad, which is diagonal but for shafts that turn with several
+        joints."""
         rows: list[list[Scalar]] = [[0.0] * self.dof for _ in range(self.dof)]
         for term, value in zip(self.layout.drives, self.layout.of_drives(parameters), strict=True):
             if not term.kind.is_friction:
@@ -166,7 +168,7 @@ class TreeEquations(Equations):
         return rows
 
     def forward_dynamics(self, p: Column, v: Column, torque: Column, parameters: Column) -> Column:
-        """Accelerations (r,) under a torque, by the way that costs less."""
+        """Accelerations (r,) under a torque (r,), by articulated bodies or the mass matrix, whichever costs less."""
         if not self._is_long:
             return super().forward_dynamics(p, v, torque, parameters)
         motion, own, rotors = self.motion(p, v, v, Column.zeros(self.dof)), list(torque), [0.0] * self.dof

@@ -21,7 +21,8 @@ TOLERANCE, FLOOR = 1e-4, 1e-8
 
 @lru_cache(maxsize=32)  # neither changes, and sweeps make many models of them
 def require_energies(mechanism: Mechanism, basis: FundamentalBasis) -> None:
-    """Refuse a basis whose regrouping changes energies H: H = H[:, columns] K must hold, for each parameter.
+    """Raise `InputError` for a basis whose regrouping changes energies H: H = H[:, columns] K must hold, for each
+    parameter.
 
     A saved basis is only numbers: with a coefficient that is wrong, or a row that is missing, a controller would push
     wrongly, and nobody would know why. Raises `InputError` naming the parameter.

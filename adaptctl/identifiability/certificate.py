@@ -53,7 +53,8 @@ class Leftover:
 
 @dataclass(frozen=True)
 class Certificate:
-    """The rank as found in three ways from scaled matrices and in one by exact numbers, and how clear-cut it is.
+    """Certificate of a rank k: the ranks found in independent ways, three from scaled matrices and one in exact
+    arithmetic, and numbers that say how clear-cut they are.
 
     `gap` is sigma_k/sigma_k+1 of the energy differences, `relative_smallest` sigma_k/sigma_1, both floored at
     1e-15 of sigma_1. `null_residual` is the largest torque that any null vector makes on other samples,
@@ -80,7 +81,7 @@ class Certificate:
 
     @property
     def rank(self) -> int:
-        """The rank k."""
+        """The certified rank k, the number of identifiable parameters."""
         return self.rank_energy
 
     @property
@@ -244,7 +245,7 @@ def _require_accepted(mechanism: Mechanism, certificate: Certificate, spectrum: 
 
 
 def leftovers(spectrum: Array, vectors: Array, rank: int, names: Sequence[str]) -> tuple[Leftover, ...]:
-    """Singular values beyond the gap that are more than round-off, with the parameters that dominate their vectors.
+    """The singular values beyond the gap that are more than round-off, with the parameters that dominate their vectors.
 
     The spectrum (P,) falls; `vectors` (P, P) holds a right singular vector a column.
     """

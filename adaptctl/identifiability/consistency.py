@@ -26,7 +26,8 @@ SLACK = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Lift:
-    """Physically consistent full parameters, and the distance of their fundamental ones from those asked for."""
+    """A lift of fundamental parameters: physically consistent full ones, and how far their fundamental ones are from
+    those asked for."""
 
     parameters: Array
     """Physically consistent full parameters (P,)."""
@@ -37,12 +38,13 @@ class Lift:
 
     @cached_property
     def distance(self) -> float:
-        """The relative distance |beta - wanted| / |wanted|, in SI units."""
+        """The relative distance |beta - wanted| / |wanted| of the lift's fundamental parameters from those asked for,
+        in SI units."""
         return float(np.linalg.norm(self.fundamental - self.wanted)) / _size(self.wanted)
 
     @property
     def realisable(self) -> bool:
-        """True if rigid bodies have the fundamental parameters asked for."""
+        """True if some rigid bodies have the fundamental parameters asked for."""
         return self.distance < REALISABLE
 
 

@@ -55,7 +55,7 @@ class Relation:
 
 @dataclass(frozen=True, eq=False)
 class Constraints:
-    """Known values of parameters by name, and linear relations among parameters."""
+    """Constraints on inertial parameters: known values by name, and linear relations."""
 
     known: Mapping[str, float] = field(default_factory=dict)
     relations: tuple[Relation, ...] = ()
@@ -109,7 +109,7 @@ class Constraints:
 
     @property
     def every(self) -> tuple[Relation, ...]:
-        """Relations for all constraints: the known values, then the relations."""
+        """All constraints as relations: the known values, then the relations."""
         known = (Relation({name: 1.0}, value, f"{name} = {value:g}") for name, value in self.known.items())
         return (*known, *self.relations)
 

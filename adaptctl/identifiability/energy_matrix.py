@@ -34,7 +34,8 @@ def energy_blocks(mechanism: Mechanism, states: Iterable[States]) -> Iterator[Ar
 
 
 def energy_differences(mechanism: Mechanism, states: States) -> Array:
-    """H (samples - 1, P): energies at successive states, subtracted (Sheu and Walker 1991, equations 8 and 13).
+    """The matrix H (samples - 1, P) of energies at successive states, subtracted (Sheu and Walker 1991, equations 8 and
+    13), in J per unit of each parameter.
 
     Subtracting matters: the energies themselves carry the constant potential, which changes no torque, and
     have one rank too many.
@@ -44,7 +45,7 @@ def energy_differences(mechanism: Mechanism, states: States) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class EnergyFactor:
-    """R of the energy differences H = Q R, which has H's singular values and right vectors.
+    """Triangular factor R of the energy differences H = Q R, which has H's singular values and right vectors.
 
     Blocks of rows are put under R and factored again (TSQR: Demmel, Grigori, Hoemmen and Langou 2012), so memory does
     not grow with the samples. Householder's R is right column by column: columns may as well be scaled afterwards.

@@ -40,7 +40,8 @@ CERTIFIED = ("rank_energy", "rank_doubled", "gap", "relative_smallest", "samples
 
 @dataclass(frozen=True, eq=False)
 class EssentialSpace:
-    """The space of inertial parameters (P,) that change energies and torques, and the complement that changes none.
+    """The essential space of inertial parameters (P,), which change energies and torques, and its complement, the null
+    space, which changes none.
 
     `singular_values` (P,) and `basis` V1 (P, k) belong to the energy differences H of `states`, unscaled, as
     the paper has them (Sheu and Walker 1991, section 3). `null_basis` V2 (P, P-k) is orthonormal and does not
@@ -66,12 +67,12 @@ class EssentialSpace:
 
     @property
     def sha256(self) -> str:
-        """The hash of the mechanism's description, inertial values included."""
+        """Hash of the mechanism's description, inertial values included."""
         return self.mechanism.description.sha256
 
     @property
     def geometry_sha256(self) -> str:
-        """The hash of geometry, gravity and names, which is all that the space depends on."""
+        """Hash of geometry, gravity and names, which is all that the space depends on."""
         return self.mechanism.geometry_sha256
 
     @cached_property

@@ -16,7 +16,8 @@ from adaptctl.arrays import Array
 
 
 def triangle(matrix: Array) -> Array:
-    """R (n, n) of the QR factors of a tall matrix (m, n), which has its singular values and right vectors.
+    """The triangular factor R (n, n) of the QR factors of a tall matrix (m, n), which has its singular values and right
+    vectors.
 
     A matrix that is not tall is returned as it is. Long mechanisms are factored ten times faster so: their regressors
     lack rank, and the singular value decomposition of a tall matrix dwells on that.

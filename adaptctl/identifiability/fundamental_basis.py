@@ -23,7 +23,7 @@ from adaptctl.markup import table, titled
 
 @dataclass(frozen=True, eq=False)
 class FundamentalBasis:
-    """The k of P inertial parameters that are kept, and the regrouping of the others onto them.
+    """A fundamental basis: the k of P inertial parameters that are kept, and the regrouping of the others onto them.
 
     For all states Y(p, v, a) D = Y[:, columns] beta with the fundamental parameters beta = K D, K the
     `regrouping` (k, P). It depends on the mechanism's geometry and gravity only, named by `geometry_sha256`: its
@@ -63,12 +63,12 @@ class FundamentalBasis:
 
     @cached_property
     def condition(self) -> float:
-        """The condition of F2' V2 (Sheu and Walker 1991, equation 25)."""
+        """The condition number of F2' V2 (Sheu and Walker 1991, equation 25)."""
         return condition(np.delete(self.regrouping, self.columns, axis=1))
 
     @cached_property
     def scaled_condition(self) -> float:
-        """The condition of F2' V2 among scaled parameters, which does not depend on units."""
+        """The condition number of F2' V2 among scaled parameters, which does not depend on units."""
         scaled = self.regrouping * self.scales / self.scales[list(self.columns), None]
         return condition(np.delete(scaled, self.columns, axis=1))
 
@@ -125,7 +125,8 @@ class FundamentalBasis:
 def fundamental_basis(
     space: EssentialSpace, priority: Priority | None = None, *, tolerance: float = TOLERANCE, prove: bool = False
 ) -> FundamentalBasis:
-    """The fundamental basis that removes parameters in the order of a priority (default: Table 4's rule).
+    """The fundamental basis of an essential space, by removing parameters in the order of a priority (default: Table
+    4's rule).
 
     With `prove`, the kept parameters are also found on the exact geometry of the space's proof.
     Raises `RankError` when both differ although every choice is clear, and when the removed parameters determine the

@@ -14,7 +14,8 @@ from adaptctl.identifiability.selection import independent_columns
 
 
 class NullSpace(Protocol):
-    """The combinations of P scaled parameters D / scales that change no energy, and what regroups through them."""
+    """Protocol of a null space: the combinations of P scaled parameters D / scales that change no energy, and the
+    regrouping through them."""
 
     @property
     def scales(self) -> Array:

@@ -26,7 +26,7 @@ PAPER_KINDS = {"I_x": "I_xx", "I_y": "I_yy", "I_z": "I_zz"}
 
 @dataclass(frozen=True)
 class Priority:
-    """An order over parameters by name, ``link3.I_xx``: the first is removed first.
+    """A priority of removal: an order over parameters by name, ``link3.I_xx``, the first of which is removed first.
 
     Parameters that are not named come after those of `order`, in the default order. Those of `keep` are
     removed last, the first of them last of all. Either way a parameter stays when removing it would lose

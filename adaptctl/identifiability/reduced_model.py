@@ -20,7 +20,8 @@ from adaptctl.scalars import Column, spread
 
 @dataclass(frozen=True, eq=False)
 class ReducedModel:
-    """A mechanism's equations of motion on the k parameters that a basis keeps; on all P where there is no basis.
+    """A reduced model: a mechanism's equations of motion on the k parameters that a basis keeps; on all P where there
+    is no basis.
 
     tau = Y[:, columns] beta: the columns of the parameters that were removed are never computed. The basis may
     come from any mechanism of the same geometry. Raises `InputError` for a basis of another one, or a wrong one.
@@ -114,7 +115,8 @@ class ReducedModel:
         return self.mechanism.on_columns("slotine_li_regressor", self.columns)
 
     def embed(self, beta: ArrayLike) -> Array:
-        """Full parameters D_I = F1 beta (..., P): beta at the kept columns, zeros elsewhere, with the same torques."""
+        """Full parameters D_I = F1 beta (..., P) with the same torques: beta (..., k) at the kept columns, zeros
+        elsewhere."""
         values = self._checked(beta)
         out = np.zeros((*values.shape[:-1], len(self.mechanism.parameter_names)))
         out[..., list(self.columns)] = values

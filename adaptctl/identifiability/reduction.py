@@ -15,7 +15,8 @@ from adaptctl.identifiability.essential_space import EssentialSpace
 
 @dataclass(frozen=True, eq=False)
 class Reduction:
-    """A mechanism's parameters with only their weightiest components kept (Sheu and Walker 1991, section 3.2).
+    """A reduction to essential components: a mechanism's parameters with only the weightiest kept (Sheu and Walker
+    1991, section 3.2).
 
     It holds for `states`, the motions behind the essential space's singular values, and for the parameters it
     was made with: others move the weights.
@@ -54,7 +55,8 @@ def reduce(
     energy_error: float | None = None,
     components: int | None = None,
 ) -> Reduction:
-    """The reduction to the fewest components with an energy error of at most `energy_error` percent, or to a number.
+    """The reduction of parameters to the fewest components with an energy error of at most `energy_error` percent, or
+    to a number.
 
     `parameters` are inertial parameters (P,) or a mechanism that has them. The error is the root of the summed
     squares over the samples of the space's `states`, relative to the energies themselves (equation 22).

@@ -21,7 +21,8 @@ LARGEST_BOUND = 1e7
 
 @dataclass(frozen=True, eq=False)
 class Regrouping:
-    """The kept and the removed of P scaled parameters; kept + coefficients @ removed gives the same torques as all."""
+    """A regrouping of P scaled parameters onto the kept ones: kept + coefficients @ removed gives the same torques as
+    all."""
 
     kept: tuple[int, ...]
     """Indices (k,), rising."""
@@ -36,7 +37,7 @@ class Regrouping:
 
     @cached_property
     def condition(self) -> float:
-        """The condition of F2' V2 (see `condition`)."""
+        """The condition number of F2' V2 (see `condition`)."""
         return condition(self.coefficients)
 
     @property
@@ -88,7 +89,7 @@ def by_null_vectors(null_basis: Array, order: Sequence[int], tolerance: float) -
 
 
 def condition(coefficients: Array) -> float:
-    """The condition of F2' V2 (Sheu and Walker 1991, equation 25) for regrouping coefficients C (k, n).
+    """The condition number of F2' V2 (Sheu and Walker 1991, equation 25) for regrouping coefficients C (k, n).
 
     The null vectors are [-C; 1], so F2' V2 = (1 + C'C)^-1/2 but for a rotation, and the condition is the root of
     (1 + sigma_max^2) / (1 + sigma_min^2), with C's n singular values. 1 where nothing is removed.

@@ -15,7 +15,8 @@ ALIKE = 1e-9
 
 
 def regrouping_equations(regrouping: Array, columns: Sequence[int], names: Sequence[str]) -> tuple[str, ...]:
-    """Equations (k,), such as ``link2.mc_x* = link2.mc_x + 0.4318 (link3.m + link4.m)``, in SI units.
+    """Regrouping equations (k,) as text, such as ``link2.mc_x* = link2.mc_x + 0.4318 (link3.m + link4.m)``, in SI
+    units.
 
     `regrouping` is K (k, P), `columns` (k,) the kept parameters, `names` (P,).
     """

@@ -21,7 +21,8 @@ EXACT = 1e-11
 
 @dataclass(frozen=True)
 class NearRightAngle:
-    """Two successive joints the angle between whose axes nearly, but not quite, is a multiple of 90 degrees."""
+    """A near right angle: two successive joints the angle between whose axes nearly, but not quite, is a multiple of 90
+    degrees."""
 
     parent: str
     """Name of the joint before, or "gravity" for a joint on the ground."""

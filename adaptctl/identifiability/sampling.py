@@ -48,7 +48,8 @@ class States:
 
 
 def characteristic_length(mechanism: Mechanism) -> float:
-    """L (m): the largest offset from a joint to the next, or from a joint to its link's frame; 1 m where there is none.
+    """The characteristic length L (m): the largest offset from a joint to the next, or from a joint to its link's
+    frame; 1 m where there is none.
 
     Far frames count, since inertias are given in them: a frame 0.25 m from its joint carries inertias of (0.25 m)^2.
     """
@@ -80,7 +81,7 @@ def random_states(mechanism: Mechanism, samples: int, generator: np.random.Gener
 
 
 def whereabouts(mechanism: Mechanism) -> str:
-    """The region that random states are drawn from, in words."""
+    """Description, as text, of the region that random states are drawn from."""
     return "over the full circle" if mechanism.description.loops is None else "on the reference's branch"
 
 
@@ -153,6 +154,6 @@ def _turns(mechanism: Mechanism) -> Array:
 
 
 def characteristic_rate(mechanism: Mechanism) -> float:
-    """The rate sqrt(g/L) (1/s), at which kinetic and potential energy weigh alike."""
+    """The characteristic rate sqrt(g/L) (1/s), at which kinetic and potential energy weigh alike."""
     gravity = float(np.linalg.norm(mechanism.description.gravity)) or float(np.linalg.norm(STANDARD_GRAVITY))
     return float(np.sqrt(gravity / characteristic_length(mechanism)))

@@ -68,7 +68,7 @@ def energy_scales(mechanism: Mechanism, seed: int) -> Array:
 
 @dataclass(frozen=True)
 class NumericalRank:
-    """The rank k of a matrix, where its singular values have their largest gap; 0 where all are round-off."""
+    """The numerical rank k of a matrix, where its singular values have their largest gap; 0 where all are round-off."""
 
     rank: int
     gap: float
@@ -102,12 +102,13 @@ class ScaledRegressor:
 
     @classmethod
     def of_energies(cls, mechanism: Mechanism, factor: EnergyFactor) -> ScaledRegressor:
-        """Energy differences of more states than there are parameters, scaled by the energies themselves."""
+        """The scaled regressor of energy differences of more states than there are parameters, scaled by the energies
+        themselves."""
         return cls._scaled(mechanism, factor.triangle, factor.square_sums)
 
     @classmethod
     def of_torques(cls, mechanism: Mechanism, rows: Array) -> ScaledRegressor:
-        """Rows (n, P) of the torque regressor, more than there are parameters."""
+        """The scaled regressor of rows (n, P) of the torque regressor, more than there are parameters."""
         return cls._scaled(mechanism, triangle(rows), np.square(rows).sum(axis=0))
 
     @classmethod
@@ -128,7 +129,7 @@ class ScaledRegressor:
 
     @cached_property
     def decision(self) -> NumericalRank:
-        """The rank with its gap."""
+        """The numerical rank with its gap."""
         return NumericalRank.of(self.singular_values)
 
     @property

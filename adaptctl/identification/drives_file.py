@@ -68,8 +68,8 @@ class DrivesFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 @dataclass(frozen=True, eq=False)
 class Drives:
-    """Coupling of motors and joints: motor position = transmission (joint position - offsets), and joint torque =
-    transmission' motor torque."""
+    """Drives of a robot, as its motors and joints are coupled: motor position = transmission (joint position -
+    offsets), and joint torque = transmission' motor torque."""
 
     joints: tuple[str, ...]
     transmission: Array
@@ -100,12 +100,12 @@ class Drives:
 
     @cached_property
     def constants(self) -> Array:
-        """Torque constants (r,), NaN where unknown."""
+        """Torque constants (r,) of the motors, NaN where unknown."""
         given = (motor.torque_constant for motor in self.motors)
         return np.array([math.nan if k == "unknown" else 1.0 if k is None else float(k) for k in given])
 
     def of(self, mechanism: Mechanism) -> Drives:
-        """These drives in a mechanism's order of joints. Raises `InputError` unless they are its primary joints."""
+        """The same drives in a mechanism's order of joints. Raises `InputError` unless they are its primary joints."""
         names = [joint.name for joint in mechanism.primary_joints]
         if sorted(names) != sorted(self.joints):
             raise InputError(
@@ -125,8 +125,8 @@ class Drives:
         )
 
     def on_joints(self) -> tuple[Drive, ...]:
-        """A drive for every joint (in `joints`' order), nothing modelled yet, that turns with the joints its motor
-        does."""
+        """Drives of all joints, in the order of `joints`, with no rotor or friction modelled yet, each turning with the
+        joints that its motor turns with."""
         ratios = self.transmission / np.diag(self.transmission)[:, None]
         coupled = [
             [(name, float(x)) for j, (name, x) in enumerate(zip(self.joints, row, strict=True)) if x and j != i]
@@ -136,7 +136,7 @@ class Drives:
 
 
 def read_drives(path: str | Path) -> Drives:
-    """The drives of a TOML file. Raises `FileError`, naming the element."""
+    """The drives that a TOML file describes. Raises `FileError`, naming the element."""
     content = read_toml(path, DrivesFile)
     try:
         return _checked(content)

@@ -42,7 +42,8 @@ HELD_OUT = 0.4
 
 @dataclass(frozen=True, eq=False)
 class Identification:
-    """A robot as its logs show it, and how far that can be trusted."""
+    """Result of an identification: a robot's parameters as its logs show them, with their deviations and a
+    validation."""
 
     mechanism: Mechanism
     """with the identified parameters, its links ones that bodies can have, and its drives coupled as they are"""
@@ -83,23 +84,23 @@ class Identification:
 
     @property
     def inflation(self) -> float:
-        """Median ratio of the deviations to those that white residuals would have."""
+        """Median ratio of the parameters' deviations to those that white residuals would give."""
         known = self.nominal_deviations > 0.0
         return float(np.median(self.deviations[known] / self.nominal_deviations[known]))
 
     @cached_property
     def prior_ranges(self) -> Array:
-        """(k,) how far an adaptive controller should expect the truth from the estimate: two deviations, and at least
-        a twentieth of the estimate."""
+        """Prior ranges (k,) for an adaptive controller, SI units, the greatest expected distances from the estimate:
+        two deviations, and at least a twentieth of the estimate."""
         return np.maximum(2.0 * self.deviations, 0.05 * np.abs(self.estimate))
 
     def adaptation_gain(self, rate: float = 0.6) -> Array:
-        """(k,) the diagonal of Gamma: rate times the square of each parameter's prior range."""
+        """Diagonal (k,) of an adaptation gain Gamma: `rate` times the square of each parameter's prior range."""
         return rate * np.maximum(self.prior_ranges, 1e-9 * np.max(self.prior_ranges)) ** 2
 
     @property
     def unexcited(self) -> list[Combination]:
-        """Combinations that the logs leave about as open as they were."""
+        """Combinations of parameters that the logs hardly excite, about as uncertain as before."""
         return unexcited(self.combinations, self.inflation)
 
 
@@ -120,7 +121,7 @@ def identify(
     weight: float | None = None,
     instruments: bool = False,
 ) -> Identification:
-    """Identify a robot's inertial and friction parameters from logs of its motion.
+    """The identification of a robot's inertial and friction parameters from logs of its motion.
 
     `robot` is its mechanism or its file (with links as a first guess); `drives` how motors turn joints, or, where
     joints are measured themselves, `columns` and `units` (`joint_columns`) and perhaps a sampling `rate` (Hz).

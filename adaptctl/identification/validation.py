@@ -13,7 +13,8 @@ from adaptctl.identification.filtered_dynamics import Rows
 
 @dataclass(frozen=True, eq=False)
 class Validation:
-    """Torques (n, r) at the joints, N m, both through one filter of `cutoff` Hz, where the arm moves."""
+    """Validation of a model on rows of a log: measured and predicted torques (n, r) at the joints, N m, both through
+    one filter of `cutoff` Hz, where the arm moves."""
 
     origin: str
     """which samples, in words"""
@@ -26,12 +27,12 @@ class Validation:
 
     @property
     def rms_error(self) -> float:
-        """Root mean square over all joints and instants, N m."""
+        """Root mean square torque error over all joints and instants, N m."""
         return float(np.sqrt(np.mean(np.square(self.error))))
 
     @property
     def relative_error(self) -> float:
-        """The root of the errors' summed squares over that of the measured torques."""
+        """Relative torque error: the root of the errors' summed squares over that of the measured torques."""
         return float(np.linalg.norm(self.error) / np.linalg.norm(self.measured))
 
     @property
@@ -46,11 +47,12 @@ class Validation:
 
     @cached_property
     def error(self) -> Array:
-        """Predicted minus measured (n, r), N m."""
+        """Torque errors, predicted minus measured (n, r), N m."""
         return self.predicted - self.measured
 
     def autocorrelation(self, lags: int = 50) -> Array:
-        """(lags + 1, r) of the errors, from row to row: white ones would have 1 and then nothing."""
+        """Autocorrelation (lags + 1, r) of the torque errors, from row to row: 1 at lag 0, and for white errors zero
+        after it."""
         centred = self.error - self.error.mean(axis=0)
         whole = np.square(centred).sum(axis=0)
         count = min(lags, len(centred) - 1)

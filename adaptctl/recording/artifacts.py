@@ -19,7 +19,7 @@ RECORDING, SUMMARY, TRACE, REPORT, FIGURES = (
 
 
 def shown(comparison: Comparison) -> Result:
-    """A comparison as an experiment's result."""
+    """The result of an experiment, as the command line shows it, from its comparison."""
     return Result(
         complete=comparison.complete,
         headline=headline(outcome_words(comparison), comparison.complete),

@@ -17,7 +17,7 @@ LONGEST = 12
 
 @dataclass(frozen=True, eq=False)
 class ScreenContents:
-    """Names, units and ranges of what a comparison's recording shows: what its layout depends on."""
+    """Contents of a comparison's recording, names, units and ranges, on which its layout depends."""
 
     viewpoint: Viewpoint
     error_unit: str
@@ -48,7 +48,8 @@ class ScreenContents:
 
 
 def blueprint(shown: ScreenContents) -> rrb.Blueprint:
-    """Tabs: everything at a glance, the controllers, tracking, torque, parameters, and the offline stage."""
+    """The recording's layout in tabs: everything at a glance, the controllers, tracking, torque, parameters, and the
+    offline stage."""
     containers = [_overview(shown), _controllers(shown), _tracking(shown), _torques(shown)]
     if shown.links:
         containers.append(_parameters(shown))

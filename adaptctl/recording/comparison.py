@@ -35,7 +35,7 @@ ALL = slice(None)
 
 @dataclass(frozen=True)
 class TickCost:
-    """Cost of one control tick."""
+    """Cost of one control tick, in time and in operations."""
 
     called: float
     """s, called from Python"""
@@ -47,7 +47,7 @@ class TickCost:
 
 @dataclass(frozen=True, eq=False)
 class ControllerRun:
-    """Closed-loop run of one controller, with its names."""
+    """A closed-loop run of one controller, with its name, label and cost."""
 
     name: str
     """short and fit for a file: ``adaptive``"""
@@ -73,20 +73,23 @@ class ControllerRun:
 
     @property
     def first_rms_error(self) -> float | None:
-        """`rms_error` (rad or m) over the first second; None where the run is shorter."""
+        """Root mean square tracking error (rad or m) over the first second; None where the run is shorter."""
         return self.first_rms_error_of(ALL)
 
     @property
     def final_rms_error(self) -> float | None:
-        """`rms_error` over the last two seconds that were run; None where the run is shorter."""
+        """Root mean square tracking error (rad or m) over the last two seconds that were run; None where the run is
+        shorter."""
         return self.final_rms_error_of(ALL)
 
     def first_rms_error_of(self, joints: Joints) -> float | None:
-        """`first_rms_error` (rad or m) of some joints."""
+        """Root mean square tracking error (rad or m) of some joints over the first second; None where the run is
+        shorter."""
         return self.rms_error(stop=BEGINNING, joints=joints) if self._lasts(BEGINNING) else None
 
     def final_rms_error_of(self, joints: Joints) -> float | None:
-        """`final_rms_error` (rad or m) of some joints."""
+        """Root mean square tracking error (rad or m) of some joints over the last two seconds that were run; None where
+        the run is shorter."""
         return self.rms_error(start=self.duration - SETTLED, joints=joints) if self._lasts(SETTLED) else None
 
     def _lasts(self, length: float) -> bool:
@@ -94,7 +97,7 @@ class ControllerRun:
         return self.duration > length - 0.5 * self.rollout.spacing
 
     def moving_rms_error(self, window: float) -> Array:
-        """`rms_error` (T,) over the last `window` seconds before each sample."""
+        """Root mean square tracking errors (T,), rad or m, over the last `window` seconds before each sample."""
         squares = np.mean(self.rollout.error**2, axis=1)
         sums = np.cumsum(np.concatenate([[0.0], squares]))
         stop = np.arange(1, len(squares) + 1)
@@ -103,7 +106,8 @@ class ControllerRun:
 
     @property
     def lyapunov_max_increase(self) -> float | None:
-        """Largest rise of the Lyapunov function from one sample to the next, J; 0 when it never rises."""
+        """Largest rise of the Lyapunov function from one sample to the next, J; 0 when it never rises, None where the
+        law has none."""
         if self.lyapunov is None or len(self.lyapunov) == 0:
             return None
         return max(0.0, float(np.diff(self.lyapunov).max(initial=0.0)))
@@ -111,7 +115,7 @@ class ControllerRun:
 
 @dataclass(frozen=True)
 class Setting:
-    """Name, value and meaning of something that was chosen, for the record."""
+    """A setting of an experiment, for the record: its name, value and meaning."""
 
     name: str
     value: str
@@ -120,7 +124,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Finding:
-    """Name, value, unit and meaning of something that was measured besides the runs."""
+    """A measured quantity besides the runs: its name, value, unit and meaning."""
 
     name: str
     """the key in summary.json"""
@@ -135,7 +139,7 @@ def _thousandths(value: float | None) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Leading:
-    """Errors that an experiment is about besides the joints', such as a tool's distance from its path."""
+    """The leading errors of an experiment besides the joints', such as a tool's distance from its path."""
 
     meaning: str
     """what is drawn: ``Distance of the tool from its path``"""
@@ -145,7 +149,8 @@ class Leading:
     """(T,) by the name of the run"""
 
     def final_rms(self, run: ControllerRun) -> float | None:
-        """Root mean square over the last two seconds that were run; None where the run is shorter."""
+        """Root mean square of a run's leading error over the last two seconds that were run; None where the run is
+        shorter."""
         if run.final_rms_error is None:
             return None
         late = run.rollout.time >= run.duration - SETTLED
@@ -154,7 +159,8 @@ class Leading:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Runs on one arm, one reference and one seed; the first is the experiment's subject, which adapts."""
+    """A comparison of runs on one arm, one reference and one seed; the first is the experiment's subject, which
+    adapts."""
 
     experiment: str
     title: str
@@ -202,22 +208,22 @@ class Comparison:
 
     @property
     def subject(self) -> ControllerRun:
-        """The adaptive run."""
+        """The run of the adaptive controller that the experiment is about."""
         return self.runs[0]
 
     @property
     def baseline(self) -> ControllerRun | None:
-        """The subject's controller with adaptation off, where it was run."""
+        """The run of the subject's controller with adaptation off; None where it was not run."""
         return next((run for run in self.runs if run.name == self.without_adaptation), None)
 
     @cached_property
     def model(self) -> ReducedModel:
-        """Model whose parameters the subject estimates: the fundamental ones, and all friction."""
+        """The reduced model whose parameters the subject estimates: the fundamental ones, and all friction."""
         return ReducedModel(self.mechanism, self.basis)
 
     @property
     def true_parameters(self) -> Array:
-        """The true values (k,) of the model's parameters; NaN where the truth is not known."""
+        """True values (k,) of the model's parameters, SI units; NaN where the truth is not known."""
         own = self.model.fundamental_parameters
         return own if self.truth_known else np.full_like(own, np.nan)
 
@@ -248,12 +254,12 @@ class Comparison:
         return {unit: [j for j, one in enumerate(units) if one == unit] for unit in sorted(set(units), reverse=True)}
 
     def limited_steps(self, run: ControllerRun) -> int:
-        """Samples of a run in which a torque was clipped, or was at its limit."""
+        """Number of samples of a run in which a torque was clipped, or was at its limit."""
         largest = np.abs(run.rollout.applied) / self.torque_limits
         at_limit = (largest >= AT_LIMIT).any(axis=1) | (run.rollout.clipped > 0.0)
         return int(np.count_nonzero(at_limit))
 
     @property
     def peak_torque_shares(self) -> Array:
-        """The subject's largest applied torque over the limit, a joint each (r,)."""
+        """Largest applied torque of the subject's run over its limit, for each joint (r,)."""
         return np.asarray(np.abs(self.subject.rollout.applied).max(axis=0) / self.torque_limits)

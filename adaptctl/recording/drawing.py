@@ -50,7 +50,7 @@ STYLE: dict[Any, Any] = {
 
 
 class Drawing(NamedTuple):
-    """A figure: its file's name, its caption, and what draws it."""
+    """A drawing for a report: its file's name, its caption, and the function that draws it."""
 
     name: str
     caption: str

@@ -18,7 +18,8 @@ BETTER = 0.9
 
 
 def judged(comparison: Comparison) -> Verdict:
-    """Verdict on the subject of a comparison."""
+    """The verdict on a comparison's subject: whether it was stopped, diverged, was long at a torque limit, or ended no
+    better than without adaptation."""
     return Verdict.of(_failures(comparison), comparison.expected)
 
 

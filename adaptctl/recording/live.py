@@ -68,11 +68,12 @@ class Live:
 
     @property
     def is_seen(self) -> bool:
-        """False where there is no viewer, or there is none any more."""
+        """True while a viewer is connected; False where there was none, or it was closed."""
         return self._socket is not None
 
     def show(self, time: float, p: ArrayLike, reference_p: ArrayLike, torque: ArrayLike) -> None:
-        """Show a sample: time in s, positions, desired positions and torques (r,) each; it is never waited for."""
+        """Send a sample to the viewer, without waiting: time in s, positions, desired positions (rad or m) and torques
+        (N m or N), (r,) each."""
         if self._socket is None or 0.0 <= time - self._latest < 0.999 * self._pause:
             return
         self._latest = time
@@ -85,7 +86,7 @@ class Live:
             self._lose(f"{type(error).__name__}: {error}")
 
     def close(self) -> None:
-        """Wait until what was handed on is drawn, and end the process."""
+        """Wait until the samples that were sent are drawn, and end the viewer's process."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None
@@ -97,7 +98,7 @@ class Live:
             self._process = None
 
     def viewer(self, **options: Any) -> Any:
-        """A widget for notebooks that shows what the server has and gets; `options`, such as `height`, are those of
+        """A widget for notebooks that shows the view's samples; `options`, such as `height`, are those of
         `rerun.notebook.Viewer`. Raises `MissingExtraError` without rerun-notebook."""
         try:
             import rerun_notebook  # noqa: F401  # rerun itself asks for it late, in a traceback
@@ -170,7 +171,7 @@ def reachable(address: str, start_viewer: bool = False, inline: bool = False) ->
 
 @contextmanager
 def streaming(to: str | None) -> Iterator[None]:
-    """Experiments that run within this stream to an address; None for nowhere."""
+    """A context in which experiments stream to an address; to none where it is None."""
     token = CURRENT.set(to)
     try:
         yield

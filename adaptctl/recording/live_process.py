@@ -28,7 +28,7 @@ LARGEST = 1 << 16
 
 
 def main(descriptor: int, url: str) -> None:
-    """Draw what comes by a socket until it is closed."""
+    """Draw the samples that come by a socket until it is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the loop, which then closes the socket
     mechanism = _mechanism(sys.stdin.read())
     with socket.socket(fileno=descriptor) as samples:

@@ -36,7 +36,7 @@ def write_report(path: str | Path, comparison: Comparison, figures: Mapping[str,
 
 
 def report(comparison: Comparison, figures: Mapping[str, Path]) -> str:
-    """HTML of the page."""
+    """HTML of a comparison's page."""
     names = [run.name for run in comparison.runs]
     others = [finding for finding in comparison.findings if _owner(finding) not in names]
     return rendered(
@@ -79,7 +79,7 @@ class Measured(NamedTuple):
 
 
 def measured(comparison: Comparison) -> list[Measured]:
-    """Findings whose names are `what.run`, a column for each `what`."""
+    """Columns of findings whose names are `what.run`, one for each `what`."""
     names = [run.name for run in comparison.runs]
     columns: dict[str, dict[str, Finding]] = {}
     for finding in comparison.findings:

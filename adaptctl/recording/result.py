@@ -14,12 +14,12 @@ Progress: TypeAlias = Callable[[str, float], object]
 
 
 def silent(what: str, share: float) -> None:
-    """Progress that is not shown."""
+    """Do nothing: a `progress` callback for those who want none shown."""
 
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """A finished experiment, as the command line tells it and keeps it."""
+    """Result of a finished experiment, as the command line prints and saves it."""
 
     complete: bool
     """False when it was interrupted: what was computed is kept"""

@@ -44,7 +44,7 @@ class Shape:
 
 @dataclass(frozen=True, eq=False)
 class Skeleton:
-    """Shapes of a mechanism, and the point whose path is of interest."""
+    """The skeleton of a mechanism: its shapes, and the point (tip) whose path is of interest."""
 
     shapes: tuple[Shape, ...]
     reach: float

@@ -59,7 +59,7 @@ def summary(comparison: Comparison) -> dict[str, Any]:
 
 
 def realtime_factor(run: ControllerRun) -> float | None:
-    """Simulated seconds in a second of computing."""
+    """Simulated seconds in a second of computing; None where that is not known."""
     return run.duration / run.rollout.wall_time if run.rollout.wall_time > 0.0 else None
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 
 class Failure(Enum):
-    """Kinds of failure, the worst first."""
+    """Kinds of a controller's failure, the worst first."""
 
     STOPPED = "stopped"
     """the environment ended the run, an error having passed its bound"""
@@ -25,7 +25,7 @@ class Failure(Enum):
 
 @dataclass(frozen=True)
 class Fault:
-    """Failure of a controller in a run."""
+    """A controller's failure in a run: its kind, a sentence about it, and why it was expected."""
 
     failure: Failure
     sentence: str
@@ -36,28 +36,28 @@ class Fault:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Judgement on the controllers that an experiment is about. Without faults they did what was asked."""
+    """The verdict on the controllers that an experiment is about: their faults, none where they did what was asked."""
 
     faults: tuple[Fault, ...] = ()
 
     @classmethod
     def of(cls, found: Iterable[tuple[Failure, str]], expected: Mapping[Failure, str] | None = None) -> Verdict:
-        """Verdict from failures with a sentence each, and from why some of them are expected."""
+        """The verdict of failures with a sentence each, and of why some of them are expected."""
         reasons = expected or {}
         return cls(tuple(Fault(failure, sentence, reasons.get(failure)) for failure, sentence in found))
 
     @classmethod
     def together(cls, verdicts: Iterable[Verdict]) -> Verdict:
-        """Verdict on several controllers, all of which are the subject."""
+        """One verdict of several, for an experiment with several subjects: the faults of all of them."""
         return cls(tuple(fault for verdict in verdicts for fault in verdict.faults))
 
     @property
     def passed(self) -> bool:
-        """True where nothing went wrong that was not expected."""
+        """True where no fault was found but expected ones."""
         return all(fault.expected is not None for fault in self.faults)
 
     def before(self, answer: str) -> str:
-        """An experiment's answer with its faults: unexpected ones before it, expected ones after it."""
+        """The text of an experiment's answer with its faults: unexpected ones before it, expected ones after it."""
         failed = [fault.sentence for fault in self.faults if fault.expected is None]
         expected = [f"As expected ({fault.expected}): {fault.sentence}" for fault in self.faults if fault.expected]
         return " ".join([*(["Failed:", *failed] if failed else []), answer, *expected])

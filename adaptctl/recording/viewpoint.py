@@ -17,7 +17,7 @@ POSITIONS = 200
 
 @dataclass(frozen=True, eq=False)
 class Viewpoint:
-    """Positions of a camera and of a floor (m)."""
+    """A viewpoint: positions (3,) of a camera and its target, and the height of a floor (m)."""
 
     eye: Array
     """(3,) where the camera stands"""

@@ -96,10 +96,10 @@ def bars(origin: str, name: str) -> rrb.View:
 
 
 def text(origin: str, name: str) -> rrb.View:
-    """View of a text, the same at all times."""
+    """View of a text logged at an entity, with a name, the same at all times."""
     return rrb.TextDocumentView(origin=f"/{origin}", name=name)
 
 
 def picture(origin: str, name: str) -> rrb.View:
-    """View of a picture, the same at all times."""
+    """View of a picture logged at an entity, with a name, the same at all times."""
     return rrb.Spatial2DView(origin=f"/{origin}", name=name)

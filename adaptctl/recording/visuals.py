@@ -50,7 +50,7 @@ def visuals(description: Description) -> Visuals:
 def log_visuals(
     recording: rr.RecordingStream, path: str, link: int, shown: Visuals, color: Color, opacity: int = 255
 ) -> bool:
-    """Draw a link below its entity; False where it shows nothing.
+    """Draw a link's visuals below its entity; returns False where it has none.
 
     What has no colour of its own gets `color`; all of it does where one sees through it, as a ghost.
     """

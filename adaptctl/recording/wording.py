@@ -91,7 +91,7 @@ def outcome(run: ControllerRun) -> str:
 
 
 def facts(comparison: Comparison) -> Iterator[tuple[str, str]]:
-    """Questions that a person asks first, and the answers."""
+    """Questions that a person asks first about a comparison, and the answers."""
     subject, leading = comparison.subject, comparison.leading
     if leading is not None:
         yield leading.meaning, f"{error(leading.final_rms(subject), leading.unit)} in the last 2 s (RMS)"

@@ -11,7 +11,8 @@ from adaptctl.scalars.scalar import Scalar
 
 
 class Column:
-    """n scalars of one kind. Arithmetic is elementwise, and `@` is the inner product."""
+    """A column of n scalars of one kind. Arithmetic is elementwise, also with a scalar factor on either side, and `@`
+    is the inner product."""
 
     __slots__ = ("of",)
     __array_ufunc__ = None
@@ -30,7 +31,9 @@ class Column:
     def __sub__(self, other: Column) -> Column:
         return Column(a - b for a, b in zip(self.of, other.of, strict=True))
 
-    def __mul__(self, other: Column) -> Column:
+    def __mul__(self, other: Column | Scalar) -> Column:
+        if not isinstance(other, Column):
+            return other * self
         return Column(a * b for a, b in zip(self.of, other.of, strict=True))
 
     def __rmul__(self, factor: Scalar) -> Column:
@@ -62,8 +65,8 @@ def combined(columns: Sequence[Column], weights: Column) -> Column:
 
 
 def column(array: Any) -> Column:
-    """The entries (n,) along an array's last axis: floats for one sample, arrays of samples otherwise. A column as it
-    is."""
+    """A column of the entries (n,) along an array's last axis: floats for one sample, arrays of samples otherwise. A
+    column is returned as it is."""
     if isinstance(array, Column):
         return array
     if array.ndim == 1:
@@ -72,7 +75,7 @@ def column(array: Any) -> Column:
 
 
 def each(values: Any, n: int) -> Column:
-    """Column (n,) from one scalar for all or from n: a column, or numbers."""
+    """A column (n,) from one scalar for all entries or from n: a column, or numbers."""
     if isinstance(values, Column):
         return values
     if isinstance(values, np.ndarray | list | tuple):

@@ -14,7 +14,8 @@ from adaptctl.scalars.scalar import absolute, atan2, cos, exp, log, maximum, min
 
 
 class Dual:
-    """`value + slope eps`."""
+    """A dual number `value + slope eps`, eps^2 = 0: `slope` is the derivative along the direction of the argument's
+    slopes."""
 
     __slots__ = ("slope", "value")
 
@@ -77,7 +78,7 @@ class Dual:
 
 
 def dual(x: Any) -> Dual:
-    """Lift a constant; leave a dual number as it is."""
+    """A dual number: a constant lifted with a slope of zero, a dual number as it is."""
     return x if isinstance(x, Dual) else Dual(x)
 
 

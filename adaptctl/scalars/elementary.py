@@ -42,7 +42,7 @@ _ATAN_BELOW = (
 
 
 def exponential(x: Any) -> Any:
-    """e^x: x is k ln 2 + r, and the result 2^k e^r. Infinity where it is too large for a double."""
+    """The exponential e^x: x is k ln 2 + r, and the result 2^k e^r. Infinity where it is too large for a double."""
     x = clip(x, -746.0, 710.0)
     k = (x * (1.0 / math.log(2.0)) + _SHIFT) - _SHIFT
     r = (x - k * _LN2[0]) - k * _LN2[1]
@@ -56,7 +56,7 @@ def exponential(x: Any) -> Any:
 
 
 def logarithm(x: Any) -> Any:
-    """ln x: x is 2^k m with m about 1. Minus infinity of zero, NaN below."""
+    """The natural logarithm ln x: x is 2^k m with m about 1. Minus infinity of zero, NaN below."""
     m, k = x, 0.0 * x
     for bit in _HALVINGS:
         small, large = m < 2.0 ** (1 - bit), m >= 2.0**bit
@@ -73,7 +73,7 @@ def logarithm(x: Any) -> Any:
 
 
 def hyperbolic_tangent(x: Any) -> Any:
-    """tanh x, near zero by a rational function of its own, elsewhere by exponentials."""
+    """The hyperbolic tangent tanh x, near zero by a rational function of its own, elsewhere by exponentials."""
     near = clip(x, -0.625, 0.625)
     z = near * near
     close = near + near * z * (polynomial(_TANH, z) / polynomial(_TANH_BELOW, z))
@@ -95,5 +95,5 @@ def arc_tangent(y: Any, x: Any) -> Any:
 
 
 def polynomial(coefficients: Sequence[float], z: Any) -> Any:
-    """The sum of coefficients times powers of z from the zeroth on (Horner's scheme)."""
+    """The polynomial of z with coefficients of its powers from the zeroth on (Horner's scheme)."""
     return reduce(lambda higher, c: c + z * higher, reversed(coefficients))

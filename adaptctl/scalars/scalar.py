@@ -14,7 +14,7 @@ import numpy as np
 
 
 class Scalar(Protocol):
-    """The arithmetic every kind of scalar supports."""
+    """Protocol of a scalar: the arithmetic that every kind of scalar supports."""
 
     def __add__(self, other: Any, /) -> Any: ...
     def __radd__(self, other: Any, /) -> Any: ...
@@ -45,26 +45,26 @@ def cos(x: Any) -> Any:
 
 
 def sqrt(x: Any) -> Any:
-    """Square root."""
+    """Square root of a scalar of at least 0."""
     return math.sqrt(x) if isinstance(x, float) else np.sqrt(x)
 
 
 def exp(x: Any) -> Any:
-    """Exponential; infinity where it is larger than doubles go."""
+    """Exponential of a scalar; infinity where it is larger than doubles go."""
     if isinstance(x, float):
         return math.exp(x) if not x > LARGEST_EXPONENT else math.inf
     return np.exp(x)
 
 
 def log(x: Any) -> Any:
-    """Natural logarithm; minus infinity of zero, NaN of what is negative."""
+    """Natural logarithm of a scalar; minus infinity of zero, NaN of what is negative."""
     if isinstance(x, float):
         return math.log(x) if x > 0.0 else -math.inf if x == 0.0 else math.nan
     return np.log(x)
 
 
 def tanh(x: Any) -> Any:
-    """Hyperbolic tangent."""
+    """Hyperbolic tangent of a scalar."""
     return math.tanh(x) if isinstance(x, float) else np.tanh(x)
 
 
@@ -74,7 +74,7 @@ def atan2(y: Any, x: Any) -> Any:
 
 
 def absolute(x: Any) -> Any:
-    """Magnitude."""
+    """Magnitude of a scalar."""
     return np.absolute(x)
 
 
@@ -89,12 +89,12 @@ def maximum(x: Any, y: Any) -> Any:
 
 
 def where(condition: Condition, yes: Any, no: Any) -> Any:
-    """`yes` where the condition holds, else `no`: the only branch an equation may take."""
+    """The value `yes` where the condition holds, else `no`: the only branch an equation may take."""
     if isinstance(condition, bool | np.bool_):
         return yes if condition else no
     return np.where(condition, yes, no)
 
 
 def clip(x: Any, lower: Any, upper: Any) -> Any:
-    """The nearest value to `x` in [lower, upper]."""
+    """A scalar clipped to [lower, upper], to the nearest value within."""
     return minimum(maximum(x, lower), upper)

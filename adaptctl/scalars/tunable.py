@@ -19,7 +19,8 @@ from adaptctl.scalars.column import Column
 
 
 class Structure:
-    """All of an object but its tunable numbers: equal ones have one equation. `of` is one that has it."""
+    """The structure of an object, all of it but its tunable numbers: objects of equal structure have one equation. `of`
+    is one that has it."""
 
     __slots__ = ("_hash", "_key", "of")
 
@@ -34,7 +35,8 @@ class Structure:
 
 
 class Tunable:
-    """Settings, most often a frozen dataclass, of which some are numbers that an equation takes as arguments.
+    """Base class of settings, most often a frozen dataclass, of which some are numbers that an equation takes as
+    arguments.
 
     A class names these attributes in `tunable`; each is a number, or an array (n,) or (m, n). Its equations read them
     with `column` and `each`, or as they are where they are one number: then they may be scalars of any kind. A class
@@ -44,7 +46,7 @@ class Tunable:
 
     @property
     def tunable(self) -> tuple[str, ...]:
-        """Names of the attributes that hold numbers which may change."""
+        """Names of the attributes that hold tunable numbers."""
         return ()
 
     def __init_subclass__(cls, **options: Any) -> None:
@@ -59,7 +61,7 @@ class Tunable:
 
     @cached_property
     def numbers(self) -> dict[str, Array]:
-        """Arrays (...) that may change, by name, a part's after its own, as in ``adaptation.gain``."""
+        """The tunable numbers, arrays (...) by name, a part's after its own, as in ``adaptation.gain``."""
         given = {name: getattr(self, name) for name in self.tunable}
         own = {name: np.asarray(value, dtype=np.float64) for name, value in given.items() if value is not None}
         parts = self.tunable_parts.items()
@@ -67,22 +69,22 @@ class Tunable:
 
     @cached_property
     def packed(self) -> Array:
-        """All numbers that may change (g,), one after the other."""
+        """All tunable numbers (g,), one after the other."""
         return np.concatenate([np.zeros(0), *(array.ravel() for array in self.numbers.values())])
 
     def substituted(self, packed: Column) -> Self:
-        """A copy of these settings with other numbers (g,), scalars of any kind, taken without a check."""
+        """A copy of these settings with other tunable numbers (g,), scalars of any kind, not checked."""
         return self.having(self.unpacked(packed))
 
     def unpacked(self, packed: Column) -> dict[str, Any]:
-        """Numbers (g,) by name: a scalar, a column, or a tuple of a matrix's rows."""
+        """The tunable numbers, packed (g,), by name: a scalar, a column, or a tuple of a matrix's rows."""
         ends = accumulate(array.size for array in self.numbers.values())
         parts = zip(self.numbers.items(), ends, strict=True)
         return {name: _shaped(packed.of[end - array.size : end], array.shape) for (name, array), end in parts}
 
     def having(self, numbers: Mapping[str, Any]) -> Self:
-        """A copy of these settings with other numbers by name, taken without a check: scalars of any kind, or arrays of
-        which leading axes are samples."""
+        """A copy of these settings with other numbers by name, not checked: scalars of any kind, or arrays of which
+        leading axes are samples."""
         other = object.__new__(type(self))
         other.__dict__.update(self._settings())
         other.__dict__.update({name: value for name, value in numbers.items() if "." not in name})
@@ -107,7 +109,7 @@ class Tunable:
 
     @cached_property
     def structure(self) -> Structure:
-        """Key of an equation of these settings: all that it depends on besides the numbers that may change."""
+        """Key of these settings' equation: all that it depends on besides the tunable numbers."""
         parts, shapes = self.tunable_parts, tuple((name, array.shape) for name, array in self.numbers.items())
         fixed = [(name, value) for name, value in self._settings() if name not in parts]
         rest = tuple((name, _key(value)) for name, value in fixed if name not in self.tunable or value is None)

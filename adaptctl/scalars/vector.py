@@ -9,7 +9,7 @@ from adaptctl.scalars.scalar import Scalar
 
 
 class Vec:
-    """Three scalars of one kind."""
+    """A vector of three scalars of one kind."""
 
     __slots__ = ("x", "y", "z")
     __array_ufunc__ = None  # lets `array * Vec` reach __rmul__
@@ -34,12 +34,12 @@ class Vec:
 
 
 def dot(a: Vec, b: Vec) -> Any:
-    """Inner product."""
+    """Inner (dot) product of two vectors."""
     return a.x * b.x + a.y * b.y + a.z * b.z
 
 
 def cross(a: Vec, b: Vec) -> Vec:
-    """Vector product."""
+    """Vector (cross) product a x b."""
     return Vec(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x)
 
 
@@ -70,7 +70,7 @@ class Mat:
 
     @property
     def T(self) -> Mat:
-        """The transpose."""
+        """The transposed matrix."""
         a, b, c = self.x, self.y, self.z
         return Mat(Vec(a.x, b.x, c.x), Vec(a.y, b.y, c.y), Vec(a.z, b.z, c.z))
 

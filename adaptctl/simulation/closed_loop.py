@@ -49,7 +49,8 @@ class Sample(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ClosedLoop:
-    """A controller that ticks on a plant's measured positions and velocities, and the plant under its torque.
+    """A closed loop: a controller that ticks on a plant's measured positions and velocities, and the plant under its
+    torque.
 
     Its columns are those of `Plant.sizes`, what was measured last where there are sensors, and the controller's
     memory; they come back in this order.
@@ -66,29 +67,30 @@ class ClosedLoop:
 
     @cached_property
     def state(self) -> dict[str, int]:
-        """Lengths of the columns that pass from one control period to the next."""
+        """Lengths of the columns that pass from one control period to the next, by name."""
         measured = dict.fromkeys(("measured_p", "measured_v"), self.controller.dof if self._senses else 0)
         memory = {f"memory_{k}": len(part) for k, part in enumerate(leaves(self._blank))}
         return self.plant.sizes | measured | memory
 
     @property
     def held(self) -> dict[str, int]:
-        """Lengths of the columns that stay: the plant's parameters (P,) and, where there are any, the gains."""
+        """Lengths of the columns that stay the same, by name: the plant's parameters (P,) and, where there are any, the
+        gains."""
         return {"parameters": self.plant.mechanism.equations.parameters} | self.controller.gain_sizes
 
     @property
     def reference(self) -> dict[str, int]:
-        """Lengths of a reference point's parts."""
+        """Lengths of a reference point's parts, by name."""
         return dict.fromkeys(REFERENCE, self.controller.reference_size)
 
     @property
     def noise(self) -> dict[str, int]:
-        """Length of the sensors' noise, standard normal numbers."""
+        """Length of the column of the sensors' noise, standard normal numbers, by its name."""
         return {"noise": self.plant.noise_size}
 
     def equation(self, **columns: Column) -> tuple[list[Column], Sample]:
-        """Columns (n,) passed on, and the record, of one control period from the columns of `state`, `held`,
-        `reference` and `noise`."""
+        """The columns (n,) passed on, and the `Sample` recorded, of one control period, from the columns of `state`,
+        `held`, `reference` and `noise`."""
         q, v = columns["q"], columns["v"]
         measured = columns["measured_p"], columns["measured_v"]
         reference = ReferencePoint(*(columns[name] for name in REFERENCE))
@@ -122,8 +124,8 @@ class ClosedLoop:
 
     @lru_cache(maxsize=8)  # noqa: B019  # some code is worth keeping, and its loop with it
     def compiled(self) -> Stepper:
-        """Native code of a control period of one arm, whose reference and noise come from outside; that of the latest
-        loops is kept."""
+        """The stepper: native code of a control period of one arm, whose reference and noise come from outside; that of
+        the latest loops is kept."""
         shared, name = self.reference | self.noise, type(self.controller).__name__
         return compile_step(self.step, state=self.state, held=self.held, shared=shared, lanes=1, name=name)
 
@@ -161,6 +163,6 @@ class ClosedLoop:
 
 
 def guards(memory: Any) -> tuple[Any, ...]:
-    """The marks that the guards of a controller tell: a NamedTuple, or nothing."""
+    """The marks of a controller's guards: a NamedTuple, empty without guards."""
     marks = getattr(memory, "marks", ())
     return marks if isinstance(marks, tuple) else ()

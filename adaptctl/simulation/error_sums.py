@@ -17,7 +17,8 @@ LARGEST = float(np.finfo(np.float64).max)
 
 
 class ErrorSums(NamedTuple):
-    """Sums over the control periods so far, until a run diverges; as columns, or as arrays (M, n)."""
+    """Sums of tracking errors over the control periods so far, until a run diverges; as columns, or as arrays (M,
+    n)."""
 
     squares: Any
     """(r,) of the errors' squares"""
@@ -34,17 +35,18 @@ class ErrorSums(NamedTuple):
 
 
 def sum_sizes(joints: int) -> dict[str, int]:
-    """Lengths of the sums' columns."""
+    """Lengths of the sums' columns, by name."""
     return ErrorSums(joints, joints, joints, 1, 1, 1)._asdict()
 
 
 def judged_by(joints: int) -> dict[str, int]:
-    """Lengths of the columns that errors are judged by: bounds, and the control period from which they are final."""
+    """Lengths, by name, of the columns that errors are judged by: bounds, and the control period from which they are
+    final."""
     return {"within": joints, "beyond": joints, "final": 1}
 
 
 def summed(clock: Scalar, error: Column, columns: Mapping[str, Column]) -> ErrorSums:
-    """The sums after a control period, whose number is on the clock, with these errors (r,)."""
+    """The sums after a control period, whose number is on the clock, with these tracking errors (r,)."""
     before = ErrorSums(*(columns[name] for name in ErrorSums._fields))
     sizes = Column(map(absolute, error))
     joint = before.joint[0]
@@ -69,7 +71,7 @@ def summed(clock: Scalar, error: Column, columns: Mapping[str, Column]) -> Error
 
 
 class ErrorSummary(NamedTuple):
-    """Summaries of M runs of r joints."""
+    """Summaries of the tracking errors of M runs of r joints, rad or m, and of when they returned or diverged, s."""
 
     rms_error: Array
     largest_error: Array
@@ -80,7 +82,7 @@ class ErrorSummary(NamedTuple):
 
 
 def summary(sums: ErrorSums, count: int, final: int, period: float, beyond: Array) -> ErrorSummary:
-    """Summaries after `count` control periods (s), of which those from `final` on are final, of sums (M, n).
+    """Summaries of sums (M, n) after `count` control periods of `period` s, of which those from `final` on are final.
 
     Where no bound was asked for, the errors of runs that diverged are NaN; so are final ones of runs too short to have
     a beginning besides.

@@ -19,7 +19,8 @@ NONE: Mapping[str, Array] = MappingProxyType({})
 
 @dataclass(frozen=True, eq=False)
 class GainsOfMany:
-    """Gains by name, each as the controller has it or with a leading axis of arms; the others are the controller's."""
+    """Gains of many arms by name, each as the controller has it or with a leading axis of arms; the others are the
+    controller's."""
 
     controller: Controller[Any]
     given: Mapping[str, Array]
@@ -48,12 +49,12 @@ class GainsOfMany:
 
     @property
     def arms(self) -> dict[str, tuple[int, ...]]:
-        """The leading axes of each, by name."""
+        """The leading axes of each gain, by name."""
         sizes = {name: x.ndim - self.controller.numbers[name].ndim for name, x in self.given.items()}
         return {f"gains {name}": self.given[name].shape[:axes] for name, axes in sizes.items()}
 
     def require(self) -> None:
-        """Raise what a controller with any of the sets would."""
+        """Raise `InputError` or `GainError` where a controller with any of the sets would."""
         if not self.given:
             return
         count = max((axes[0] for axes in self.arms.values() if axes), default=1)
@@ -81,8 +82,8 @@ class GainsOfMany:
 
 
 def alike(given: Controller[Any] | Sequence[Controller[Any]]) -> tuple[Controller[Any], dict[str, Array]]:
-    """A controller, and by name the numbers (M, ...) of those of a sequence. Raises `InputError` where they differ in
-    more."""
+    """One controller for a sequence of them that differ in numbers alone, and by name these numbers (M, ...). Raises
+    `InputError` where they differ in more."""
     if isinstance(given, Controller):
         return given, {}
     controllers = list(given) if isinstance(given, Sequence) else []

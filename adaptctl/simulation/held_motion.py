@@ -42,7 +42,8 @@ def held_motion(
     friction: Sequence[JointEffect] = (),
     transmission: Transmission | None = None,
 ) -> HeldMotion:
-    """The motion over a control period (s), integrated in equal steps; over scalars of any kind.
+    """The motion of a mechanism over a control period (s) under a held torque, integrated in equal steps; over scalars
+    of any kind.
 
     Where an integrator has several stages, they share one body of the forward dynamics. With loops the dependent
     joints are integrated too, and one Newton step a substep projects them back.
@@ -91,7 +92,7 @@ def _rigid(mechanism: Mechanism, integrator: Integrator, friction: Sequence[Join
 
 
 def behind_springs(links: Bodies, transmission: Transmission, dt: float) -> Bodies:
-    """Links and motors together; dt (s) is that of an implicit step, 0 for explicit ones."""
+    """The equations of motion of links and motors together; dt (s) is that of an implicit step, 0 for explicit ones."""
     r = len(transmission.primary)
 
     def parted(both: Column) -> tuple[Column, Column]:
@@ -115,7 +116,7 @@ def behind_springs(links: Bodies, transmission: Transmission, dt: float) -> Bodi
 
 
 def joined(links: Column, motors: Column) -> Column:
-    """One column of the links' numbers and the motors' (r,)."""
+    """One column (2r,) of the links' numbers and the motors'."""
     return Column((*links, *motors))
 
 

@@ -12,7 +12,8 @@ from adaptctl.errors import InputError
 
 @dataclass(frozen=True)
 class KeptSamples:
-    """A sample of `every` so many control periods, the first included, and of these the `most` latest.
+    """Rule for the samples that a run keeps: one of `every` so many control periods, the first included, and of these
+    the `most` latest.
 
     Rows are those of a ring, which is as long as the run where all are kept.
     """
@@ -22,7 +23,8 @@ class KeptSamples:
 
     @classmethod
     def of(cls, every: int, last: float | None, period: float) -> KeptSamples:
-        """Samples of the `last` so many seconds. Raises `InputError` for what is no number of periods and no time."""
+        """Rule for the samples of the `last` so many seconds. Raises `InputError` for what is no number of periods and
+        no time."""
         if isinstance(every, bool) or not isinstance(every, int) or every < 1:
             raise InputError(f"every: expected a whole number of control periods, at least 1, got {every!r}")
         if last is None:
@@ -32,7 +34,7 @@ class KeptSamples:
         return cls(every, max(1, round(last / (every * period))))
 
     def room(self, steps: int) -> int:
-        """Rows for a run of so many control periods."""
+        """Number of rows for a run of so many control periods."""
         needed = -(-steps // self.every)
         return needed if self.most is None else min(needed, self.most)
 

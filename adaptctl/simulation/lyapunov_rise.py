@@ -30,13 +30,13 @@ class LyapunovRise(NamedTuple):
 
 
 def rise_sizes(loop: ClosedLoop) -> dict[str, int]:
-    """Lengths of the columns."""
+    """Lengths of the columns of a Lyapunov function's rise, by name."""
     known = 0 if watched(loop) is None else 1
     return LyapunovRise(known, known)._asdict()
 
 
 def truth_size(loop: ClosedLoop) -> dict[str, int]:
-    """Length of the column of true parameters that stays."""
+    """Length of the column of true parameters that stays, by its name."""
     law = watched(loop)
     return {} if law is None else {TRUTH: len(law.model.names)}
 

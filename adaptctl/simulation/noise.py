@@ -12,8 +12,8 @@ from adaptctl.arrays import Array
 
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """Standard normal numbers, `size` of them a control period for each of M arms, from one generator for all or one
-    for each."""
+    """Source of sensor noise: standard normal numbers, `size` of them a control period for each of M arms, from one
+    generator for all or one for each."""
 
     generators: Sequence[np.random.Generator]
     members: int

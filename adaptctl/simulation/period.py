@@ -16,7 +16,7 @@ from adaptctl.simulation.held_motion import HeldMotion, joined
 
 
 class PeriodOutcome(NamedTuple):
-    """A control period's results in columns: first the four that are passed on to the next."""
+    """Outcome of a control period in columns: first the four that are passed on to the next."""
 
     q: Column
     """(n,) the tree's joints"""

@@ -37,7 +37,7 @@ MOST_SUBSTEPS = 1_000_000
 
 @dataclass(frozen=True, eq=False)
 class Plant(Tunable):
-    """A mechanism driven by torques in N m (N for a prismatic joint), each held over one control period.
+    """A plant: a mechanism driven by torques in N m (N for a prismatic joint), each held over one control period.
 
     `control_period` is in s and is integrated in `substeps` equal steps; `torque_limits`, one number or one a joint,
     bound every joint's effort, infinity meaning none, the mechanism's own when not given. `effects`, in any order, are
@@ -96,14 +96,14 @@ class Plant(Tunable):
 
     @cached_property
     def sizes(self) -> dict[str, int]:
-        """Lengths of the columns that `equation` passes from one control period to the next."""
+        """Lengths of the columns that `equation` passes from one control period to the next, by name."""
         still, period = np.zeros(self.dof), self.control_period
         memories = self._effects.drive_memory(still, period), self._effects.sensor_memory(still, still, period)
         joints, motors = {"q": self.mechanism.equations.joints, "v": self.dof}, 2 * self.dof if self.is_elastic else 0
         return joints | {"drives": len(memories[0]) + motors, "sensors": len(memories[1])}
 
     def parameters(self, own: Array, time: float) -> Array:
-        """The inertial parameters (..., P) at a time (s): `own`, with what the effects load on them."""
+        """The inertial parameters (..., P), SI units, at a time (s): `own`, with the loads of the effects added."""
         return self._effects.loaded(own, self._links, time)
 
     def until(self, time: float) -> float:
@@ -111,7 +111,7 @@ class Plant(Tunable):
         return min((load.until(time) for load in self.loads), default=math.inf)
 
     def payload(self, time: float) -> float:
-        """The mass that effects load on the arm at a time (s), kg."""
+        """The total mass of the effects' loads at a time (s), kg."""
         return sum(load.mass(time) for load in self.loads)
 
     def init(
@@ -169,7 +169,7 @@ class Plant(Tunable):
         return PlantState(time, p, v, q, measured_p, measured_v, applied, clipped > 0.0, marks, drives, sensors)
 
     def limited(self, torque: ArrayLike) -> Array:
-        """The torque (r,) N m clipped to the limits. Raises as `step` does."""
+        """The torque (r,) N m clipped to the limits. Raises `InputError` and `NonFiniteError` as `step` does."""
         return np.minimum(np.maximum(self._finite(torque), -self._limits), self._limits)
 
     def energy(self, state: PlantState, parameters: ArrayLike | None = None) -> float:
@@ -180,11 +180,11 @@ class Plant(Tunable):
         return float(energy[0])
 
     def compile(self) -> None:
-        """Compile now what would else be compiled when first used."""
+        """Compile the control period now instead of at its first use."""
         _ = self._advance, self._energy, self._sense
 
     def positions(self, q: Array) -> Array:
-        """The primary joints' positions (..., r) among the tree's (..., n)."""
+        """The primary joints' positions (..., r), rad or m, among the tree's (..., n)."""
         return q if self._primary is None else q[..., self._primary]
 
     def may_work(self, q: Array) -> NDArray[np.bool_]:
@@ -197,7 +197,7 @@ class Plant(Tunable):
 
     @cached_property
     def equation(self) -> ControlPeriod:
-        """A control period over scalars of any kind: what `step` evaluates."""
+        """The equation of a control period over scalars of any kind, which `step` evaluates."""
         settings = self.control_period, self.substeps, self.integrator
         motion = held_motion(self.mechanism, *settings, self._effects.joints, self._transmission)
         primary = tuple(self.mechanism.description.primary)
@@ -215,7 +215,7 @@ class Plant(Tunable):
         return elastic
 
     def primary(self, q: Column) -> Column:
-        """The primary joints' positions p (r,) among the tree's q (n,)."""
+        """The primary joints' positions p (r,), rad or m, among the tree's q (n,)."""
         return q if self._primary is None else Column(q[i] for i in self._primary)
 
     @cached_property

@@ -8,8 +8,9 @@ from adaptctl.arrays import Array
 
 
 class PlantState(NamedTuple):
-    """An arm of r joints at one time, what was measured of it, and what its drives and sensors remember; of many arms
-    with leading axes. Without sensors, what is measured is the truth, of the motors where encoders sit there."""
+    """State of an arm of r joints at one time, what was measured of it, and the memory of its drives and sensors; of
+    many arms with leading axes. Without sensors, what is measured is the truth, of the motors where encoders sit there.
+    """
 
     time: float
     """s"""

@@ -19,56 +19,57 @@ from adaptctl.simulation.sampled_references import REFERENCE, sampled
 
 @dataclass(frozen=True)
 class SampledForm:
-    """Points of `size` numbers a part that come from outside, one for all arms or each its own."""
+    """Form of sampled references: points of `size` numbers a part that come from outside, one for all arms or each its
+    own."""
 
     size: int
     each: bool
 
     @property
     def held(self) -> dict[str, int]:
-        """Lengths of what an arm keeps: nothing."""
+        """Lengths of the columns that an arm keeps: an empty mapping."""
         return {}
 
     @property
     def shared(self) -> dict[str, int]:
-        """Lengths of the point's parts, if it is one for all."""
+        """Lengths of the point's parts by name, if it is one for all."""
         return {} if self.each else dict.fromkeys(REFERENCE, self.size)
 
     @property
     def driven(self) -> dict[str, int]:
-        """Lengths of the point's parts, if each arm has its own."""
+        """Lengths of the point's parts by name, if each arm has its own."""
         return dict.fromkeys(REFERENCE, self.size) if self.each else {}
 
     def point(self, columns: Mapping[str, Column]) -> ReferencePoint:
-        """The point as it came."""
+        """The reference point as it came."""
         return ReferencePoint(*(columns[name] for name in REFERENCE))
 
 
 @dataclass(frozen=True)
 class SinusoidForm:
-    """Sinusoids of each arm's own numbers, `terms` of them for each of `size` joints."""
+    """Form of sinusoidal references: each arm's own numbers, `terms` of them for each of `size` joints."""
 
     size: int
     terms: int
 
     @property
     def held(self) -> dict[str, int]:
-        """Lengths of the numbers that make an arm's sinusoids."""
+        """Lengths, by name, of the numbers that make an arm's sinusoids."""
         wave = self.size * self.terms
         return SinusoidNumbers(self.size, wave, wave, wave, 1)._asdict()
 
     @property
     def shared(self) -> dict[str, int]:
-        """Length of the time, s."""
+        """Length of the column of the time (s), by its name."""
         return {"time": 1}
 
     @property
     def driven(self) -> dict[str, int]:
-        """Lengths of what comes from outside for each arm: nothing."""
+        """Lengths of the columns that come from outside for each arm: an empty mapping."""
         return {}
 
     def point(self, columns: Mapping[str, Column], ahead: float = 0.0) -> ReferencePoint:
-        """The sinusoids a time `ahead` (s)."""
+        """The reference point of the sinusoids at the time now, or a time `ahead` (s) of it."""
         numbers = SinusoidNumbers(*(columns[name] for name in SinusoidNumbers._fields))
         return sinusoids_at(columns["time"][0] + ahead, numbers)
 
@@ -89,7 +90,7 @@ ReferenceForm: TypeAlias = SampledForm | SinusoidForm
 
 @dataclass(frozen=True, eq=False)
 class ReferencesOfMany:
-    """References and their form; a single one is for all arms."""
+    """References of many arms and their form; a single one is for all arms."""
 
     references: Sequence[Reference]
     form: ReferenceForm
@@ -129,7 +130,7 @@ class ReferencesOfMany:
         return points.p[0], points.v[0]
 
     def signals(self, time: Array) -> Mapping[str, Array]:
-        """Columns that come from outside at times (T,), s."""
+        """Columns of the references, by name, that come from outside at times (T,), s."""
         if isinstance(self.form, SinusoidForm):
             return {"time": time[:, None]}
         return dict(zip(REFERENCE, self._points(time), strict=True))

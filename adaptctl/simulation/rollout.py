@@ -35,7 +35,7 @@ def rollout(
     every: int = 1,
     last: float | None = None,
 ) -> Rollout:
-    """Drive an environment with a controller from reset to termination or truncation.
+    """The run of an environment driven by a controller, from reset to termination or truncation.
 
     Any environment will do, wrapped or not, whose `env.unwrapped` has a `control_period` and
     `observation_slices` that name PARTS. `info` may tell `applied_torque`, `energy` (J), `clipped` (a count);

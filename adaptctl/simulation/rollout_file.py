@@ -41,7 +41,8 @@ OF_LAWS = ("estimate", "learning")
 
 
 class RolloutFile:
-    """A run's file, to which samples are appended; it appears when it is left, whole, and not at all after an error.
+    """Writer of a run's file, to which samples are appended; it appears when it is left, whole, and not at all after an
+    error.
 
     A row a sample, columns such as `p.joint1` with their units. `joints` (r,) names them, joint1, joint2, ... unless
     given. `about`, set before it is left, is what the file says of the whole run.
@@ -58,7 +59,7 @@ class RolloutFile:
         return self
 
     def append(self, columns: Mapping[str, Array | None], marks: Mapping[str, Array]) -> None:
-        """Samples (T, ...) by the names of a run's arrays, always the same."""
+        """Append samples (T, ...) by the names of a run's arrays, always the same."""
         import pyarrow.parquet as pq
 
         if self._writer is not None and not len(columns["time"]):  # type: ignore[arg-type]

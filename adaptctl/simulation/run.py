@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Rollout:
-    """Samples of one closed-loop run of r joints; every array is read-only.
+    """A closed-loop run of r joints as samples; every array is read-only.
 
     Sample k is the state at `time[k]` and the torque commanded on it; T samples, one a control period unless fewer were
     asked for.
@@ -89,12 +89,12 @@ class Rollout:
 
     @property
     def spacing(self) -> float:
-        """Time from one sample to the next, s."""
+        """Time between successive samples, s."""
         return self.every * self.control_period
 
     @property
     def duration(self) -> float:
-        """Time in closed loop, s, to a sample."""
+        """Duration of the run in closed loop, s, to a sample."""
         first = round(float(self.time[0]) / self.control_period) if len(self.time) else 0
         return (first + len(self.time) * self.every) * self.control_period
 
@@ -121,7 +121,8 @@ class Rollout:
 
     @needed("Rollout.to_arrow")
     def to_arrow(self, joints: Sequence[str] | None = None) -> pyarrow.Table:
-        """The run as a table of Arrow: a row a sample, columns such as `p.joint1` with their units."""
+        """The run as an Arrow table: a row a sample, columns such as `p.joint1` with their units. Raises
+        `MissingExtraError` without pyarrow."""
         return rollout_table(self._columns, self.marks, joint_names(self.p.shape[1], joints), self._about)
 
     @property
@@ -133,7 +134,7 @@ class Rollout:
         return {name: getattr(self, name) for name in KEPT}
 
     def to_pandas(self, joints: Sequence[str] | None = None) -> pandas.DataFrame:
-        """The run as a frame of pandas, with the columns of `to_arrow`. Raises `MissingExtraError` without pandas."""
+        """The run as a pandas data frame, with the columns of `to_arrow`. Raises `MissingExtraError` without pandas."""
         with needed("Rollout.to_pandas"):
             return self.to_arrow(joints).to_pandas()
 

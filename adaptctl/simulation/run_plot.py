@@ -38,17 +38,17 @@ class DrawnRun(LearningRun, SampledRun, Protocol):
 
     @property
     def error(self) -> Array:
-        """(T, r) rad or m"""
+        """Tracking errors (T, r), rad or m."""
         ...
 
     @property
     def complete(self) -> bool:
-        """False when it was cut off."""
+        """False when the run was cut off."""
         ...
 
     @property
     def terminated(self) -> bool:
-        """True when an error ended it."""
+        """True when an error ended the run."""
         ...
 
 

@@ -32,7 +32,7 @@ def sampled(reference: Reference, times: Array, size: int) -> ReferencePoint:
 
 
 class Preview:
-    """Rows of a reference of r joints at every control period (s): p, v, a now and p at each time ahead (s).
+    """Preview of a reference of r joints, rows at every control period (s): p, v, a now and p at each time ahead (s).
 
     They are evaluated in blocks, so that a control step costs no evaluation. Raises what `sampled` raises.
     """

@@ -43,7 +43,7 @@ RECORDED = ("p", "v", "reference_p", "reference_v", "torque", "applied", "estima
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Rollouts:
-    """Samples and errors of M closed-loop runs of r joints; every array is read-only.
+    """Many closed-loop runs (M) of r joints, as samples and summaries of errors; every array is read-only.
 
     Sample k has the states at `time[k]` and the torques commanded on them; T samples. The errors are of all control
     periods, whether or not they are sampled. Runs never see each other: where one is not finite, the others are.
@@ -120,7 +120,7 @@ def simulate_many(
     threads: int = 1,
     progress: Callable[[float], object] | None = None,
 ) -> Rollouts:
-    """Many runs of one controller on one plant, of `duration` s each, that differ in what is given as a row each.
+    """The runs of one controller on one plant, of `duration` s each, that differ in what is given as a row each.
 
     Instead of one controller there may be M that differ in their `numbers` alone.
 

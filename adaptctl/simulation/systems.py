@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def mechanism_system(mechanism: Mechanism, name: str = "mechanism") -> control.NonlinearIOSystem:
-    """The arm in continuous time: state and outputs p and v (r each), input torque (r).
+    """A continuous-time system of the arm: state and outputs p and v (r each), input torque (r) in N m.
 
     Signals are ``torque[0]``, ``p[0]``, ``v[0]`` and so on, in the order of the primary joints. With loops, p is
     followed from the reference configuration at every evaluation.
@@ -47,8 +47,8 @@ def mechanism_system(mechanism: Mechanism, name: str = "mechanism") -> control.N
 
 
 def plant_system(plant: Plant, name: str = "plant") -> control.NonlinearIOSystem:
-    """The arm sampled under held torques, limits and friction included, as `rollout` drives it; signals as
-    `mechanism_system`.
+    """A discrete-time system of the arm sampled under held torques, limits and friction included, as `rollout` drives
+    it; signals as `mechanism_system`.
 
     Raises `InputError` for a plant with other effects, whose state is more than p and v.
     """
@@ -76,7 +76,8 @@ def plant_system(plant: Plant, name: str = "plant") -> control.NonlinearIOSystem
 def controller_system(
     controller: Controller[Any], period: float, name: str = "controller"
 ) -> control.NonlinearIOSystem:
-    """A controller ticking every `period` (s): inputs p, v and the reference's parts, output torque.
+    """A discrete-time system of a controller ticking every `period` (s): inputs p, v and the reference's parts, output
+    torque (r) in N m.
 
     Its state is all that the law remembers, the estimate first where there is one: `controller_start` has it at
     the beginning.
@@ -105,14 +106,14 @@ def controller_system(
 
 
 def controller_start(controller: Controller[Any], p: Array, v: Array) -> Array:
-    """The first state of a controller's system, at positions and velocities (r,)."""
+    """The first state (n,) of a controller's system, at positions and velocities (r,)."""
     return np.concatenate([*leaves(controller.init(p, v)), np.zeros(0)])
 
 
 def closed_loop_system(
     plant: Plant, controller: Controller[Any], name: str = "closed_loop"
 ) -> control.InterconnectedSystem:
-    """Plant and controller, joined: from the reference's parts to p and v.
+    """A system of plant and controller, joined: from the reference's parts to p and v (r each).
 
     The state is the plant's, then the controller's. Raises `InputError` when they are for different arms.
     """

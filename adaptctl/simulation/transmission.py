@@ -40,12 +40,13 @@ class Springs(NamedTuple):
 
     @property
     def firm(self) -> Column:
-        """Decrease of f (r,) for every rad/s that a link's joint gains in the step, N m s/rad."""
+        """Damping (r,) of the springs' torque f in the step: its decrease for every rad/s that a link's joint gains, N
+        m s/rad."""
         return self._share * self.motors.inertia
 
     @property
     def torque(self) -> Column:
-        """f (r,) for v_1 = v, N m on the links."""
+        """The springs' torque f (r,) for v_1 = v, N m on the links."""
         driven = self.motors.inertia * (self.motors.w - self.v) + self.dt * (self.given - self.held)
         return self.held + self._share * driven
 
@@ -64,7 +65,8 @@ class Springs(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Transmission:
-    """Elastic joints of a mechanism: what (r,) each spring has, and which parameters (P,) are its rotors' inertias."""
+    """The transmission of elastic joints: the springs' numbers (r,) of a mechanism, and which parameters (P,) are its
+    rotors' inertias."""
 
     stiffness: Array
     damping: Array
@@ -99,7 +101,7 @@ class Transmission:
         return Column(x if j is None else x + parameters[j] for x, j in zip(own, self.rotors, strict=True))
 
     def links(self, parameters: Column) -> Column:
-        """Parameters (P,) of the links alone: no rotor turns with them."""
+        """Parameters (P,) of the links alone, with all rotors' inertias zero."""
         return Column(0.0 if j in self.rotors else x for j, x in enumerate(parameters))
 
     def springs(self, q: Column, v: Column, motors: Motors, torque: Column, dt: float) -> Springs:
@@ -109,7 +111,7 @@ class Transmission:
         return Springs(held, column(self.damping) + half, v, motors, torque, dt)
 
     def energy(self, q: Column, motors: Motors) -> Scalar:
-        """Energy of the motors' motion and of the springs, J."""
+        """Kinetic energy of the motors and elastic energy of the springs, J."""
         stretch = self._stretch(q, motors)
         total: Scalar = 0.5 * (motors.w @ (motors.inertia * motors.w) + stretch @ (column(self.stiffness) * stretch))
         return total

@@ -25,7 +25,7 @@ WIDTH = 0.2
 
 
 class CarriedGains(NamedTuple):
-    """Gains, and what limits each joint's."""
+    """Gains that a control period and the torque limits carry, and which of them limits each joint's."""
 
     gains: Gains
     by_hold: NDArray[np.bool_]

@@ -42,7 +42,8 @@ def prior_ranges(mechanism: Mechanism, heaviest: float = HEAVIEST) -> Array:
 
 
 def adaptation_number(regressor: Array, damping: Array, gain: Array, period: float) -> float:
-    """T lambda_max(K^-1 Y Gamma Y') over samples: regressor (S, r, P), K (r,), Gamma (P,), T in s."""
+    """The adaptation number T lambda_max(K^-1 Y Gamma Y') over samples: regressor (S, r, P), K (r,), Gamma (P,), T in
+    s."""
     scaled = regressor * np.sqrt(gain) / np.sqrt(damping)[:, None]
     return period * float(np.linalg.eigvalsh(scaled @ np.swapaxes(scaled, -1, -2))[:, -1].max())
 

@@ -25,7 +25,7 @@ SMALLEST_ERROR = 1e-2
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """Gains, and the numbers that they were asked for."""
+    """A proposal of gains, with the numbers that they were asked for."""
 
     carried: CarriedGains
     gain: Array

@@ -9,7 +9,7 @@ from adaptctl.dynamics import Mechanism
 
 
 def scaled_links(mechanism: Mechanism, share: float, seed: int) -> Array:
-    """Parameters (P,) with every link's ten up or down by a share, by seed: a rigid body stays one, and
+    """Inertial parameters (P,) with every link's ten scaled up or down by a share, by seed: a rigid body stays one, and
     drives stay as they are."""
     bodies = len(mechanism.description.bodies)
     signs = np.random.default_rng(seed).choice([-1.0, 1.0], bodies)

@@ -48,14 +48,14 @@ class Delayed(Controller[AdaptiveState]):
     def law(
         self, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> tuple[Column, AdaptiveState]:
-        """One tick: the law's, of whose torques the last one acts, or the new one."""
+        """The torque (r,) N m of one tick, the last one's or the new one, and the law's memory after it."""
         _, after = self.of.law(p, v, reference, memory)
         late = self.late > 0.5
         return Column(where(late, old, new) for old, new in zip(memory.torque, after.torque, strict=True)), after
 
 
 class TrialSetting(NamedTuple):
-    """A closed loop that is tried."""
+    """Setting of a trial: the gains and true parameters of a closed loop that is tried."""
 
     bandwidth: Array
     damping: Array

@@ -42,7 +42,7 @@ def tune(
     search: int = 0,
     seed: int = 0,
 ) -> Tuning:
-    """Reference, gains and integration with which Slotine and Li's law learns a mechanism from zero.
+    """A tuning: reference, gains and integration with which Slotine and Li's law learns a mechanism from zero.
 
     `period` is the control period T (s). The `reference`, unless given, is drawn by `seed` within 60 % of the torque
     limits; the `initial_error`, unless given, is 0.1 rad or m, and less where a range or a torque limit is small.

@@ -19,7 +19,7 @@ from adaptctl.tuning.verification import Verification
 
 @dataclass(frozen=True, eq=False)
 class Tuning:
-    """Reference, gains and integration of a mechanism of r joints and P parameters; see `tune`."""
+    """Reference, gains and integration that `tune` chose for a mechanism of r joints and P parameters."""
 
     mechanism: Mechanism
     period: float
@@ -49,17 +49,19 @@ class Tuning:
     """what else a person should know"""
 
     def gain_on(self, model: ReducedModel) -> Array:
-        """Gamma (k, k) of a model's parameters: adapting them is then the same as adapting all P."""
+        """The adaptation gain Gamma (k, k) on a model's parameters: adapting them is then the same as adapting all
+        P."""
         return mapped_gain(model, self.adaptation)
 
     @cached_property
     def workspace(self) -> Workspace:
-        """Positions at which the gains are to hold: the reference, and what may be off it."""
+        """The workspace in which the gains are to hold: positions of the reference, and the margin about them."""
         margin = float(np.max(np.abs(self.initial_error)))
         return Workspace.along(self.mechanism, self.reference(np.linspace(0.0, 20.0, 60)).p, margin)
 
     def controller(self, model: ReducedModel, adaptation: bool = True) -> SlotineLi:
-        """Slotine and Li's law with these gains, from estimates of zero."""
+        """Slotine and Li's law with these gains on a model, its first estimate zero; without adaptation, if so
+        asked."""
         gain, gains = self.gain_on(model) if adaptation else None, self.gains
         given = None, self.period, self.workspace, self.torque_limits
         return SlotineLi(model, gains.bandwidth, gains.damping, gain, *given)

@@ -26,7 +26,8 @@ LINKS_OFF = 0.3
 
 @dataclass(frozen=True)
 class Verification:
-    """A run with the gains found, and the same with adaptation off; errors are RMS over all joints, rad or m."""
+    """Errors of a verifying run with the gains found, and of the same with adaptation off; RMS over all joints, rad or
+    m."""
 
     name: str
     first: float
@@ -61,7 +62,7 @@ class Verification:
 
 
 def verifications(trials: Trials, gains: Gains, gain: Array, seed: int) -> tuple[Verification, ...]:
-    """Runs as described, with links off by LINKS_OFF, with a torque one period late, and with both."""
+    """Verifications by runs as described, with links off by LINKS_OFF, with a torque one period late, and with both."""
     mechanism = trials.plant.mechanism
     own, other = mechanism.inertial_parameters, scaled_links(mechanism, LINKS_OFF, seed)
     cases = [("as described", own, False), ("torque late", own, True), ("links off", other, False)]

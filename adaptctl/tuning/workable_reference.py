@@ -40,7 +40,7 @@ HIGHEST = 0.95
 
 
 class WorkableReference(NamedTuple):
-    """A reference, and what it asks of the motors."""
+    """A reference, and the shares of the torque limits that it asks for."""
 
     reference: Reference
     static: Array
@@ -52,7 +52,7 @@ class WorkableReference(NamedTuple):
 
 
 def workable_reference(mechanism: Mechanism, limits: Array, seed: int) -> WorkableReference:
-    """Sinusoids within TORQUE_SHARE of the torque limits (r,), about a centre where gravity asks little.
+    """A reference of sinusoids within TORQUE_SHARE of the torque limits (r,), about a centre where gravity asks little.
 
     Joints that ask for more, be it that gravity does, are moved less until they are halfway between that and their
     limit. Frequencies and amplitudes are drawn by seed.
@@ -71,7 +71,7 @@ def workable_reference(mechanism: Mechanism, limits: Array, seed: int) -> Workab
 
 
 def judged_reference(mechanism: Mechanism, limits: Array, reference: Reference) -> WorkableReference:
-    """A reference as it is, and what it asks of the motors."""
+    """The reference given, and the shares of the torque limits that it asks for."""
     center = reference(np.zeros(1)).p[0]
     asked = _asked(mechanism, limits, reference)
     return WorkableReference(reference, _static(mechanism, limits, center).sum(axis=0), asked, np.ones(mechanism.dof))

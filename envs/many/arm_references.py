@@ -21,7 +21,7 @@ Steps = NDArray[np.int64]
 
 
 class ArmReferences:
-    """A reference of r joints for each arm, looked at every control period (s) and at times ahead (s)."""
+    """References of r joints for many arms, one each, sampled every control period (s) and at times ahead (s)."""
 
     def __init__(self, arms: int, dof: int, control_period: float, look_ahead: Array) -> None:
         self.of: list[Reference | None] = [None] * arms

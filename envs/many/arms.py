@@ -76,7 +76,7 @@ class Arms:
         self._kernels: dict[int, Kernel] = {}
 
     def begin(self, arms: Numbers, options: Mapping[str, Any]) -> StepResult:
-        """Begin an episode of some arms. Raises as `TrackingEnv.reset` does."""
+        """The first results of some arms' episodes, which begin. Raises as `TrackingEnv.reset` does."""
         single, chosen, r = self.single, ArmOptions(self.count, arms), self._dof
         error = chosen.numbers(options.get("initial_error", single.initial_error), r, "initial_error")
         own, last = single.mechanism.inertial_parameters, len(single.mechanism.description.bodies) - 1
@@ -97,7 +97,8 @@ class Arms:
         return StepResult(observation, zero, never, never, zero, energy, self.clipped[arms], p, v, torque, state.marks)
 
     def advance(self, torque: Array, moving: Numbers) -> StepResult:
-        """One control period under torques (N, r); the results of arms that are not moving mean nothing."""
+        """The results of one control period under torques (N, r), N m; those of arms that are not moving mean
+        nothing."""
         self.steps += 1
         time = np.asarray(self.single.control_period * self.steps, dtype=np.float64)
         self._give(torque, time, moving)

@@ -20,7 +20,8 @@ from adaptctl.simulation.rollout import PARTS
 
 
 class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any]):
-    """Many tracking environments that a controller drives, and in which actions (N, a) in [-1, 1] are what is learned.
+    """Base class of many tracking environments that a controller drives, in which actions (N, a) in [-1, 1] are what is
+    learned.
 
     Each arm has a memory of the controller of its own, which begins anew with its episodes.
     """
@@ -43,7 +44,8 @@ class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Begin an episode of every arm, or of those in the option `reset_mask`."""
+        """Observations (N, n) and infos, after an episode of every arm has begun, or of those in the option
+        `reset_mask`."""
         observations, info = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]  # ours takes more
         begun = np.asarray((options or {}).get("reset_mask", np.ones(self.num_envs, dtype=np.bool_)))
         self._over = self._over & ~begun
@@ -51,7 +53,7 @@ class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any
         return observations, info
 
     def step(self, actions: Any) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """One control period of all arms."""
+        """Observations (N, n), rewards, ends, time-outs (N,) and infos after one control period of all arms."""
         if self._memory is None:
             raise gymnasium.error.ResetNeeded("there is no episode yet: call env.reset() first")
         torques, told = self._torques(finite_actions(actions, self.action_space))

@@ -16,8 +16,8 @@ from adaptctl.errors import InputError
 
 
 class LearnerView:
-    """A vector environment of ours, in wrappers or not, its actions shares of the largest, such as torque limits, its
-    infos one dictionary an arm.
+    """A view of a vector environment of ours, in wrappers or not, for learners: actions are shares of the largest, such
+    as torque limits, and infos one dictionary an arm.
 
     `done` is terminated or truncated. The info of an arm that is done has `terminal_observation`, the last of the
     episode that ended, and `TimeLimit.truncated`, whether it ended by its duration alone; others are empty, since what
@@ -40,7 +40,7 @@ class LearnerView:
         self._largest, self._dof = np.asarray(own.high), inner.single.plant.dof
 
     def reset(self, seeds: Sequence[int | None], options: Sequence[Mapping[str, Any]]) -> Array:
-        """Begin an episode of every arm, with a seed and options of its own (N,). Returns observations (N, n). Raises
+        """The first observations (N, n) of an episode of every arm, with a seed and options of its own (N,). Raises
         `InputError` where arms have different options."""
         names = set(options[0])
         if any(set(own) != names for own in options):
@@ -54,7 +54,7 @@ class LearnerView:
         return observations
 
     def step(self, actions: ArrayLike) -> tuple[Array, Array, NDArray[np.bool_], list[dict[str, Any]]]:
-        """One control period under actions (N, r): observations (N, n), rewards (N,), done (N,) and infos. Raises
+        """Observations (N, n), rewards (N,), done (N,) and infos after one control period under actions (N, r). Raises
         `InputError` for another shape."""
         try:
             scaled = np.asarray(actions, dtype=np.float64) * self._largest

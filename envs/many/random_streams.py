@@ -15,7 +15,8 @@ BLOCK = 32
 
 
 class ArmStreams:
-    """A generator for each arm, and rows of `width` standard normal numbers from it, one a draw.
+    """Streams of random numbers: a generator for each arm, and rows of `width` standard normal numbers from it, one a
+    draw.
 
     The numbers are those that each generator gives one draw after the other, and `generator` is where that would be.
     """
@@ -45,7 +46,7 @@ class ArmStreams:
         return generator
 
     def normal(self, arms: NDArray[np.int64]) -> Array:
-        """A draw of each of some arms (k, width)."""
+        """Standard normal numbers (k, width), one draw of each of some arms."""
         if self._blocks.shape[2] == 0:
             return np.empty((len(arms), 0))
         for arm in arms[self._used[arms] == BLOCK].tolist():

@@ -20,7 +20,7 @@ LARGEST = 1e300
 
 
 class Facts(NamedTuple):
-    """The facts of an arm after a step in one number each; conditions are 1 or 0. The plant's marks follow."""
+    """Facts about an arm after a step, one number each; conditions are 1 or 0. The plant's marks follow."""
 
     reward: Any
     """without what ending costs"""
@@ -36,7 +36,8 @@ class Facts(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class VectorStep:
-    """A control period of the plant under a torque, its observation and its reward, at a time (s) of each arm's own.
+    """The step of a vector environment: a control period of the plant under a torque, its observation and its reward,
+    at a time (s) of each arm's own.
 
     References are sums of sinusoids, evaluated here from each arm's numbers; with no terms, rows of samples are given:
     p, v, a now and p at each time ahead.
@@ -50,14 +51,14 @@ class VectorStep:
 
     @property
     def reference(self) -> dict[str, int]:
-        """Lengths of the columns that say where an arm should be."""
+        """Lengths of the columns that say where an arm should be, by name."""
         if not self.sinusoids.terms:
             return {"row": (3 + len(self.look_ahead)) * self.plant.dof}
         return self.sinusoids.shared | self.sinusoids.held
 
     @property
     def held(self) -> dict[str, int]:
-        """Lengths of the columns that are given to a step."""
+        """Lengths of the columns that are given to a step, by name."""
         given = {"torque": self.plant.dof, "noise": self.plant.noise_size}
         return given | {"parameters": self.plant.mechanism.equations.parameters} | self.reference
 
@@ -81,8 +82,8 @@ class VectorStep:
         return Column(x for part in (*now, *(point.p for point in ahead)) for x in part)
 
     def equation(self, **columns: Column) -> tuple[Column, ...]:
-        """Columns (n,) of the plant that are passed on; then the observation, `Facts` with the plant's marks, and the
-        true p, v and torque."""
+        """The results of a step: columns (n,) of the plant that are passed on, the observation, `Facts` with the
+        plant's marks, and the true p, v and torque."""
         plant, row = self.plant, self.row(columns)
         after = plant.equation(columns)
         p = plant.primary(after.q)

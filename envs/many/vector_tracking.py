@@ -161,7 +161,8 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         return result.observation, self._info(result, mask)
 
     def step(self, actions: ArrayLike) -> tuple[Array, Array, Flags, Flags, dict[str, Any]]:
-        """One control period of all arms under torques (N, r), held.
+        """Observations (N, n), rewards, ends, time-outs (N,) and infos after one control period of all arms under
+        torques (N, r) N m, held.
 
         Raises as `TrackingEnv.step` does, naming the arm; on a bad action nothing has moved.
         """

@@ -16,7 +16,7 @@ POINT = 100.0 / 72.0
 
 
 class Caption:
-    """The arm's name, the time, and what the colours mean, in the corners of pictures of one size."""
+    """Caption of pictures of one size: the arm's name, the time, and what the colours mean, in their corners."""
 
     def __init__(self, name: str, colors: Mapping[str, Color], width: int, height: int) -> None:
         figure = Figure(figsize=(width / 100.0, height / 100.0), dpi=100.0)

@@ -34,7 +34,8 @@ class Hits(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A pinhole at `eye` (3,) that looks at `target` (3,), z up; `field` is the vertical view angle in rad."""
+    """A pinhole camera at `eye` (3,) that looks at `target` (3,), m, z up; `field` is the vertical view angle in
+    rad."""
 
     eye: Array
     target: Array
@@ -44,7 +45,7 @@ class Camera:
 
     @property
     def axes(self) -> Array:
-        """Unit vectors (3, 3): right, down, forward."""
+        """The camera's axes, unit vectors (3, 3): right, down, forward."""
         forward = _unit(self.target - self.eye)
         right = _unit(np.cross(forward, [0.0, 0.0, 1.0]))
         return np.stack([right, np.cross(forward, right), forward])

@@ -42,7 +42,7 @@ class Renderer:
         self._caption = Caption(mechanism.name, {"arm": RUNS[0], "reference": GOAL}, width, height)
 
     def image(self, p: Array, goal: Array, time: float) -> NDArray[np.uint8]:
-        """The arm at positions p (r,) with a ghost at `goal` (r,): (height, width, 3)."""
+        """The image (height, width, 3) of the arm at positions p (r,) with a ghost at `goal` (r,)."""
         solids = [*self._pedestals, *self._arm(p)]
         picture = self._backdrop.copy()
         depth = np.full(picture.shape[:2], np.inf)  # the floor hides nothing: an arm without stops may sink into it

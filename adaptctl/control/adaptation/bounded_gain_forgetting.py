@@ -24,7 +24,7 @@ from adaptctl.scalars import Column, Scalar, each
 
 
 class CovarianceMemory(NamedTuple):
-    """The memory of least squares by their covariance."""
+    """The memory of least squares by their covariance: P, in units of the first gain, and the torque filters."""
 
     covariance: Any
     """(k (k + 1)/2,) the upper triangle, row by row, of P in units of the first gain: the identity at the start"""
@@ -33,7 +33,9 @@ class CovarianceMemory(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
-    """estimate' = -P (Y's + W'R (W estimate - F[tau])), P' = lambda(t) P - P W'R W P (Slotine and Li 1989).
+    """Composite adaptation by least squares with bounded-gain forgetting (Slotine and Li 1989).
+
+        estimate' = -P (Y's + W'R (W estimate - F[tau])),  P' = lambda(t) P - P W'R W P
 
     lambda(t) = forgetting (1 - tr(Gamma^-1 P)/(k bound)). P starts at Gamma = diag(`gain`) (k,); `weight` R
     (r,) and `cutoff` (1/s) are those of `Composite`; `forgetting` is in 1/s; `bound` of at least 1 is how far

@@ -19,7 +19,9 @@ from adaptctl.scalars.column import combined
 
 @dataclass(frozen=True, eq=False)
 class Composite(Descent[Filtered]):
-    """estimate' = -Gamma (Y's + W'R (W estimate - F[tau])) (Slotine and Li 1989).
+    """Composite adaptation, by the tracking and the prediction error (Slotine and Li 1989).
+
+        estimate' = -Gamma (Y's + W'R (W estimate - F[tau]))
 
     W is the regressor behind the filter F = lambda/(d/dt + lambda), from positions and velocities alone;
     `weight` is R (r,) in 1/(N m s) (its diagonal, one number or one a joint), `cutoff` is lambda in 1/s.
@@ -67,7 +69,7 @@ class Composite(Descent[Filtered]):
 
 
 def residual(rows: list[Column], estimate: Column, torque: Column) -> Column:
-    """W estimate - torque (r,)."""
+    """The prediction error W estimate - torque (r,), N m, of filtered torques."""
     return Column(row @ estimate for row in rows) - torque
 
 

@@ -45,9 +45,11 @@ class LearningMemory(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
-    """estimate' = -P (Y's + W'R (W estimate - F[tau]) + recall (Q estimate - z)),  P^-1 = Gamma^-1 + Q
-    Q' = W'RW - forgetting Q W'(W Q W')^+ W Q,  z' likewise, so that z = Q true: composite learning (Pan and Yu 2018)
-    whose memory Q, z of all that was excited forgets by direction (Kulhavy 1987, Cao and Schwartz 2000).
+    """Composite learning (Pan and Yu 2018) with a memory Q, z of all that was excited, which forgets by direction
+    (Kulhavy 1987, Cao and Schwartz 2000).
+
+        estimate' = -P (Y's + W'R (W estimate - F[tau]) + recall (Q estimate - z)),  P^-1 = Gamma^-1 + Q
+        Q' = W'RW - forgetting Q W'(W Q W')^+ W Q,  z' likewise, so that z = Q true
 
     Along what W sees now the past is forgotten, at `forgetting` (1/s); what it does not see is kept for as long as it
     is not seen again. `recall` (1/s) is how fast the estimate returns to what the memory says, along all that was well

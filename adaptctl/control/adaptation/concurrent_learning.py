@@ -23,7 +23,7 @@ LONGEST = 64
 
 
 class Stack(NamedTuple):
-    """The memory of concurrent learning."""
+    """The memory of concurrent learning: the stack of samples, and the torque filters."""
 
     rows: Any
     """W of every sample kept, the newest first, without what is always zero: zero where none is kept yet"""
@@ -41,9 +41,11 @@ class Stack(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ConcurrentLearning(Descent[Stack]):
-    """estimate' = -Gamma (Y's + sum_j W_j'R (W_j estimate - F[tau]_j)) over the samples j of a bounded stack
-    (Chowdhary and Johnson 2010). `gain`, `weight` R and `cutoff` are those of `Composite`; `samples` is how many are
-    kept.
+    """Concurrent learning from a bounded stack of samples j (Chowdhary and Johnson 2010).
+
+        estimate' = -Gamma (Y's + sum_j W_j'R (W_j estimate - F[tau]_j))
+
+    `gain`, `weight` R and `cutoff` are those of `Composite`; `samples` is how many are kept.
 
     A sample is kept where it tells something new: where its rows differ from those kept last by
     sum_i R_i d_i'Gamma d_i (1/s) above `threshold`. It then takes the oldest one's place, so that what has changed,

@@ -32,7 +32,7 @@ NEAR = 1e-9
 
 
 class LiftMemory(NamedTuple):
-    """The memory of a lifted estimate."""
+    """The memory of a lifted estimate: the lift (P,), and the torque filters."""
 
     lift: Any
     """(P,) parameters of rigid bodies whose fundamental ones are the estimate"""
@@ -47,8 +47,10 @@ class LiftMemory(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ConsistentLift(AdaptationLaw[LiftMemory]):
-    """estimate = K D, D the parameters (P,) of rigid bodies that move by natural adaptation (Lee, Kwon and Park 2018)
-    along D's slope K'(Y's + W'R (W estimate - F[tau])), Y and W on the k fundamental parameters alone.
+    """Natural adaptation of a physically consistent lift D of the estimate (Lee, Kwon and Park 2018).
+
+    estimate = K D, where D are parameters (P,) of rigid bodies that move by natural adaptation along the slope
+    K'(Y's + W'R (W estimate - F[tau])), Y and W on the k fundamental parameters alone.
 
     All P parameters have the slope K'Y's, for their regressor is Y K: what removed columns would add is never computed.
     `lift` (P,) is the first D, physically consistent; the first estimate is K lift. `rate` is that of `Natural`, one

@@ -24,7 +24,7 @@ from adaptctl.scalars import Column, each
 
 
 class InformationMemory(NamedTuple):
-    """The memory of least squares by their information."""
+    """The memory of least squares by their information: P^-1, in units of the first gain, and the torque filters."""
 
     information: Any
     """(k (k + 1)/2,) the upper triangle, row by row, of S P^-1 S, S = Gamma^1/2: the identity at the start"""
@@ -33,8 +33,9 @@ class InformationMemory(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
-    """estimate' = -P (Y's + W'R (W estimate - F[tau])), (P^-1)' = -lambda (P^-1 - Gamma^-1) + W'R W
-    (Slotine and Li 1989).
+    """Composite adaptation by least squares with the cushioned floor, a lower bound on P^-1 (Slotine and Li 1989).
+
+        estimate' = -P (Y's + W'R (W estimate - F[tau])),  (P^-1)' = -lambda (P^-1 - Gamma^-1) + W'R W
 
     The information P^-1 starts at its floor Gamma^-1, Gamma = diag(`gain`) (k,). `forgetting` is lambda in 1/s;
     `weight` R (r,) and `cutoff` (1/s) are those of `Composite`.

@@ -17,8 +17,11 @@ from adaptctl.scalars import Column, each, where
 
 @dataclass(frozen=True, eq=False)
 class DeadZone(Descent[NoMemory]):
-    """estimate' = -Gamma Y's outside the ellipsoid sum (s_i / width_i)^2 <= 1, and 0 within (Peterson and
-    Narendra 1982). `width` (r,) is in rad/s (m/s), one number for all joints or one each.
+    """Gradient adaptation with a dead zone (Peterson and Narendra 1982).
+
+        estimate' = -Gamma Y's outside the ellipsoid sum (s_i / width_i)^2 <= 1, and 0 within
+
+    `width` (r,) is in rad/s (m/s), one number for all joints or one each.
 
     Guarantees: within the zone the estimate stands still, so nothing that keeps s there makes it drift. Outside
     V' = -s'Ks + s'd is not positive where the zone holds {s: s'Ks <= d'K^-1d} for the disturbance d;
@@ -38,7 +41,8 @@ class DeadZone(Descent[NoMemory]):
 
     @classmethod
     def against(cls, gain: ArrayLike, damping: ArrayLike, torque: ArrayLike) -> DeadZone:
-        """The zone for disturbance torques of at most `torque` (r,) N m under a damping K (r,)."""
+        """The law with the dead zone for disturbance torques of at most `torque` (r,) N m under a damping K (r,) in N m
+        s/rad; `gain` (k,) is Gamma."""
         d = np.atleast_1d(np.asarray(torque, dtype=np.float64))
         K = positive_per_joint(damping, len(d), "damping")
         return cls(np.asarray(gain), np.sqrt((d**2 / K).sum() / K))
@@ -53,7 +57,7 @@ class DeadZone(Descent[NoMemory]):
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (k,) a step down the gradient, unchanged within the zone; and no memory."""
+        """The estimate (k,) after a step down the gradient, or unchanged where s is within the zone; and no memory."""
         scaled = Column(1.0 / width for width in each(self.width, model.mechanism.dof)) * period.mean
         outside = where(scaled @ scaled > 1.0, 1.0, 0.0)
         return estimate - self.applied(period.gradient(outside * period.integral)), memory

@@ -20,7 +20,8 @@ from adaptctl.scalars import Column, Scalar, column
 
 @dataclass(frozen=True, eq=False)
 class Descent(AdaptationLaw[Memory]):
-    """Gradient descent along Y's with a constant gain Gamma: its diagonal (k,) or whole (k, k)."""
+    """Base class of laws by gradient descent along Y's with a constant gain Gamma: its diagonal (k,) or whole (k,
+    k)."""
 
     gain: Array
 
@@ -33,11 +34,12 @@ class Descent(AdaptationLaw[Memory]):
 
     @property
     def by_parameter(self) -> bool:
-        """True if Gamma is diagonal."""
+        """True if Gamma is diagonal, so that each parameter's error is measured by itself."""
         return self.gain.ndim == 1
 
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar:
-        """The distance error' Gamma^-1 error / 2 of estimates (k,) from true parameters (k,), in J."""
+        """The parameters' term error' Gamma^-1 error / 2, in J, of the Lyapunov function, for estimates (k,) and true
+        parameters (k,)."""
         error, gain = estimate - true, self._columns
         if isinstance(gain, list):
             return 0.5 * (error @ solve_symmetric([list(row) for row in gain], error))

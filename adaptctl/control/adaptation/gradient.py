@@ -20,7 +20,7 @@ TINY = 1e-300
 
 @dataclass(frozen=True, eq=False)
 class Gradient(Descent[NoMemory]):
-    """estimate' = -Gamma Y's (Slotine and Li 1987), by a rule that a control period carries.
+    """Gradient adaptation, estimate' = -Gamma Y's (Slotine and Li 1987), by a rule that a control period carries.
 
     estimate -= T_c n Gamma x, x = Y_k' s, s = s_k + theta (s_k+1 - s_k), n = s'Ks/(s'Ks + cap T_c x'Gamma x)
 
@@ -55,7 +55,7 @@ class Gradient(Descent[NoMemory]):
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (k,) a step down the gradient, and no memory."""
+        """The estimate (k,) after a step down the gradient, and no memory."""
         s = period.after if self.theta == 1.0 else period.before + self.theta * (period.after - period.before)
         slope = period.gradient(s)
         step = self.applied(slope)

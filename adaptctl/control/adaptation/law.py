@@ -19,7 +19,8 @@ class NoMemory(NamedTuple):
 
 
 class Period(NamedTuple):
-    """The control period that has passed, as a control law hands it to an adaptation law."""
+    """One control period as a control law hands it to an adaptation law: tracking errors s, torque, regressor and
+    time."""
 
     gradient: Callable[[Column], Column]
     """Y' s (k,) for any sliding variable s (r,), linear in it; Y is the regressor at the start of the period"""
@@ -47,12 +48,13 @@ class Period(NamedTuple):
 
     @property
     def mean(self) -> Column:
-        """The mean of s (r,) at the start and at the end of the period."""
+        """The mean of s (r,) at the start and at the end of the period, in rad/s or m/s."""
         return 0.5 * (self.before + self.after)
 
     @property
     def integral(self) -> Column:
-        """The integral (r,) of s over the period by the trapezium rule; 0 where nothing is to be learned."""
+        """The integral (r,) of s over the period by the trapezium rule, in rad or m; 0 where nothing is to be
+        learned."""
         return (0.5 * self.elapsed) * (self.before + self.after)
 
 
@@ -70,11 +72,12 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
 
     @abstractmethod
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Memory:
-        """The memory before the first tick, at configuration q (n,) and velocities v (r,)."""
+        """The memory before the first tick, for a first estimate (k,), at configuration q (n,) and velocities v (r,)
+        and a period T_c (s)."""
 
     @abstractmethod
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Memory) -> tuple[Column, Memory]:
-        """The estimate (k,) after a control period, and the memory then."""
+        """The estimate (k,) and the memory after a control period, over scalars of any kind."""
 
     @property
     def by_parameter(self) -> bool:
@@ -87,7 +90,8 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
         return None
 
     def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array | None:
-        """`lyapunov_term` (...) in J of estimates (..., k) and true parameters (k,) or (..., k)."""
+        """The Lyapunov function's term of the parameters (...), J, at estimates (..., k) where the truth is (k,) or
+        (..., k): `lyapunov_term` on arrays. None where it depends on more than the estimate."""
         rows = (np.asarray(x, dtype=np.float64)[..., None] for x in (estimate, true))
         found = self.lyapunov_term(model, *(Column(np.moveaxis(x, -2, 0)) for x in rows))
         return None if found is None else np.asarray(found)[..., 0]

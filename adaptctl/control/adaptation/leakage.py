@@ -43,7 +43,9 @@ class _Leaking(Descent[NoMemory]):
 
 @dataclass(frozen=True, eq=False)
 class SigmaModification(_Leaking):
-    """estimate' = -Gamma Y's - sigma (estimate - prior); `rate` is sigma, in 1/s (Ioannou and Kokotovic 1984).
+    """Gradient adaptation with sigma-modification, a constant leak back to the prior (Ioannou and Kokotovic 1984).
+
+        estimate' = -Gamma Y's - sigma (estimate - prior),  `rate` is sigma, in 1/s
 
     The leak is Gamma times sigma Gamma^-1 (estimate - prior), so that parameters of different units leak alike.
 
@@ -64,7 +66,9 @@ class SigmaModification(_Leaking):
 
 @dataclass(frozen=True, eq=False)
 class EModification(_Leaking):
-    """estimate' = -Gamma Y's - nu |s| (estimate - prior) (Narendra and Annaswamy 1987); `rate` is nu, in 1/rad.
+    """Gradient adaptation with e-modification, a leak that stops with s (Narendra and Annaswamy 1987).
+
+        estimate' = -Gamma Y's - nu |s| (estimate - prior),  `rate` is nu, in 1/rad
 
     Guarantees: under any bounded disturbance s and the estimate stay bounded, without excitation. The leak
     stops with s, so true estimates on the trajectory stay where they are.

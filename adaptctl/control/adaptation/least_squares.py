@@ -21,7 +21,7 @@ from adaptctl.scalars import Column, Scalar, column, sqrt
 
 @dataclass(frozen=True, eq=False)
 class ForgettingLeastSquares(AdaptationLaw[Memory]):
-    """Least squares that forget, from a first covariance P = Gamma = diag(`gain`) (k,).
+    """Base class of least squares that forget, from a first covariance P = Gamma = diag(`gain`) (k,).
 
     `weight` is R in 1/(N m s), one number or one a joint (r,), `cutoff` the torque filter's and `forgetting` the rate
     at which the past is forgotten, both in 1/s.
@@ -76,7 +76,7 @@ def upper_rows(entries: Column, k: int) -> list[list[Scalar]]:
 
 
 def full_rows(upper: list[list[Scalar]]) -> list[list[Scalar]]:
-    """Rows of the symmetric matrix with these of its upper triangle."""
+    """The rows (k, k) of a symmetric matrix, from those of its upper triangle."""
     k = len(upper)
     return [[upper[min(i, j)][max(i, j) - min(i, j)] for j in range(k)] for i in range(k)]
 

@@ -26,9 +26,12 @@ LONGEST_STEP = 2.0
 
 @dataclass(frozen=True, eq=False)
 class Natural(AdaptationLaw[NoMemory]):
-    """P_i' = -rate_i P_i L_i P_i for every link's pseudo-inertia P_i, tr(L_i P) = (Y's)_i' (the ten of P), and the
-    same for every drive's parameter (Lee, Kwon and Park 2018). `rate` is in 1/J, one number, or one for each link
-    with a body and then for each drive's parameter.
+    """Natural adaptation of rigid bodies' parameters (Lee, Kwon and Park 2018).
+
+        P_i' = -rate_i P_i L_i P_i for every link's pseudo-inertia P_i, tr(L_i P) = (Y's)_i' (the ten of P)
+
+    and the same for every drive's parameter. `rate` is in 1/J, one number, or one for each link with a body and then
+    for each drive's parameter.
 
     It is the gradient in the affine-invariant metric of positive definite matrices: no gain depends on units
     or on frames. Near an estimate of mass m a rate is the gain rate m^2 on that mass, so heavy links learn faster
@@ -72,7 +75,7 @@ class Natural(AdaptationLaw[NoMemory]):
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (k,) a step along the geodesic of every link's pseudo-inertia, and no memory."""
+        """The estimate (k,) after a step along the geodesic of every link's pseudo-inertia, and no memory."""
         slope = each_rate(self.rate, model) * period.gradient(period.integral)
         return moved_bodies(estimate, slope, len(model.mechanism.description.bodies)), memory
 
@@ -88,15 +91,15 @@ class Natural(AdaptationLaw[NoMemory]):
         return total
 
     def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array:
-        """`lyapunov_term` (...) in J of estimates (..., P) and true parameters; infinite where the truth is no rigid
-        bodies'."""
+        """The Lyapunov function's term of the parameters (...), J, at estimates (..., P) where the truth is (P,) or
+        (..., P): `lyapunov_term` on arrays; infinite where the truth is no rigid bodies'."""
         with np.errstate(invalid="ignore", divide="ignore"):
             found = np.asarray(super().distance(model, estimate, true))
         return np.where(np.isnan(found) & np.isfinite(estimate).all(axis=-1), np.inf, found)
 
 
 def checked_rate(rate: ArrayLike) -> Array:
-    """A read-only rate, one number or (n,). Raises `InputError` unless positive."""
+    """A read-only copy of a rate, one number or (n,), in 1/J. Raises `InputError` unless positive."""
     array = np.array(rate, dtype=np.float64)
     if array.ndim > 1 or not (np.isfinite(array).all() and np.all(array > 0.0)):
         raise InputError(f"natural adaptation: rate: expected positive numbers in 1/J, got {array.tolist()}")
@@ -143,8 +146,8 @@ def _bodies_and_rates(model: ReducedModel) -> tuple[int, int]:
 
 
 def moved_bodies(parameters: Column, slope: Column, bodies: int) -> Column:
-    """Parameters (P,) after one step: each link's ten along its geodesic, each drive's along that of a positive
-    number."""
+    """The parameters (P,) after one step of natural adaptation: each link's ten along its geodesic, each drive's along
+    that of a positive number."""
     links = 10 * bodies
     entries: list[Any] = []
     for i in range(0, links, 10):
@@ -158,7 +161,8 @@ def moved_bodies(parameters: Column, slope: Column, bodies: int) -> Column:
 
 
 def raised_slope(parameters: Column, slope: Column, bodies: int) -> Column:
-    """The velocity (P,) along which a step with this slope begins, its sign turned: the ten of P_i L_i P_i."""
+    """The natural gradient (P,) of a slope (P,): the ten inertial parameters of P_i L_i P_i for every link. A step
+    begins along it, its sign turned."""
     links = 10 * bodies
     entries: list[Any] = []
     for i in range(0, links, 10):
@@ -169,7 +173,8 @@ def raised_slope(parameters: Column, slope: Column, bodies: int) -> Column:
 
 
 def moved_body(ten: Sequence[Scalar], slope: Sequence[Scalar]) -> list[Any]:
-    """A link's ten after one step: G Q Q G' for its pseudo-inertia G G', as what is added to G G'.
+    """A link's ten inertial parameters after one step along the geodesic: those of G Q Q G' for its pseudo-inertia G
+    G', as what is added to G G'.
 
     So a small step is rounded as a small number is, and many small steps do not wear an estimate away.
     """
@@ -195,27 +200,27 @@ def _decay_less_one(X: Matrix) -> Matrix:
 
 
 def pseudo(ten: Sequence[Scalar]) -> Matrix:
-    """The pseudo-inertia of a link's ten."""
+    """The pseudo-inertia (4, 4) of a link's ten inertial parameters."""
     m, x, y, z, xx, xy, yy, xz, yz, zz = ten
     half = 0.5 * (xx + yy + zz)
     return [[half - xx, -xy, -xz, x], [-xy, half - yy, -yz, y], [-xz, -yz, half - zz, z], [x, y, z, m]]
 
 
 def the_ten(P: Matrix) -> list[Any]:
-    """The ten of a pseudo-inertia."""
+    """The ten inertial parameters of a pseudo-inertia."""
     (xx, xy, xz, x), (_, yy, yz, y), (_, _, zz, z), (_, _, _, m) = P
     return [m, x, y, z, yy + zz, -xy, xx + zz, -xz, -yz, xx + yy]
 
 
 def slope_matrix(slope: Sequence[Scalar]) -> Matrix:
-    """L with tr(L P) = slope' (the ten of P)."""
+    """The matrix L (4, 4) of a slope (10,), with tr(L P) = slope' (the ten inertial parameters of P)."""
     m, x, y, z, xx, xy, yy, xz, yz, zz = (0.5 * g for g in slope)
     row = (2.0 * (yy + zz), -xy, -xz, x), (2.0 * (xx + zz), -yz, y), (2.0 * (xx + yy), z), (2.0 * m,)
     return [[row[min(i, j)][max(i, j) - min(i, j)] for j in range(4)] for i in range(4)]
 
 
 def cholesky(P: Matrix) -> Matrix:
-    """The lower triangular G with G G' = P."""
+    """The lower triangular Cholesky factor G (4, 4) with G G' = P."""
     G: Matrix = [[0.0] * len(P) for _ in P]
     for j in range(len(P)):
         for i in range(j, len(P)):
@@ -237,7 +242,7 @@ def transposed(A: Matrix) -> Matrix:
 
 
 def pseudos(tens: Array) -> Array:
-    """Pseudo-inertias (..., 4, 4) of tens (..., 10)."""
+    """Pseudo-inertias (..., 4, 4) of inertial parameters (..., 10)."""
     rows = pseudo(list(np.moveaxis(tens, -1, 0)))
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 

@@ -18,7 +18,7 @@ from adaptctl.scalars import Column, column, spread
 
 
 class Filtered(NamedTuple):
-    """The memory of the torque filters."""
+    """The memory of the torque filters: those of the regressor's entries and of the torques."""
 
     regressor: Any
     """rows of F[lambda H + N], as far as it is known before the next sample, without what is always zero"""
@@ -27,7 +27,8 @@ class Filtered(NamedTuple):
 
 
 class Prediction(NamedTuple):
-    """A linear equation for the true parameters: W beta = torque, as far as nothing disturbs."""
+    """A prediction of filtered torques: the linear equation W beta = torque for the true parameters, as far as nothing
+    disturbs."""
 
     rows: list[Column]
     """W (r, k)"""
@@ -38,7 +39,8 @@ class Prediction(NamedTuple):
 
 @dataclass(frozen=True)
 class TorqueFilter:
-    """tau = Y(p, v, a) beta behind the filter F = lambda/(d/dt + lambda), by parts (Slotine and Li 1989).
+    """The filter F = lambda/(d/dt + lambda) of the equations of motion, tau = Y(p, v, a) beta, by parts, without
+    accelerations (Slotine and Li 1989).
 
     With tau = d/dt (H beta) - N beta, H the momenta's regressor, F[Y] = W = lambda H - F[lambda H + N] when
     F[H] starts at H: positions and velocities are enough. The torque is held over each period, for which its
@@ -62,7 +64,8 @@ class TorqueFilter:
         return Filtered(first_rows, np.zeros(model.mechanism.dof))
 
     def predicted(self, model: ReducedModel, period: Period, memory: Filtered) -> Prediction:
-        """The linear equation now, from configuration and velocities now and the torque of the period just passed."""
+        """The linear equation for the parameters now, from configuration and velocities now and the torque of the
+        period just passed."""
         momentum, forces = momentum_terms(model.mechanism.equations, period.q, period.v, model.columns)
         k, keep, last = len(model.columns), self._keep, iter(memory.regressor)
         rows: list[Column] = []

@@ -21,7 +21,8 @@ HOLD_SHARE = 0.2
 
 @dataclass(frozen=True)
 class PriorRanges:
-    """Prior ranges: how far each kind of parameter may plausibly be from its first guess.
+    """Prior ranges of parameters by kind, the greatest plausible distances from a first guess. Raises `InputError`
+    unless all are positive and finite.
 
     A kilogram and a kilogram square metre are not alike: one gain for both would learn one of them far too
     slowly or far too fast.

@@ -19,7 +19,8 @@ from adaptctl.scalars import Column, Scalar, clip, column
 
 @dataclass(frozen=True, eq=False)
 class Projection(AdaptationLaw[Memory]):
-    """Any law that weighs parameters one by one, its estimate clipped to [lower, upper] (k,) after each period.
+    """An adaptation law, one that weighs parameters one by one, with its estimate clipped to [lower, upper] (k,) after
+    each period.
 
     `lower` and `upper` may be infinite; `limits` makes them from parameters' names.
 
@@ -69,7 +70,7 @@ class Projection(AdaptationLaw[Memory]):
         return True
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Memory:
-        """The memory of the law that is projected, before the first tick."""
+        """The wrapped law's memory before the first tick."""
         return self.of.start(model, initial, q, v, period)
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Memory) -> tuple[Column, Memory]:
@@ -78,7 +79,8 @@ class Projection(AdaptationLaw[Memory]):
         return Column(map(clip, moved, column(self.lower), column(self.upper))), after
 
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar | None:
-        """The term of the law that is projected."""
+        """The parameters' term, in J, of the wrapped law's Lyapunov function at an estimate (k,) where the truth is
+        (k,); None where it has none."""
         return self.of.lyapunov_term(model, estimate, true)
 
 

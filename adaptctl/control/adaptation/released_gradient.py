@@ -19,7 +19,7 @@ from adaptctl.scalars import Column, Scalar, maximum
 
 
 class Normaliser(NamedTuple):
-    """The memory of a normaliser."""
+    """The memory of a normalised gradient: its normaliser n."""
 
     n: Any
     """(1,) at least 1"""
@@ -27,7 +27,9 @@ class Normaliser(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ReleasedGradient(Descent[Normaliser]):
-    """estimate -= (T_c/n) Gamma Y_k' s_k+1, n_k = max(1, share T_c tr(K^-1 Y Gamma Y'), n_k-1/(1 + release T_c)).
+    """Normalised gradient adaptation whose normaliser n is released in time.
+
+        estimate -= (T_c/n) Gamma Y_k' s_k+1,  n_k = max(1, share T_c tr(K^-1 Y Gamma Y'), n_k-1/(1 + release T_c))
 
     `release` is in 1/s. Arguments that the theorem allows come from `ReleasedGradient.certified`.
 
@@ -72,7 +74,7 @@ class ReleasedGradient(Descent[Normaliser]):
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: Normaliser
     ) -> tuple[Column, Normaliser]:
-        """The estimate (k,) a step down the gradient by the backward rule, and the memory of the normaliser."""
+        """The estimate (k,) after a step down the gradient by the backward rule, and the memory of the normaliser."""
         released = memory.n[0] / (1.0 + self.release * period.elapsed)
         n = maximum(maximum(released, 1.0), (self.share * period.elapsed) * self._trace(period))
         moved = estimate - (period.elapsed / n) * self.applied(period.gradient(period.after))

@@ -19,7 +19,7 @@ INDEPENDENT = 1e-10
 
 @dataclass(frozen=True, eq=False)
 class Subspace(AdaptationLaw[NoMemory]):
-    """estimate' = -W diag(gain) W'Y's: gradient adaptation of s numbers, the estimate's along the columns of W.
+    """Gradient adaptation of s numbers, the estimate's along the columns of W: estimate' = -W diag(gain) W'Y's.
 
     `directions` is W (k, s), independent; `gain` (s,) positive. With W = K V_s, V_s some right singular vectors
     of the energies, it adapts essential parameters of a model reduced as Sheu and Walker (1991, section 3.2) do.
@@ -56,14 +56,16 @@ class Subspace(AdaptationLaw[NoMemory]):
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (k,) a step down the gradient along every direction, by the trapezium rule; and no memory."""
+        """The estimate (k,) after a step down the gradient along every direction, by the trapezium rule; and no
+        memory."""
         gradient = period.gradient(period.integral)
         for step, direction in zip(column(self.gain), map(column, self.directions.T), strict=True):
             estimate = estimate - (step * (direction @ gradient)) * direction
         return estimate, memory
 
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar:
-        """The term of the numbers that are adapted, in J: what is beyond the span does not count."""
+        """The parameters' term, in J, of the law's Lyapunov function within the subspace; an error beyond its span does
+        not count."""
         error = estimate - true
         along = Column(column(row) @ error for row in np.linalg.pinv(self.directions))
         return 0.5 * (along @ Column(x / g for x, g in zip(along, column(self.gain), strict=True)))

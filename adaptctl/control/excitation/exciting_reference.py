@@ -34,7 +34,8 @@ PENALTY = 30.0
 
 @dataclass(frozen=True, eq=False)
 class ExcitingReference:
-    """An optimised reference, and how well it conditions the regressor."""
+    """An optimised exciting reference and the condition number of the regressor on it, beside those of random
+    references."""
 
     reference: Sinusoids
     condition: float
@@ -49,13 +50,15 @@ class ExcitingReference:
 
     @property
     def gain(self) -> float:
-        """Median condition number of the random ones over its own."""
+        """Ratio of the random references' median condition number to the optimised one's: how many times better it
+        is."""
         return float(np.median(self.random_conditions)) / self.condition
 
 
 @dataclass(frozen=True, eq=False)
 class MotionLimits:
-    """Limits of a reference: positions (r,) from `lower` to `upper`, greatest speeds and torques (r,)."""
+    """Limits of a reference: positions (r,) from `lower` to `upper` (rad or m), greatest speeds (rad/s or m/s) and
+    torques (N m or N), (r,) each."""
 
     lower: Array
     upper: Array
@@ -64,7 +67,9 @@ class MotionLimits:
 
     @classmethod
     def of(cls, model: ReducedModel, share: float) -> MotionLimits:
-        """Limits that are a share of the joints' own about their middle; without any, of a half turn or a metre."""
+        """Limits at a share of the joints' own: positions about the middle of their range, speeds and torques. A
+        position limit that a joint lacks is taken as pi rad (1 m) from zero, or as far as makes its range 2 pi rad (2
+        m)."""
         joints = model.mechanism.primary_joints
         wide = np.array([np.pi if joint.kind.turns else 1.0 for joint in joints])
         lower, upper = (np.array([getattr(j.limits, name) for j in joints]) for name in ("lower", "upper"))
@@ -77,8 +82,8 @@ class MotionLimits:
 
 @dataclass(frozen=True, eq=False)
 class FourierSearch:
-    """Fourier references of a band within limits, as vectors without bounds (size,): coefficients, then how much of the
-    limits each joint uses and where, through logistics."""
+    """A search for exciting Fourier references of a band within limits, over vectors without bounds (size,):
+    coefficients, then how much of the limits each joint uses and where, through logistics."""
 
     model: ReducedModel
     limits: MotionLimits
@@ -93,7 +98,7 @@ class FourierSearch:
 
     @property
     def size(self) -> int:
-        """Length of the vectors."""
+        """Length of the vectors that are searched."""
         return self.dof * (2 * self.harmonics + 2)
 
     def random(self, rng: np.random.Generator) -> Array:
@@ -102,13 +107,14 @@ class FourierSearch:
         return np.concatenate((coefficients, np.full(self.dof, FULL), rng.normal(size=self.dof)))
 
     def motion(self, x: Array, factor: float = 1.0) -> tuple[Array, Array, Array]:
-        """Positions, velocities and accelerations (n, r) over a period of a vector's reference."""
+        """Positions, velocities and accelerations (n, r) over a period of the reference of a vector x (size,)."""
         y, rate, bend = self._swing(*self._coefficients(x))
         used, center = self._fitted(x, y, rate, factor)
         return center + used * y, used * rate, used * bend
 
     def reference(self, x: Array, factor: float = 1.0) -> Sinusoids:
-        """A vector's reference: at the samples positions and speeds are within their limits by construction."""
+        """The reference of a vector x (size,): at the samples its positions and speeds are within their limits by
+        construction."""
         sine, cosine = self._coefficients(x)
         y, rate, _ = self._swing(sine, cosine)
         used, center = self._fitted(x, y, rate, factor)
@@ -117,24 +123,26 @@ class FourierSearch:
         return Sinusoids(center, amplitude, frequency, phase, start_time=0.0)
 
     def judged(self, x: Array, factor: float = 1.0) -> tuple[float, float]:
-        """The condition number of its regressor, and its largest torque over the limit."""
+        """The condition number of the regressor along a vector's reference, and its largest torque over the limit."""
         Y = self._along(x, factor)
         eigenvalues = np.linalg.eigvalsh(_gram(Y * self.scale))
         smallest = max(float(eigenvalues[0]), 1e-30 * float(eigenvalues[-1]))
         return float(np.sqrt(eigenvalues[-1] / smallest)), self._share(Y)
 
     def torque_share(self, x: Array, factor: float) -> float:
-        """The largest torque over its limit, with the swings of a vector x (size,) times a factor."""
+        """The largest torque over its limit along the reference of a vector x (size,), its swings times a factor."""
         return self._share(self._along(x, factor))
 
     def cost(self, x: Array) -> float:
-        """The logarithm of the condition number, and a penalty for torques beyond their limits: what is minimised."""
+        """The cost that is minimised at a vector x (size,): the logarithm of the condition number, and a penalty for
+        torques beyond their limits."""
         condition, share = self.judged(x)
         return float(np.log(condition) + PENALTY * max(0.0, share - 1.0) ** 2)
 
     def within(self, x: Array) -> tuple[Sinusoids, float, float]:
-        """The reference, with smaller swings where torques would pass their limits; its condition and its torque.
-        Raises `InputError` where torques pass their limits even at rest."""
+        """The reference of a vector x (size,), with smaller swings where torques would pass their limits; its condition
+        number and its largest torque over the limit. Raises `InputError` where torques pass their limits even at rest.
+        """
         factor = 1.0
         if self.torque_share(x, 1.0) > 1.0:
             if self.torque_share(x, 0.0) > 1.0:

@@ -97,7 +97,8 @@ def _triangular(rows: Array) -> Array:
 def scaled_regressor(
     model: ReducedModel, p: Array, v: Array, v_r: Array, a_r: Array, scale: ArrayLike | None = None
 ) -> Array:
-    """Y_r S (T, r, k) along a motion (T, r), in native code where the mechanism is short enough."""
+    """The scaled regressor Y_r S (T, r, k) along a motion (T, r), in native code where the mechanism is short
+    enough."""
     ranges = PriorRanges().of(model.names) if scale is None else np.asarray(scale, dtype=np.float64)
     ranges = np.broadcast_to(ranges, (len(model.columns),)) if ranges.ndim == 0 else ranges
     return regressor_of(model)(p, v, v_r, a_r) * frozen_array(ranges, (len(model.columns),), "scale")

@@ -21,7 +21,7 @@ ROUNDING = 0.02
 
 @dataclass(frozen=True)
 class ErrorFeedback:
-    """e'' = -stiffness e - rate e', the acceleration held over `period` (s): one joint of known inertia.
+    """Linear feedback of one joint's error: e'' = -stiffness e - rate e', held over `period` (s), for a known inertia.
 
     `stiffness` is in 1/s^2, `rate` in 1/s. Made from a bandwidth, from poles, or as the linear-quadratic
     regulator, of the double integrator as a hold of the period sees it (Astrom and Wittenmark 1997, chapter 4);
@@ -122,7 +122,7 @@ class ErrorFeedback:
 
     @property
     def damping_ratio(self) -> float:
-        """Damping ratio of the continuous loop: 1 for two equal real poles."""
+        """Damping ratio of the continuous loop, without a unit: 1 for two equal real poles."""
         return self.rate / (2.0 * self.bandwidth)
 
     @property
@@ -146,7 +146,8 @@ class ErrorFeedback:
         return 0.5 * self.rate * (1.0 - root), 0.5 * self.rate * (1.0 + root)
 
     def loop(self, delay: int = 0) -> control.StateSpace:
-        """The loop opened at the torque, from what is commanded to what is fed back, `delay` periods late."""
+        """The open loop, cut at the torque, as a discrete python-control system from the commanded to the fed-back
+        acceleration, `delay` periods late."""
         import control
 
         A, B = _held_double_integrator()

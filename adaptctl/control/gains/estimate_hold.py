@@ -45,7 +45,7 @@ def estimate_hold(
     workspace: Workspace | None = None,
     kinetic: float = 0.0,
 ) -> float:
-    """H = sqrt(2 V_0 sum Gamma_i u_i^2): the greatest hold number that the estimate's error can ever cause.
+    """The greatest hold number that the estimate's error can ever cause, H = sqrt(2 V_0 sum Gamma_i u_i^2).
 
     V does not rise above V_0 = `kinetic` + prior' Gamma^-1 prior/2, where |error_i| <= prior_i (k,) at the start and
     s'Ms/2 = `kinetic` (J); then sum |error_i| u_i <= H, with u of `parameter_holds`. While h + H < 2, h that of K and

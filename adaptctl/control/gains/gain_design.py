@@ -29,7 +29,8 @@ SEARCHED = (1e-3, 30.0)
 
 @dataclass(frozen=True, eq=False)
 class GainDesign:
-    """Feedback of every joint's error, for a mechanism, a control period (s) and a delay in periods.
+    """Gain design: linear feedback of every joint's error, for a mechanism, a control period (s) and a delay in
+    periods.
 
     The loops are designed for each joint's typical inertia; the margins are those of each loop alone, with the
     delay. `least_inertia` (r,) is, over random configurations, what a joint alone has when all others are free,
@@ -58,7 +59,7 @@ class GainDesign:
         delay: int = 0,
     ) -> GainDesign:
         """Gain design with both poles of every joint at a bandwidth (1/s) and a damping ratio; one number, or one a
-        joint."""
+        joint. Raises `InputError` for numbers that are not positive or not of that shape."""
         rates, ratios = (
             positive_per_joint(values, mechanism.dof, what)
             for values, what in ((bandwidth, "bandwidth"), (damping_ratio, "damping ratio"))
@@ -71,7 +72,8 @@ class GainDesign:
     def from_poles(
         cls, mechanism: Mechanism, poles: Sequence[complex], *, period: float = 1e-3, delay: int = 0
     ) -> GainDesign:
-        """Gain design with the same two poles (1/s) at every joint, real or a conjugate pair."""
+        """Gain design with the same two poles (1/s) at every joint, real or a conjugate pair. Raises `InputError` for
+        other poles."""
         feedback = ErrorFeedback.from_poles(poles, period)
         return _design(mechanism, "poles", [feedback] * mechanism.dof, period, delay)
 
@@ -86,13 +88,14 @@ class GainDesign:
         period: float = 1e-3,
         delay: int = 0,
     ) -> GainDesign:
-        """The linear-quadratic regulator at every joint, with weights of e^2, e'^2 and e''^2."""
+        """Gain design by the linear-quadratic regulator at every joint, with weights of e^2, e'^2 and e''^2. Raises
+        `InputError` for weights that are not positive (of velocity: negative)."""
         feedback = ErrorFeedback.from_lqr(position, velocity, effort, period)
         return _design(mechanism, "lqr", [feedback] * mechanism.dof, period, delay)
 
     @property
     def gains(self) -> Gains:
-        """Slotine and Li's Lambda and K. Raises `InputError` where the poles are complex."""
+        """Slotine and Li's gains Lambda and K of this design. Raises `InputError` where the poles are complex."""
         rates = np.array([feedback.cascaded for feedback in self.feedback])
         return Gains(rates[:, 0], rates[:, 1] * self.inertia)
 
@@ -103,7 +106,7 @@ class GainDesign:
 
     @property
     def bandwidth(self) -> Array:
-        """Undamped natural frequencies (r,), 1/s: those of `ComputedTorque`."""
+        """Undamped natural frequencies (r,), 1/s, of the joints' loops, as `ComputedTorque` takes them."""
         return np.array([feedback.bandwidth for feedback in self.feedback])
 
     @property
@@ -113,7 +116,7 @@ class GainDesign:
 
     @property
     def damping(self) -> Array:
-        """Velocity feedback of the loops at typical inertia (r,), N m s/rad."""
+        """Velocity gains (r,) of the loops at typical inertia, N m s/rad."""
         return self.inertia * np.array([feedback.rate for feedback in self.feedback])
 
     @property

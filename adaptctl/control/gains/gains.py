@@ -27,7 +27,7 @@ def positive_per_joint(values: ArrayLike, dof: int, what: str) -> Array:
 
 
 def typical_inertia(mechanism: Mechanism) -> Array:
-    """The median over configurations of each joint's own inertia, M's diagonal (r,), in kg m^2 or kg."""
+    """The median over configurations of each joint's own inertia (r,), M's diagonal, in kg m^2 or kg."""
     return np.median(np.diagonal(everywhere(mechanism).mass_matrices, axis1=-2, axis2=-1), axis=0)
 
 
@@ -55,7 +55,8 @@ class Gains:
 
 
 def sampled_gain(mechanism: Mechanism, damping: ArrayLike, period: float, workspace: Workspace | None = None) -> float:
-    """T_c max_q lambda_max(M(q)^-1 K): 2 is the limit of stability of a torque held over the period T_c (s).
+    """The greatest sampled gain T_c lambda_max(M(q)^-1 K) over a workspace: 2 is the limit of stability of a torque
+    held over the period T_c (s).
 
     The greatest that `hold_number` finds in the workspace, for a law that feeds back K v alone.
     """

@@ -24,8 +24,8 @@ DEFINITE = 1e-12
 
 @sent_as_made
 class HoldNumber(NamedTuple):
-    """The hold number T_c max lambda(M^-1 (K + M^ Lambda)) and where it is found: a held torque is stable while it is
-    below 2."""
+    """The hold number T_c max lambda(M^-1 (K + M^ Lambda)), and the positions p (r,) and the joint where it is found: a
+    held torque is stable while it is below 2."""
 
     value: float
     p: Array
@@ -204,7 +204,8 @@ def require_hold(
     bandwidth: ArrayLike = 0.0,
     workspace: Workspace | None = None,
 ) -> HoldNumber:
-    """The hold number. Raises `GainError` where the control period (s) cannot carry the gains, saying what it can."""
+    """The hold number of gains. Raises `GainError` where it is 2 or more: the control period (s) cannot carry the
+    gains."""
     found = hold_number(mechanism, damping, period, bandwidth, workspace=workspace)
     if not found.value <= LARGEST_SAMPLED_GAIN:
         _refuse(mechanism, found, period, float(np.max(bandwidth)))

@@ -63,7 +63,8 @@ class Worst(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Workspace:
-    """Positions (S, r) of a mechanism, and how far from each, between `lower` and `upper` (S, r), its arm may come."""
+    """A workspace: sampled positions (S, r) of a mechanism, and the bounds `lower` and `upper` (S, r) within which its
+    arm may come about each, in rad or m."""
 
     mechanism: Mechanism
     samples: Array
@@ -72,7 +73,7 @@ class Workspace:
 
     @classmethod
     def within_limits(cls, mechanism: Mechanism, samples: int = 200, seed: int = 0) -> Workspace:
-        """Workspace of all that the joints' limits allow, from random samples."""
+        """The workspace of all that the joints' limits allow, from random samples."""
         p = sampled_configurations(mechanism, samples, seed)
         free = [np.pi * joint.kind.turns * np.isinf(joint.limits.upper) for joint in mechanism.primary_joints]
         lower, upper = position_range(mechanism)
@@ -80,7 +81,7 @@ class Workspace:
 
     @classmethod
     def along(cls, mechanism: Mechanism, p: ArrayLike, margin: float = 0.2) -> Workspace:
-        """The positions (S, r) of a reference, and `margin` rad (m) to each side.
+        """The workspace about a reference: its positions (S, r), and `margin` rad (m) to each side.
 
         Gains that a gimbal lock or a folded arm would not bear are accepted where the reference keeps clear of it.
         Raises `InputError` for a negative margin, and where the mechanism reaches none of the positions.
@@ -95,11 +96,11 @@ class Workspace:
 
     @cached_property
     def mass_matrices(self) -> Array:
-        """M (S, r, r) at the samples, kept: with loops these take seconds to reach."""
+        """Mass matrices M (S, r, r) at the samples, in kg m^2 or kg; kept, since with loops they take seconds."""
         return frozen(self.mechanism.mass_matrix(self.samples))
 
     def highest(self, value: Callable[[Array], Array]) -> Worst:
-        """The greatest `value` (n,) of positions (n, r): a pattern search from the worst samples.
+        """The greatest `value` (n,) of positions (n, r), and where: a pattern search from the worst samples.
 
         The largest of some hundred samples is no maximum: of T_c lambda_max(M^-1 K) it is nine tenths at the median,
         and less than half for an arm whose wrist folds.

@@ -27,8 +27,8 @@ class Base(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class Step(LinkEntry, kw_only=True):
-    """One link with the joint before it; `theta` of a turning joint and `d` of a prismatic one are added to the
-    coordinate."""
+    """Entry of one link with the joint before it; `theta` of a turning joint and `d` of a prismatic one are added to
+    the coordinate."""
 
     a: float = 0.0
     d: float = 0.0
@@ -39,7 +39,7 @@ class Step(LinkEntry, kw_only=True):
 
 
 class Chain(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """A whole file; `source` says where the numbers come from."""
+    """Contents of a Denavit-Hartenberg file; `source` says where the numbers come from."""
 
     schema: Literal["adaptctl/denavit-hartenberg/1"]
     convention: Literal["standard", "modified"]
@@ -51,7 +51,8 @@ class Chain(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 def read_denavit_hartenberg(path: str | Path) -> Description:
-    """The chain that a TOML file describes, named after the file unless it says otherwise.
+    """The description of the serial chain that a TOML file gives by Denavit-Hartenberg parameters, named after the file
+    unless it says otherwise.
 
     ``convention = "standard"`` puts a link's frame at its far end: Rz(theta) Tz(d) Tx(a) Rx(alpha) leads from the link
     before (Denavit and Hartenberg 1955). ``"modified"`` puts it at its joint: Rx(alpha) Tx(a) Rz(theta) Tz(d), a and

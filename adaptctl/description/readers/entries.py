@@ -23,7 +23,7 @@ Triple = tuple[float, float, float]
 
 
 class Tensor(msgspec.Struct, forbid_unknown_fields=True):
-    """An inertia tensor's own entries (kg m^2): xy is -integral xy dm. What is left out is zero."""
+    """Entry of an inertia tensor (kg m^2): xy is -integral xy dm. What is left out is zero."""
 
     xx: float = 0.0
     xy: float = 0.0
@@ -38,7 +38,7 @@ class Tensor(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class FrameEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """The pose of a frame in another: a place (m) and fixed-axis roll, pitch, yaw (rad, or degrees)."""
+    """Entry of a frame's pose in another: a place (m) and fixed-axis roll, pitch, yaw (rad, or degrees)."""
 
     position: Triple = (0.0, 0.0, 0.0)
     rpy: Triple | None = None
@@ -53,7 +53,7 @@ class FrameEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class DriveEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """A joint's drive, as `Drive` has it; `turns_with` gives ratios by the names of other joints.
+    """Entry of a joint's drive, as `Drive` has it; `turns_with` gives ratios by the names of other joints.
 
     What is left out is not modelled; what is given, zero too, is a parameter.
     """
@@ -73,7 +73,7 @@ class DriveEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class LinkEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """One link with the joint before it; lengths in m, angles in rad or, where the name says so, degrees.
+    """Entry of one link with the joint before it; lengths in m, angles in rad or, where the name says so, degrees.
 
     The inertia is mass, first_moment and inertia about the link frame's origin, or mass, center_of_mass and
     inertia_at_center, or nothing for a massless link; all in the link's frame.
@@ -94,7 +94,7 @@ class LinkEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     drive: DriveEntry = msgspec.field(default_factory=DriveEntry)
 
     def moving(self, name: str, axis: Triple) -> Joint:
-        """The joint, with its limits and its drive."""
+        """The joint of the entry, with its limits and its drive."""
         return Joint(name, JointKind(self.type), np.array(axis), self.limits(), self.drive.drive())
 
     def limits(self) -> Limits:

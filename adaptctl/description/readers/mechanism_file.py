@@ -22,7 +22,7 @@ Part = TypeVar("Part")
 
 
 class TreeLink(LinkEntry, kw_only=True):
-    """One link with the joint before it.
+    """Entry of one link with the joint before it.
 
     `parent` names the link that carries it, the ground when left out. `position` and `rpy` place the joint's
     frame in the parent link's frame; `axis` is in the joint's frame. `far` places the link's frame in the
@@ -40,13 +40,13 @@ class TreeLink(LinkEntry, kw_only=True):
 
 
 class LinkFrame(FrameEntry, kw_only=True):
-    """A frame on a link; on the ground, where no link is named."""
+    """Entry of a frame on a link; on the ground, where no link is named."""
 
     link: Name | None = None
 
 
 class ClosureEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """Two frames that coincide: in their origins, their origins and z axes, or as a whole."""
+    """Entry of a closure, two frames that coincide: in their origins, their origins and z axes, or as a whole."""
 
     name: Name
     first: LinkFrame
@@ -55,7 +55,7 @@ class ClosureEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class CouplingEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """follower = ratio leader + offset (rad or m)."""
+    """Entry of a coupling: follower = ratio leader + offset (rad or m)."""
 
     follower: Name
     leader: Name
@@ -65,7 +65,8 @@ class CouplingEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class ConditionEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """A bound on where the mechanism may work: lower < sum of weight times primary coordinate < upper (rad or m)."""
+    """Entry of a bound on where the mechanism may work: lower < sum of weight times primary coordinate < upper (rad or
+    m)."""
 
     name: Name
     weights: dict[Name, float]
@@ -74,7 +75,7 @@ class ConditionEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class MechanismFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """A whole file; `source` says where the numbers come from."""
+    """Contents of a mechanism file; `source` says where the numbers come from."""
 
     schema: Literal["adaptctl/mechanism/1"]
     links: Annotated[list[TreeLink], msgspec.Meta(min_length=1, max_length=MAX_ENTRIES)]
@@ -89,7 +90,7 @@ class MechanismFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 def read_mechanism_file(path: str | Path) -> Description:
-    """The mechanism that a TOML file describes, named after the file unless it says otherwise.
+    """The description of the mechanism in a TOML file, named after the file unless it says otherwise.
 
     Links may come in any order. `primary` names the driven joints; without closures it may be left out, and all
     joints that follow no other are primary. `reference` gives the configuration from which the loops are

@@ -124,7 +124,7 @@ class MujocoArm:
 
     @property
     def actuators(self) -> list[int]:
-        """The actuators of the arm's joints."""
+        """Indices of the actuators of the arm's joints."""
         joints = set(self.joints)
         return [i for i in range(self.model.nu) if self.model.actuator_trntype[i] in (0, 1)
                 and int(self.model.actuator_trnid[i, 0]) in joints]  # fmt: skip
@@ -138,7 +138,7 @@ class MujocoArm:
 
 
 def body_ten(model: mujoco.MjModel, i: int) -> Array:
-    """The ten (10,) of a body alone, in its frame."""
+    """The ten inertial parameters (10,) of a body alone, in its frame."""
     at = pose(model.body_ipos[i], model.body_iquat[i])
     return transformed(from_center_of_mass(float(model.body_mass[i]), np.zeros(3), np.diag(model.body_inertia[i])), at)
 

@@ -62,7 +62,7 @@ def _is_bent(drive: Drive) -> bool:
 
 
 def from_pinocchio(model: pinocchio.Model, name: str | None = None) -> Description:
-    """The mechanism of a Pinocchio model, its joints put in depth-first order.
+    """The description of a Pinocchio model's mechanism, its joints put in depth-first order.
 
     Link frames are the joints' frames, and the ten parameters are expressed there. A link has the name of the
     first body frame on its joint, or the joint's. The coordinates follow the joints of the description: look

@@ -73,8 +73,8 @@ def read(
     mesh_folders: Sequence[str | Path] = (),
     root: str | None = None,
 ) -> Description:
-    """The mechanism of a built-in's name or of a file, which is read by its suffix; of an MJCF scene, that of the body
-    `root` and all on it.
+    """The description of a built-in's name or of a file, which is read by its suffix; of an MJCF scene, that of the
+    body `root` and all on it.
 
     With `floating_base`, a URDF file's root link floats instead of being fixed to the ground (`floating`); its meshes
     are shown from its package and from `mesh_folders`. With `snap`, angles within 1e-3 rad of right ones are made exact

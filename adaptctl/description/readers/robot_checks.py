@@ -27,7 +27,7 @@ A_TURN = 2.02 * math.pi
 
 
 def require_at_most(count: int, most: int, what: str) -> None:
-    """Refuse more parts than are read."""
+    """Raise `InputError` for more parts than are read."""
     if count > most:
         raise InputError(f"{count} {what}: at most {most} are read")
 

@@ -49,7 +49,8 @@ UNREAD_KINDS = ("floating", "planar")
 
 
 def read_urdf(path: str | Path, *, floating_base: bool = False, mesh_folders: Sequence[str | Path] = ()) -> Description:
-    """The tree that moves in a URDF file, fixed to the ground by its root link unless it has a floating base.
+    """The description of the tree that moves in a URDF file, fixed to the ground by its root link unless it has a
+    floating base.
 
     Link frames are the joints' frames, a link is named after the joint's child; links behind fixed joints
     become part of the link that carries them. Links without <inertial> are massless. Damping and friction of
@@ -224,7 +225,7 @@ def _shown(
 
 
 def link_inertia(link: Element) -> Array:
-    """The ten (10,) about the link frame's origin, zero without <inertial>."""
+    """The ten inertial parameters (10,) about the link frame's origin, zero without <inertial>."""
     with located(link):
         return _inertia_of(link, named(link))
 

@@ -73,7 +73,8 @@ class Meshes:
     """Names of meshes that stand elsewhere, and are not read."""
 
     def found(self, name: str) -> Path | None:
-        """The mesh of that name, relative to the file's folder or to one above it within the package.
+        """Path of the mesh of a name, relative to the file's folder or to one above it within the package; None where
+        it may not be read or is missing.
 
         So is a ``package://`` path, with its package's name or, for a package that was renamed, without.
         """

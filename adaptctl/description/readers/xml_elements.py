@@ -23,7 +23,7 @@ _CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 
 
 class ElementError(InputError):
-    """An element of a file is wrong: the message ends with its line."""
+    """Error of a wrong element of a file: the message ends with its line."""
 
 
 class LineElement(Element):
@@ -119,7 +119,7 @@ def named(element: Element) -> str:
 
 
 def attribute(element: Element, name: str, where: str) -> str:
-    """A text that must be there."""
+    """The text of an attribute. Raises `ElementError` where it is missing."""
     value = element.get(name)
     if not value:
         refuse(element, f"{where}: <{element.tag}> needs the attribute {name}")
@@ -127,12 +127,13 @@ def attribute(element: Element, name: str, where: str) -> str:
 
 
 def number(element: Element, name: str, where: str, largest: float = LARGEST) -> float:
-    """A finite number that must be there."""
+    """The finite number of an attribute. Raises `ElementError` where it is missing or none."""
     return numbers(element, name, 1, where, largest)[0]
 
 
 def numbers(element: Element, name: str, count: int | range, where: str, largest: float = LARGEST) -> list[float]:
-    """Finite numbers that must be there, `count` of them or as many as a range allows, none beyond the `largest`."""
+    """The finite numbers of an attribute, `count` of them or as many as a range allows, none beyond the `largest`.
+    Raises `ElementError` where they are not so."""
     text = attribute(element, name, where)
     counts = range(count, count + 1) if isinstance(count, int) else count
     readable = len(text) <= LONGEST_NUMBERS and text.isascii() and "_" not in text
@@ -148,7 +149,7 @@ def numbers(element: Element, name: str, count: int | range, where: str, largest
 
 
 def required(element: Element, tag: str, where: str) -> Element:
-    """The one child that must be there."""
+    """The one child of a tag. Raises `ElementError` where there is none, or more."""
     found = only(element, tag, where)
     if found is None:
         refuse(element, f"{where}: <{element.tag}> needs an element <{tag}>")
@@ -156,7 +157,7 @@ def required(element: Element, tag: str, where: str) -> Element:
 
 
 def only(element: Element, tag: str, where: str) -> Element | None:
-    """The one child of this tag, if there is any."""
+    """The one child of a tag, None without. Raises `ElementError` where there are more."""
     found = element.findall(tag)
     if len(found) > 1:
         refuse(found[1], f"{where}: <{element.tag}> has {len(found)} elements <{tag}>, expected one")

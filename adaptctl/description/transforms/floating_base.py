@@ -24,7 +24,8 @@ JOINTS = (
 
 
 def with_floating_base(description: Description, name: str, inertia: ArrayLike) -> Description:
-    """The same mechanism on a body that floats instead of on the ground, its ten in the frame the ground had.
+    """The same mechanism on a body that floats instead of on the ground; `inertia` holds the body's ten inertial
+    parameters (10,), in the frame the ground had.
 
     What was closed onto the ground is closed onto the body. See `floating`.
     """
@@ -38,7 +39,8 @@ def with_floating_base(description: Description, name: str, inertia: ArrayLike) 
 
 
 def floating(links: Sequence[Link], name: str, inertia: ArrayLike) -> tuple[Link, ...]:
-    """A body that floats, and the links that hung on the ground hanging on it.
+    """The links of a mechanism on a floating base: a body that floats, and the links that hung on the ground hanging on
+    it.
 
     Three prismatic and three revolute joints, ``name_x`` to ``name_roll``, carry the body, so that p stays a plain
     vector; the five links between them are massless and own no parameters. The six are primary like any other,

@@ -13,7 +13,7 @@ def edited(data: bytes, edits: Iterable[tuple[int, int, bytes]]) -> bytes:
 
 
 def end_of_tag(data: bytes, at: int) -> int:
-    """Behind the '>' of the tag that begins at a place; quoted attributes may hold one too."""
+    """Index behind the '>' of the tag that begins at a place; quoted attributes may hold one too."""
     quote = 0
     for i in range(at, len(data)):
         byte = data[i]

@@ -19,12 +19,12 @@ from adaptctl.files import write_text
 
 
 def write_mechanism(path: str | Path, description: Description) -> None:
-    """Write a mechanism, whole or not at all. What it looks like is not kept."""
+    """Write a mechanism as TOML, whole or not at all. Visuals are not kept."""
     write_text(path, mechanism_toml(description))
 
 
 def mechanism_toml(description: Description) -> str:
-    """The file's text."""
+    """The text of a mechanism's TOML file."""
     parts = [
         'schema = "adaptctl/mechanism/1"',
         f"name = {_text(description.name)}",

@@ -26,7 +26,8 @@ _LITTLE = 1e-3
 
 
 def assembled(description: Description, loops: Loops, links: Sequence[Segment]) -> tuple[Closing, Array]:
-    """The independent constraints and the closed reference configuration (n,).
+    """The independent constraints of a mechanism with loops, and its closed reference configuration (n,). Raises
+    `LoopError` for loops that do not close or lock.
 
     Raises `LoopError` naming the element: a closure that cannot close at the reference or adds nothing, a
     mechanism that locks, primary joints that are too many, too few or not free, a singular reference.

@@ -26,7 +26,7 @@ class ClosureSide:
 
 @dataclass(frozen=True)
 class Loop:
-    """A closure between two sides that part at a common link, or at the ground."""
+    """A closed loop: a closure between two sides that part at a common link, or at the ground."""
 
     first: ClosureSide
     second: ClosureSide
@@ -34,7 +34,7 @@ class Loop:
 
 
 class Hinge(NamedTuple):
-    """A joint in the common link's axes: its direction, and where it is once moved."""
+    """A joint in the common link's axes: its direction, and its origin (m) once it is moved."""
 
     link: int
     turns: bool
@@ -43,7 +43,7 @@ class Hinge(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """A side at a configuration: its joints, and its closing frame, all in the common link's axes."""
+    """A closure's side at a configuration: its joints, and its closing frame, all in the common link's axes."""
 
     hinges: list[Hinge]
     rotation: Mat
@@ -51,7 +51,7 @@ class Reach(NamedTuple):
 
 
 def reach(places: Sequence[Placement], side: ClosureSide) -> Reach:
-    """The side, followed outward from the common link."""
+    """The closure's side at a configuration, followed outward from the common link."""
     rotation, origin, hinges = _AXES, ZERO, []
     for i in side.links:
         place = places[i]
@@ -116,7 +116,8 @@ class Constraint:
 
 
 class Carried(NamedTuple):
-    """A side's closing frame under two joint velocities: its angular velocities, and what they alone accelerate."""
+    """Motion of a side's closing frame under two joint velocities: its angular velocities, and the accelerations that
+    they alone cause."""
 
     omega: Vec
     rho: Vec
@@ -154,8 +155,8 @@ class Follower:
 
 @dataclass(frozen=True)
 class Closing:
-    """Closures and couplings of a tree: which of their rows are independent, which joints are primary, and which depend
-    on them."""
+    """Loop closure of a tree: its closures and couplings, which of their rows are independent, which joints are
+    primary, and which depend on them."""
 
     loops: tuple[Loop, ...]
     followers: tuple[Follower, ...]
@@ -165,7 +166,7 @@ class Closing:
 
     @property
     def looped(self) -> tuple[bool, ...]:
-        """The primary joints (r,) that move a closure, themselves or through joints that follow them."""
+        """Mask (r,) of the primary joints that move a closure, themselves or through joints that follow them."""
         links = {link for loop in self.loops for side in (loop.first, loop.second) for link in side.links}
         links |= {c.leader for c in self.followers if c.follower in links}
         return tuple(joint in links for joint in self.primary)
@@ -177,7 +178,7 @@ class Closing:
         return Column(rows[i] for i in self.rows)
 
     def jacobian(self, places: Sequence[Placement]) -> list[Column]:
-        """Derivatives of the residual by each tree joint: n columns of (m,)."""
+        """The Jacobian of the residual by the tree's joints: n columns of (m,)."""
         n, columns, above = len(places), [dict[int, Scalar]() for _ in places], 0
         for loop in self.loops:
             for joint, rates in Constraint(places, loop).rates().items():
@@ -196,7 +197,7 @@ class Closing:
 
 
 def common_ancestor(parents: Sequence[int], first: int, second: int) -> int:
-    """The link, or the ground, where the two links' branches part."""
+    """Index of the link, or of the ground (-1), where two links' branches part."""
     above = {GROUND, *ancestry(parents, first)}
     while second not in above:
         second = parents[second]
@@ -204,7 +205,7 @@ def common_ancestor(parents: Sequence[int], first: int, second: int) -> int:
 
 
 def ancestry(parents: Sequence[int], link: int) -> list[int]:
-    """The links from the ground to this one, this one included."""
+    """Indices of the links from the ground to a link, that one included."""
     chain: list[int] = []
     while link != GROUND:
         chain.append(link)

@@ -39,7 +39,7 @@ class Continuation:
 
     @property
     def primary(self) -> list[int]:
-        """The primary joints among the tree's."""
+        """Indices of the primary joints among the tree's."""
         return list(self.equations.closing.primary)
 
     def follow(self, p: Array, start: Array | None = None) -> Array:
@@ -64,7 +64,7 @@ class Continuation:
         return self.progress(p) >= 1.0
 
     def progress(self, p: Array, least: float = NEAREST) -> Array:
-        """The share (m,) of the straight way from the reference to primary positions p (m, r) can be gone before
+        """The share (m,) of the straight way from the reference to primary positions p (m, r) that can be gone before
         the regularity falls below `least`: 1 for all of it."""
         q = np.tile(self.reference, (len(p), 1))
         fine, gone = np.ones(len(p), dtype=bool), np.zeros(len(p))
@@ -107,7 +107,7 @@ class Continuation:
         return where(gap < lost, regular, 0.0)
 
     def require_regular(self, q: Array) -> None:
-        """Refuse configurations (..., n) near or beyond a singularity, with the worst of them."""
+        """Raise `SingularityError` for configurations (..., n) near or beyond a singularity, with the worst of them."""
         regularity = np.ravel(self.regularity(q))
         if regularity.size == 0:
             return

@@ -10,7 +10,7 @@ from adaptctl.scalars import Column, Scalar, absolute, where
 
 def determinant(rows: Iterable[Column]) -> Scalar:
     """Determinant of a square matrix's rows by elimination with partial pivoting, no step of which branches on a value.
-    NaN where a pivot vanishes. NaN where a pivot vanishes.
+    NaN where a pivot vanishes.
 
     Rows change places by quarter turns of the plane they span, which keep the sign.
     """

@@ -9,7 +9,7 @@ from adaptctl.scalars import Column, Scalar
 
 
 class System(Protocol):
-    """A matrix A, ready to be solved with."""
+    """Protocol of a linear system with a matrix A, ready to be solved."""
 
     def solve(self, right: Column) -> Column:
         """The solution x (n,) of A x = b, or the nearest where there is none."""
@@ -17,14 +17,14 @@ class System(Protocol):
 
 
 def factored(columns: Sequence[Column]) -> System:
-    """The matrix of these columns: two by two by its determinant, others as Q R."""
+    """The linear system of a matrix's columns: two by two by its determinant, others by their QR factors."""
     if len(columns) == 2 and len(columns[0]) == 2:
         return TwoByTwo(columns)
     return Factored(columns)
 
 
 class TwoByTwo:
-    """A of two rows and columns, solved by Cramer's rule: one division."""
+    """A linear system of two rows and columns, solved by Cramer's rule: one division."""
 
     def __init__(self, columns: Sequence[Column]) -> None:
         (a, c), (b, d) = columns
@@ -37,7 +37,7 @@ class TwoByTwo:
 
 
 class Factored:
-    """A = Q R by modified Gram-Schmidt: no pivots to choose, so nothing branches on a value.
+    """A QR factorisation A = Q R by modified Gram-Schmidt: no pivots to choose, so nothing branches on a value.
 
     Q's columns are orthogonal and keep their lengths, R has ones on its diagonal: so there are no roots, and one
     division a column.

@@ -12,7 +12,8 @@ from adaptctl.scalars import Column
 
 
 class Following:
-    """Derivatives J = dU/dp of the tree's joints by the primary ones; `slopes` has those of the dependent joints."""
+    """The Jacobian J = dU/dp of the tree's joints by the primary ones; `slopes` has the rows of the dependent
+    joints."""
 
     def __init__(self, closing: Closing, slopes: Sequence[Column]) -> None:
         self.closing, self.slopes = closing, slopes
@@ -46,6 +47,7 @@ class Posture(Following):
         super().__init__(closing, [self.factor.solve(-columns[i]) for i in closing.primary])
 
     def bias(self, u: Column, w: Column) -> Column:
-        """J_dot(u) w (n,), from two tree velocities J v and J v_r; symmetric in them."""
+        """The velocity terms J_dot(u) w (n,) of the tree's accelerations, from two tree velocities J v and J v_r;
+        symmetric in them."""
         follow = -self.factor.solve(self.closing.bias(self.places, u, w))
         return self.joined(Column.zeros(len(self.closing.primary)), follow)

@@ -19,8 +19,8 @@ from adaptctl.scalars import ZERO, Column, Mat, Scalar, Vec, dot, product
 
 
 class ArticulatedBody(NamedTuple):
-    """The wrench that accelerates a link with what hangs on it: moment = inertia alpha + coupling acc, force =
-    coupling' alpha + mass acc."""
+    """An articulated body's inertia, the wrench that accelerates a link with what hangs on it: moment = inertia alpha +
+    coupling acc, force = coupling' alpha + mass acc."""
 
     inertia: Mat
     coupling: Mat
@@ -45,14 +45,14 @@ class ArticulatedBody(NamedTuple):
         )
 
     def moved_origin(self, offset: Vec) -> ArticulatedBody:
-        """About an origin `offset` behind its own."""
+        """The articulated body about an origin `offset` (m) behind its own."""
         arm = _crossing(offset)
         coupling = self.coupling + product(arm, self.mass)
         spread = product(arm, self.coupling.T) + product(coupling, arm.T)
         return ArticulatedBody(_symmetric(self.inertia + spread), coupling, self.mass)
 
     def raised(self, place: Placement) -> ArticulatedBody:
-        """About the parent's origin, in the parent's frame."""
+        """The articulated body about the parent's origin, in the parent's frame."""
         near = place.segment.near
         if place.segment.whole is not None:  # far from right angles one way costs less than two
             return self.turned_up(place).moved_origin(near + place.up(place.shift))

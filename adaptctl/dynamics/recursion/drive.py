@@ -25,7 +25,7 @@ class DriveTerm:
 
     @property
     def joint(self) -> int:
-        """The joint that the shaft drives."""
+        """Index of the joint that the shaft drives."""
         return self.arms[0][0]
 
     def speed(self, v: Column) -> Scalar:
@@ -34,12 +34,13 @@ class DriveTerm:
         return sum((ratio * v[joint] for joint, ratio in others), v[own])
 
     def energy(self, v: Column) -> Scalar:
-        """s^2/2 for a rotor at speed s, nothing for friction."""
+        """Energy (J per unit of the parameter): s^2/2 of a rotor at speed s, zero of friction."""
         s = self.speed(v)
         return 0.0 if self.kind.is_friction else 0.5 * s * s
 
     def torque(self, v: Column, a: Column) -> Scalar:
-        """About the shaft: its acceleration for a rotor, else friction's law at its speed, the sign smoothed."""
+        """Torque about the shaft per unit of the parameter: its acceleration for a rotor, else friction's law at its
+        speed, the sign smoothed."""
         match self.kind:
             case DriveParameter.ROTOR_INERTIA:
                 return self.speed(a)

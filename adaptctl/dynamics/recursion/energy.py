@@ -19,7 +19,7 @@ class Weight:
 
 
 def weights(places: Sequence[Placement], gravity: Vec) -> list[Weight]:
-    """Gravity and height of every link."""
+    """The gravity in every link's frame, and the heights of their origins."""
     out: list[Weight] = []
     for place in places:
         parent = place.segment.parent
@@ -28,7 +28,7 @@ def weights(places: Sequence[Placement], gravity: Vec) -> list[Weight]:
 
 
 def carried_weight(place: Placement, base: Weight) -> Weight:
-    """A link's weight from its parent's."""
+    """The gravity in a link's frame and the height of its origin, from its parent's."""
     own = place.down(base.gravity)
     fall = dot(base.gravity, place.segment.near) + dot(own, place.shift)
     return Weight(own, base.potential - fall)

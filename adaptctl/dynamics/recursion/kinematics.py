@@ -54,7 +54,8 @@ def frames(links: Sequence[Segment], q: Column) -> list[Frame]:
 
 
 def link_poses(mechanism: Mechanism, p: ArrayLike) -> LinkPoses:
-    """Poses in the world of every link's frame at positions p (..., r).
+    """Poses in the world of every link's frame at positions p (..., r): rotations (..., N, 3, 3) and translations (...,
+    N, 3), m.
 
     Raises `InputError` on a wrong shape and `NonFiniteError` on NaN or infinity.
     """

@@ -12,7 +12,7 @@ from adaptctl.scalars import Column, Mat, Scalar, Vec, cross, dot
 
 
 class Body:
-    """Mass, first moment and inertia tensor of rigidly joined links about a frame's origin."""
+    """A rigid body: mass, first moment and inertia tensor of rigidly joined links about a frame's origin, SI units."""
 
     __slots__ = ("inertia", "mass", "moment")
 
@@ -24,7 +24,7 @@ class Body:
 
 
 def body(ten: Sequence[Scalar]) -> Body:
-    """A link's ten as a body."""
+    """The rigid body of a link's ten inertial parameters."""
     m, x, y, z, xx, xy, yy, xz, yz, zz = ten
     return Body(m, Vec(x, y, z), Mat(Vec(xx, xy, xz), Vec(xy, yy, yz), Vec(xz, yz, zz)))
 
@@ -63,7 +63,7 @@ def turned_up(place: Placement, inertia: Mat) -> Mat:
 
 
 def congruent(rotation: Mat, s: Mat) -> Mat:
-    """R S R' for a symmetric S, each entry of the symmetric result computed once."""
+    """The product R S R' (3, 3) of a rotation and a symmetric S, each entry computed once."""
     half_x, half_y, half_z = s @ rotation.x, s @ rotation.y, s @ rotation.z
     xy, xz, yz = dot(rotation.x, half_y), dot(rotation.x, half_z), dot(rotation.y, half_z)
     return Mat(
@@ -74,7 +74,8 @@ def congruent(rotation: Mat, s: Mat) -> Mat:
 
 
 def mass_matrix(places: Sequence[Placement], parameters: Column) -> list[list[Scalar]]:
-    """Rows (n,) of M(q): symmetric, zero between joints on different branches."""
+    """The rows of the mass matrix M(q) (n, n) by composite rigid bodies: symmetric, zero between joints on different
+    branches."""
     n = len(places)
     composite = [body(parameters.of[10 * i : 10 * i + 10]) for i in range(n)]
     rows: list[list[Scalar]] = [[0.0] * n for _ in range(n)]
@@ -108,7 +109,7 @@ def _unit_load(place: Placement, outboard: Body) -> Wrench:
 
 
 def solve_symmetric(rows: Sequence[Sequence[Scalar]], right: Column) -> Column:
-    """M x = b by M = L' D L from the tips inward (Featherstone 2008, section 6.5).
+    """The solution x (n,) of M x = b by M = L' D L from the tips inward (Featherstone 2008, section 6.5).
 
     From the tips, so that a tree's zeros between branches stay zero and cost nothing once traced.
     """

@@ -20,7 +20,8 @@ class MomentumTerms(NamedTuple):
 
 
 def momentum_terms(equations: Equations, q: Column, v: Column, columns: Sequence[int]) -> MomentumTerms:
-    """The momenta's regressor and what changes them besides the torque, at configuration q (n,), velocities v (r,).
+    """The regressor of the joints' momenta, and that of the forces that change them besides the torque, at
+    configuration q (n,), velocities v (r,).
 
     C'v = M' v - C v for the Christoffel C (M' = C + C'), and dual numbers along the motion give M' v. Raises
     `InputError` for equations with known parameters other than zero: the regressors would leave out their share.

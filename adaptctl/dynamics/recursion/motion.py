@@ -86,7 +86,7 @@ class LinkMotion:
 
     @property
     def numbers(self) -> tuple[Scalar, ...]:
-        """The twelve that say everything."""
+        """The twelve numbers that determine the motion."""
         return (*self.products, *self.alpha, *self.acc)
 
     @classmethod
@@ -105,7 +105,8 @@ def lever(p: Products, a: Vec) -> Mat:
 
 
 def motions(places: Sequence[Placement], v: Column, v_r: Column, a_r: Column, gravity: Vec) -> list[LinkMotion]:
-    """Newton-Euler's forward recursion, polarised in its two velocities.
+    """The motion of every link under velocities v and v_r and accelerations a_r (n,): Newton-Euler's forward recursion,
+    polarised in its two velocities.
 
     With v_r = v it is the ordinary recursion; otherwise it leads to C(p, v) v_r with the Christoffel C that
     Slotine and Li (1987) need, because the velocity terms are a symmetric bilinear form.

@@ -11,7 +11,7 @@ from adaptctl.scalars import Column, Scalar, cross, dot
 
 
 def joint_torques(places: Sequence[Placement], moving: Sequence[LinkMotion], parameters: Column) -> Column:
-    """Torques (n,) that the joints must exert for their links to move so: the backward recursion."""
+    """Torques (n,) that the joints must exert for their links to move so, N m: the backward recursion."""
     loads = [wrench(motion, parameters.of[10 * i : 10 * i + 10]) for i, motion in enumerate(moving)]
     torques: list[Scalar] = [0.0] * len(places)
     for i in reversed(range(len(places))):
@@ -38,7 +38,7 @@ def lifted(place: Placement, load: Wrench) -> Wrench:
 
 
 def torque_regressor(places: Sequence[Placement], moving: Sequence[LinkMotion], columns: Sequence[int]) -> list[Column]:
-    """Rows of Y, one a joint, with the asked columns only: Y D = M a_r + C(q, v) v_r + g."""
+    """The rows of the torque regressor Y, one a joint, with the asked columns only: Y D = M a_r + C(q, v) v_r + g."""
     kept = kept_by_link(columns, len(places))
     rows: list[dict[int, Scalar]] = [{} for _ in places]
     joints: list[dict[int, Twist]] = []
@@ -65,7 +65,7 @@ def kept_by_link(columns: Sequence[int], links: int) -> list[list[int]]:
 
 
 def powers(places: Sequence[Placement], moving: Sequence[LinkMotion], s: Column, columns: Sequence[int]) -> Column:
-    """Y' s: the power of each asked parameter's wrench under joint rates s, in O(N), without forming Y."""
+    """The powers Y' s (c,) of each asked parameter's wrench under joint rates s, in O(N), without forming Y."""
     kept = kept_by_link(columns, len(places))
     sliding = zip(moving, twists(places, s), kept, strict=True)
     found = [dict(zip(keep, power(motion, twist, keep), strict=True)) for motion, twist, keep in sliding]

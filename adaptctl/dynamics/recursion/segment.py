@@ -16,7 +16,7 @@ from adaptctl.scalars import Column, Mat, Scalar, Vec, cos, sin
 
 @dataclass(frozen=True)
 class Segment:
-    """One link and its joint, all lengths in m.
+    """The geometry of one link and its joint, all lengths in m.
 
     `inward` turns the parent link's coordinates into the joint's, `outward` the moved joint's into the
     link's; None is the identity. `near` leads from the parent's origin to the joint, in the parent's frame;
@@ -36,7 +36,7 @@ class Segment:
 
     @classmethod
     def of(cls, link: Link) -> Segment:
-        """The segment of a link."""
+        """The geometry of a link and its joint."""
         outward = link.far.rotation.T
         return cls(
             parent=link.parent,
@@ -101,7 +101,8 @@ def placements(links: tuple[Segment, ...], q: Column) -> list[Placement]:
 
 
 def about(a: Vec, c: Scalar, s: Scalar) -> Mat:
-    """Coordinates after a turn of cosine c and sine s about a unit axis: Rodrigues' formula, transposed."""
+    """The rotation matrix (3, 3) to coordinates after a turn of cosine c and sine s about a unit axis: Rodrigues'
+    formula, transposed."""
 
     def entry(u: Scalar, v: Scalar, on_diagonal: float, k: Scalar) -> Scalar:
         return u * v + (on_diagonal - u * v) * c + k * s

@@ -70,7 +70,7 @@ def digits(x: Fraction | float) -> Digits | float:
 
 
 def samples_of(values: Any) -> Digits:
-    """Floats (samples,), exactly."""
+    """Exact fixed-point numbers of floats (samples,)."""
     return Digits(np.array([scaled(float(x)) for x in values], dtype=object))
 
 

@@ -30,7 +30,7 @@ SPARE = 5
 
 @dataclass(frozen=True, eq=False)
 class ExactEnergies:
-    """A mechanism's energies on exact geometry.
+    """The energies of a mechanism on exact geometry, in exact arithmetic.
 
     Without closed loops they are residues modulo a prime. A rank modulo a prime is never above the rank over the
     rational numbers, and at random states below it only by a chance of about one in 2^31 for each factor of a
@@ -47,7 +47,7 @@ class ExactEnergies:
 
     @property
     def method(self) -> str:
-        """Arithmetic that the energies are computed in, in words."""
+        """Name of the arithmetic that the energies are computed in."""
         return DIGITS if self.closed else FIELD
 
     @cached_property
@@ -61,7 +61,8 @@ class ExactEnergies:
         return pivots.rank(self._differences, self._nothing) if self.closed else elimination.rank(self._differences)
 
     def kept(self, order: Sequence[int]) -> tuple[int, ...]:
-        """The parameters (k,), rising, that stay when those that the others make up for are removed in an order (P,).
+        """Indices (k,), rising, of the parameters that stay when those that the others make up for are removed in an
+        order (P,).
 
         A parameter can be removed when the others that are left make up for it, so those that stay are the columns
         that are independent of the columns after them in the order.
@@ -92,7 +93,7 @@ class ExactEnergies:
 
     @cached_property
     def geometry(self) -> ExactGeometry:
-        """The tree's links in exact numbers."""
+        """The geometry of the tree's links in exact numbers."""
         length = characteristic_length(self.mechanism)
         unit = Fraction(10) ** math.floor(math.log10(length)) if self.closed else Fraction(1)
         reading = Reading(digits if self.closed else modular, length, unit, self.precision)

@@ -37,14 +37,14 @@ class Reading:
     """Lengths (m), rising, each of which stands for those that are longer by less than the precision."""
 
     def length(self, x: float) -> Any:
-        """A length (m), in the unit."""
+        """The exact scalar of a length (m), in the unit."""
         place = bisect_right(self.equal, abs(x)) - 1
         if place >= 0 and abs(x) - self.equal[place] <= self.precision.length * self.size:
             x = math.copysign(self.equal[place], x)
         return self.number(simplest_rational(x, self.size, self.precision) / self.unit)
 
     def turned(self, angle: float) -> tuple[Any, Any]:
-        """The cosine and sine of an angle (rad)."""
+        """The exact cosine and sine of an angle (rad)."""
         found = turn(angle, self.precision)
         if not found.half_tangent:
             return QUARTERS[found.quarters]
@@ -52,7 +52,7 @@ class Reading:
         return self.number(c), self.number(s)
 
     def rotation(self, turns: Turns) -> Mat:
-        """The product of turns about coordinate axes."""
+        """The rotation that is the product of turns about coordinate axes."""
         first, *rest = (turned(axis, *self.turned(angle)) for axis, angle in turns)
         return reduce(product, rest, first)
 
@@ -86,7 +86,8 @@ class ExactGeometry:
 
     @classmethod
     def by_axes(cls, description: Description, frames: CanonicalFrames, reading: Reading) -> ExactGeometry:
-        """The geometry from axis to axis: axes that are parallel, meet or are at right angles are so exactly."""
+        """The exact geometry described from axis to axis: axes that are parallel, meet or are at right angles are so
+        exactly."""
         on_joints = tuple(ExactFrame.of(joint.link, reading) for joint in frames.joints)
         links = tuple(
             _segment(
@@ -111,7 +112,8 @@ class ExactGeometry:
 
     @classmethod
     def by_frames(cls, description: Description, reading: Reading) -> ExactGeometry:
-        """The geometry described from frame to frame as the file does: entries that are zero there are so exactly."""
+        """The exact geometry described from frame to frame as the file does: entries that are zero there are so
+        exactly."""
 
         def fixed(_: int, pose: Pose) -> ExactFrame:
             return _as_written(pose, reading)

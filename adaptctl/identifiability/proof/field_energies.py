@@ -15,7 +15,7 @@ from adaptctl.scalars import ZERO
 
 
 def energy_differences(description: Description, geometry: ExactGeometry, samples: int, seed: int) -> Residues:
-    """H (samples, P): energies at random states, less those at another one."""
+    """The matrix H (samples, P) of energies at random states, less those at another one, as residues."""
     rng = np.random.default_rng(seed)
     places = random_places(description, geometry, samples + 1, rng)
     rates = random_rates(description, samples + 1, rng)
@@ -26,8 +26,8 @@ def energy_differences(description: Description, geometry: ExactGeometry, sample
 
 
 def energy_changes(description: Description, geometry: ExactGeometry, samples: int, seed: int) -> Residues:
-    """(N, samples, 11): how energies change as bodies, ten in their links' frames, are set free to move with their
-    joints, which stood still at zero before; the eleventh is the joint's rotor, zero where it has none.
+    """Energy changes (N, samples, 11) as bodies, ten in their links' frames, are set free to move with their joints,
+    which stood still at zero before; the eleventh is the joint's rotor, zero where it has none.
 
     A joint of a tree does not feel a body exactly when nothing changes in any state.
     """

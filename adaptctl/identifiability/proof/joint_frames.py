@@ -26,7 +26,7 @@ class FloatFrame(NamedTuple):
 
     @classmethod
     def of(cls, pose: Pose) -> FloatFrame:
-        """The same as a pose."""
+        """The frame of a pose, in floats."""
         return cls(Mat.of(pose.rotation.tolist()), Vec(*pose.translation.tolist()))
 
     def __matmul__(self, inner: FloatFrame) -> FloatFrame:
@@ -35,7 +35,7 @@ class FloatFrame(NamedTuple):
 
     @property
     def inverse(self) -> FloatFrame:
-        """The other frame in this one."""
+        """The inverse: the other frame in this one."""
         back = self.rotation.T
         return FloatFrame(back, -(back @ self.origin))
 
@@ -53,7 +53,7 @@ class FramePlacement(NamedTuple):
 
     @classmethod
     def of(cls, frame: FloatFrame, length: float, precision: Precision) -> FramePlacement:
-        """The same as a frame in a mechanism of a length (m); what is less than the precision is zero."""
+        """The placement of a frame in a mechanism of a length (m); what is less than the precision is zero."""
         radius = _across(frame.origin)
         angle = _bearing(frame.origin, precision) if radius > precision.length * length else 0.0
         return cls(turns_of(frame.rotation, precision), angle, radius, _height(frame.origin))
@@ -82,7 +82,7 @@ class CanonicalFrames:
     precision: Precision
 
     def placement(self, link: int, pose: Pose) -> FramePlacement:
-        """A frame that is fixed to a link, or to the ground (-1)."""
+        """The placement of a frame that is fixed to a link, or to the ground (-1)."""
         return FramePlacement.of(self.on_links[link].inverse @ FloatFrame.of(pose), self.length, self.precision)
 
 

@@ -29,7 +29,7 @@ class Coordinate:
     length: Any
 
     def placed(self, link: Segment) -> Placement:
-        """A link whose joint stands there."""
+        """The placement of a link whose joint stands there."""
         return link.placed((self.cosine, self.sine) if link.turns else (self.length,))
 
     def followed(self, coupling: Coupling, parts: int, angle: float) -> Coordinate:
@@ -43,14 +43,14 @@ class Coordinate:
         return Coordinate(cosine, sine, self.length * ratio + offset)
 
     def whole(self, parts: int) -> Coordinate:
-        """The same of the whole angle instead of a part of it."""
+        """The coordinate of the whole angle instead of a part of it."""
         return Coordinate(*_power((self.cosine, self.sine), parts), self.length)
 
 
 def random_places(
     description: Description, geometry: ExactGeometry, samples: int, rng: np.random.Generator
 ) -> list[Placement]:
-    """Every link at random places of the joints; those that follow others follow."""
+    """Placements of every link at random coordinates of the joints; those that follow others follow."""
     couplings = () if description.loops is None else description.loops.couplings
     index = {name: i for i, name in enumerate(description.joint_names)}
     links, shifts = geometry.links, geometry.shifts
@@ -73,7 +73,7 @@ def random_places(
 
 
 def random_rates(description: Description, samples: int, rng: np.random.Generator) -> Column:
-    """Every joint's velocity; those that follow others follow."""
+    """Random velocities of every joint; those that follow others follow."""
     rates = [random_residues(samples, rng) for _ in description.links]
     index = {name: i for i, name in enumerate(description.joint_names)}
     for c in () if description.loops is None else description.loops.couplings:

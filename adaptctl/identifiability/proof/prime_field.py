@@ -83,19 +83,19 @@ def modular(x: Fraction) -> Modular | float:
 
 
 def inverse(residues: Any) -> Any:
-    """1/x of residues that are not zero."""
+    """Inverses 1/x of residues that are not zero."""
     if isinstance(residues, int):
         return pow(residues, -1, PRIME)
     return np.array([pow(x, -1, PRIME) for x in residues.tolist()], dtype=np.int64)
 
 
 def random_residues(samples: int, generator: np.random.Generator) -> Modular:
-    """One residue a sample, all alike probable but zero."""
+    """Random residues, one a sample, all alike probable but zero."""
     return Modular(generator.integers(1, PRIME, samples))
 
 
 def stacked_residues(entries: list[Any], samples: int) -> Residues:
-    """Scalars, floats among them, as columns (samples, n)."""
+    """Residues (samples, n) of scalars, floats among them, a column each."""
     out = np.empty((samples, len(entries)), dtype=np.int64)
     for i, entry in enumerate(entries):
         out[:, i] = entry.residues if isinstance(entry, Modular) else residue(entry)

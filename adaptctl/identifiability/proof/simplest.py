@@ -35,7 +35,7 @@ class Turn(NamedTuple):
 
     @property
     def cosine_and_sine(self) -> tuple[Fraction, Fraction]:
-        """Both, rational, on the unit circle exactly."""
+        """Cosine and sine, rational, on the unit circle exactly."""
         square = self.half_tangent**2
         c, s = (1 - square) / (1 + square), 2 * self.half_tangent / (1 + square)
         return ((c, s), (-s, c), (-c, -s), (s, -c))[self.quarters]
@@ -59,7 +59,7 @@ def _near(x: float, size: float, distance: float) -> Fraction:
 
 
 def turn(angle: float, precision: Precision = AS_GIVEN) -> Turn:
-    """The angle (rad) that a float stands for."""
+    """The exact turn that an angle (rad) in floats stands for."""
     quarters = round(angle / (math.pi / 2))
     rest = angle - quarters * (math.pi / 2)
     small = abs(rest) <= precision.angle

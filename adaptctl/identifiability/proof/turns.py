@@ -42,7 +42,8 @@ def bearing(angle: float, precision: Precision) -> float:
 
 
 def turned(axis: int, c: Any, s: Any) -> Mat:
-    """Child to parent coordinates after a turn about a coordinate axis, from its cosine and sine."""
+    """The rotation matrix (3, 3), child to parent coordinates, of a turn about a coordinate axis, from its cosine and
+    sine."""
     if axis == 0:
         return Mat(Vec(1.0, 0.0, 0.0), Vec(0.0, c, -s), Vec(0.0, s, c))
     if axis == 1:

@@ -44,7 +44,7 @@ BODY = 11
 
 
 class LinkParameters(NamedTuple):
-    """Parameters that belong to a link and its joint, or have been passed to it, as bodies."""
+    """The parameters that belong to a link and its joint, or have been passed to it, as bodies."""
 
     indices: NDArray[np.int64]
     """Indices (n,) among the P parameters."""
@@ -54,7 +54,7 @@ class LinkParameters(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class InertialTransfers:
-    """Observable functionals and unobservable bodies at every joint of a tree.
+    """Inertial transfers: the observable functionals and unobservable bodies at every joint of a tree.
 
     Bodies are tens in the joint's frame, with lengths in units of the frames' length, and as an eleventh number the
     inertia of the joint's rotor.

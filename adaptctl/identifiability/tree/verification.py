@@ -21,7 +21,8 @@ from adaptctl.scalars import column
 
 @dataclass(frozen=True, eq=False)
 class TransferEvidence:
-    """Ranks of energy changes compared with those by geometry; gap, smallest value and residual of the worst joint."""
+    """Evidence for a tree's rank: ranks of energy changes compared with those by geometry; gap, smallest value and
+    residual of the worst joint."""
 
     surplus: int
     """Sum over the joints of ranks by energies, less those by geometry."""

@@ -79,7 +79,7 @@ def write_study(
 
 
 def page(study: DesignStudy, named: Named, figures: Mapping[str, Figure]) -> str:
-    """HTML of the page."""
+    """HTML of a design study's page."""
     after = study.counterweights.balanced
     pairs = zip(quantities(study.task, study.percent), quantities(after, study.percent), strict=True)
     return rendered(

@@ -67,7 +67,7 @@ def added_as_builtins(added: AddedMass) -> dict[str, Any]:
 
 
 def balanced(found: Counterweights) -> dict[str, Any]:
-    """Counterweights, their bounds, and the costs with them."""
+    """Counterweights, their bounds, and the costs with them, in JSON's types."""
     return {
         "objective": found.objective,
         "cost_before": found.cost_before,
@@ -83,7 +83,7 @@ def balanced(found: Counterweights) -> dict[str, Any]:
 
 
 def removal_as_builtins(removal: Removal) -> dict[str, Any]:
-    """A removal, with the equations before and after."""
+    """A removal, with the equations before and after, in JSON's types."""
     return {
         "way": removal.way,
         "link": removal.link,

@@ -9,7 +9,7 @@ from adaptctl.design import DesignStudy, DesignTask
 
 
 def header(study: DesignStudy) -> str:
-    """The robot, the task, and what its motion depends on."""
+    """Text of the robot, the task, and what its motion depends on."""
     task = study.task
     return (
         f"{task.mechanism.name}: {len(task.parameters)} inertial parameters, {task.basis.rank} independent, "
@@ -18,7 +18,7 @@ def header(study: DesignStudy) -> str:
 
 
 def outcome_words(study: DesignStudy) -> str:
-    """The outcome in a sentence or two."""
+    """The outcome of a design study in a sentence or two."""
     found, best = study.counterweights, min(study.links, key=lambda cost: cost.least)
     worst = max(study.links, key=lambda cost: cost.most)
     text = (
@@ -32,7 +32,7 @@ def outcome_words(study: DesignStudy) -> str:
 
 
 def facts(study: DesignStudy) -> Iterator[tuple[str, str]]:
-    """Questions that a person asks first, and the answers."""
+    """Questions that a person asks first about a study, and the answers."""
     found, before = study.counterweights, study.task
     after = found.balanced
     yield "Independent parameters", f"{before.basis.rank}, {len(before.carried())} not zero"
@@ -63,7 +63,7 @@ def quantities(task: DesignTask, percent: float) -> Iterator[tuple[str, str]]:
 
 
 def change(share: float) -> str:
-    """A change as percentage with its sign."""
+    """Text of a change as a percentage with its sign."""
     return f"{100.0 * share:+.2f} %"
 
 

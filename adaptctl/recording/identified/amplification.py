@@ -64,12 +64,12 @@ class Amplification:
         )
 
     def facts(self) -> Iterator[tuple[str, str]]:
-        """Pairs of a kind of torques and its errors."""
+        """Facts for the report: pairs of a kind of torques and its errors."""
         for entry in self.measured:
             yield entry.torques, f"filtered dynamics {entry.momentum:.2%}, energy differences {entry.energy:.2%}"
 
     def write(self, folder: Path, progress: Callable[[str, float], object]) -> None:
-        """Summary, figure, report and recording."""
+        """Write summary, figure, report and recording into a folder."""
         progress("summary", 0.0)
         content = {
             "schema": "adaptctl/energy-differences/1",

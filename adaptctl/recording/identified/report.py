@@ -20,7 +20,7 @@ def write_report(path: str | Path, found: Identification, figures: Mapping[str, 
 
 
 def report(found: Identification, figures: Mapping[str, Path]) -> str:
-    """The page's HTML."""
+    """HTML of an identification's page."""
     validation = found.validation
     joints = found.mechanism.primary_joints
     each = zip(joints, validation.joint_rms_errors, validation.joint_relative_errors, strict=True)
@@ -43,7 +43,7 @@ def report(found: Identification, figures: Mapping[str, Path]) -> str:
 
 
 def verdict(found: Identification) -> str:
-    """The outcome in a sentence."""
+    """The outcome of an identification in a sentence."""
     validation = found.validation
     return (
         f"Predicts the torques of {validation.origin} to {validation.rms_error:.3g} N m over all joints, "
@@ -63,7 +63,7 @@ def consistency(found: Identification) -> str:
 
 
 def components(found: Identification) -> str:
-    """The paper's model reduction, of the logs' own motion."""
+    """Text on the paper's model reduction, of the logs' own motion."""
     return (
         f"Of the {found.space.rank} essential components of the parameters, {found.components} carry the energy of the "
         "logs' motion to 1 % (Sheu and Walker 1991, equation 23)."

@@ -25,7 +25,8 @@ def write_summary(path: str | Path, found: Identification) -> None:
 
 
 def summary(found: Identification) -> dict[str, Any]:
-    """`validation` and `alternatives` are on the same rows: rms_error in N m over all joints, and relative."""
+    """Summary of an identification in JSON's types; `validation` and `alternatives` are on the same rows: rms_error in
+    N m over all joints, and relative."""
     settings = found.choice.settings
     return {
         "schema": SUMMARY_SCHEMA,
@@ -61,7 +62,7 @@ def _errors(found: Identification, validation: Validation) -> dict[str, Any]:
 
 
 def write_estimates(path: str | Path, found: Identification) -> None:
-    """First estimates and prior ranges of the fundamental parameters, for an adaptive controller, as JSON."""
+    """Write first estimates and prior ranges of the fundamental parameters, for an adaptive controller, as JSON."""
     joints = [joint.name for joint in found.mechanism.primary_joints]
     columns = zip(
         found.names,
@@ -86,7 +87,7 @@ def write_estimates(path: str | Path, found: Identification) -> None:
 
 
 def write_validation(path: str | Path, found: Identification) -> None:
-    """Measured and predicted torques as Parquet: `time` as in the log, then `measured_J` and `predicted_J`."""
+    """Write measured and predicted torques as Parquet: `time` as in the log, then `measured_J` and `predicted_J`."""
     about = {"schema": VALIDATION_SCHEMA, "of": found.validation.origin, "cutoff": repr(found.validation.cutoff)}
     write_columns(path, list(_columns(found)), about)
 

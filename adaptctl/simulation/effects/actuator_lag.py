@@ -13,7 +13,8 @@ from adaptctl.simulation.effects.effect import ActuatorEffect, require_positive
 
 @dataclass(frozen=True)
 class ActuatorLag(ActuatorEffect):
-    """A drive's torque x follows what is asked, u, to first order: time_constant x' = u - x (s): a current loop.
+    """First-order lag of a drive's torque x behind the one commanded, u: time_constant x' = u - x (s), as of a current
+    loop.
 
     Under a u held over a period x is an exponential. The joints get its mean over the period, so that the impulse
     is exact: what is left out is of third order in the period.
@@ -34,7 +35,7 @@ class ActuatorLag(ActuatorEffect):
         return torque
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """The mean torque (r,) N m over the period, and the torque at its end."""
+        """The mean torque (r,) N m over the period, and as memory the torque (r,) at its end."""
         ratio = control_period / self.time_constant
         mean = -math.expm1(-ratio) / ratio
         behind = memory - torque

@@ -18,7 +18,8 @@ BUFFER = 64
 
 @dataclass(frozen=True)
 class ControlDelay(ActuatorEffect):
-    """A torque takes effect `ticks` control periods after it was commanded: computing and communication.
+    """Delay of the torque: it takes effect `ticks` control periods after it was commanded, by computing and
+    communication.
 
     Sampling and hold alone delay by half a period; a controller that needs the period to compute delays by one
     more (Astrom and Wittenmark, Computer-Controlled Systems, 1997, section 2.3). Before the first torque arrives,
@@ -46,7 +47,7 @@ class ControlDelay(ActuatorEffect):
         return np.tile(torque, self.ticks)
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """The oldest torque (r,) N m on its way, and the memory with the newest at its end."""
+        """The torque (r,) N m commanded `ticks` periods ago, and the memory with the newest at its end."""
         if self.ticks == 0:
             return torque, memory
         dof = len(torque)

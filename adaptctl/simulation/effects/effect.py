@@ -14,7 +14,7 @@ from adaptctl.scalars import Column
 
 
 class Effect(ABC):
-    """One way in which a plant is not ideal: a frozen dataclass of its own parameters.
+    """Base class of the effects by which a plant is not ideal: a frozen dataclass of its own parameters.
 
     Its equations are written over scalars of any kind. What changes over time is its memory, one column passed
     in and out.
@@ -35,7 +35,7 @@ class ActuatorEffect(Effect):
 
     @abstractmethod
     def start(self, torque: Array, control_period: float) -> Array:
-        """The memory (..., m) at rest, the joints having been held by a torque (..., r)."""
+        """The memory (..., m) at rest, after the joints were held by a torque (..., r) N m."""
 
     @abstractmethod
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
@@ -50,7 +50,7 @@ class SensorEffect(Effect):
 
     @abstractmethod
     def start(self, p: Array, v: Array, control_period: float) -> Array:
-        """The memory (..., m) before the first measurement, of arms that have moved like this (..., r)."""
+        """The memory (..., m) before the first measurement, of arms at positions p moving at velocities v (..., r)."""
 
     @abstractmethod
     def measure(
@@ -73,7 +73,7 @@ class JointEffect(Effect):
 
 
 class LoadEffect(Effect):
-    """An effect on the inertial parameters in mid-motion."""
+    """An effect on the inertial parameters in mid-motion, such as a payload."""
 
     @abstractmethod
     def mass(self, time: float) -> float:
@@ -85,7 +85,7 @@ class LoadEffect(Effect):
 
     @abstractmethod
     def loaded(self, parameters: Array, links: tuple[str, ...], time: float) -> Array:
-        """The inertial parameters (..., P) with the load at a time (s) added."""
+        """The inertial parameters (..., P) after the load at a time (s) was added, SI units."""
 
 
 def at_least_zero(values: ArrayLike, dof: int, what: str) -> Array:

@@ -17,7 +17,8 @@ LINK, MOTOR = "link", "motor"
 
 @dataclass(frozen=True, eq=False)
 class ElasticJoints(Effect):
-    """Joints whose motors, at theta with velocities w, turn the links through springs and dampers (Spong 1987).
+    """Elastic joints: their motors, at theta with velocities w, turn the links through springs and dampers (Spong
+    1987).
 
         J w' = torque - f,   M(q) v' + C v + g + friction = f,   f = stiffness (theta - p) + damping (w - v)
 
@@ -48,7 +49,8 @@ class ElasticJoints(Effect):
         self.each("damping", dof), self.each("motor_inertia", dof)
 
     def each(self, name: str, dof: int) -> Array:
-        """One of the settings (r,). Raises `InputError` for what is negative or not finite."""
+        """The values (r,) of the setting of a name, one a joint. Raises `InputError` for what is negative or not
+        finite."""
         values = at_least_zero(getattr(self, name), dof, f"elastic joints: {name}")
         if not np.isfinite(values).all():
             raise InputError(f"elastic joints: {name}: expected finite numbers, got {getattr(self, name)}")

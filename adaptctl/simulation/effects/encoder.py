@@ -19,7 +19,7 @@ _WHOLE = 1.5 * 2.0**52
 
 @dataclass(frozen=True, eq=False)
 class Encoder(SensorEffect):
-    """Positions in whole counts of `resolution` (rad, m), after Gaussian noise of standard deviation `noise`.
+    """Encoders: positions in whole counts of `resolution` (rad, m), after Gaussian noise of standard deviation `noise`.
 
     Velocities get Gaussian noise of standard deviation `velocity_noise` (rad/s, m/s), as of a tachometer; use
     `FilteredDifferences` where they come from the positions. Each is one number or (r,), zero for none. An

@@ -16,7 +16,7 @@ from adaptctl.simulation.effects.effect import SensorEffect, require_positive
 
 @dataclass(frozen=True)
 class FilteredDifferences(SensorEffect):
-    """Velocities from the measured positions: backward differences through a first-order low-pass.
+    """Velocity estimates from the measured positions: backward differences through a first-order low-pass filter.
 
         w_k = a w_(k-1) + (1 - a) (p_k - p_(k-1))/T_c,   a = exp(-2 pi cutoff T_c)
 

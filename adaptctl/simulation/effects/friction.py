@@ -16,7 +16,7 @@ from adaptctl.simulation.effects.effect import JointEffect, at_least_zero, requi
 
 @dataclass(frozen=True, eq=False)
 class Friction(JointEffect):
-    """Friction with Stribeck's minimum: it is greatest at the start and falls while the film builds up.
+    """Joint friction with Stribeck's minimum: it is greatest at the start and falls while the film builds up.
 
         torque = viscous v + (coulomb + stribeck/(1 + (v/speed)^2)) sign(v)
 

@@ -20,8 +20,8 @@ from adaptctl.errors import InputError, NotFoundError
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Payload:
-    """A body held by the last link: `mass` in kg, `center` (3,) in m in that link's frame, and `inertia` (3, 3)
-    in kg m^2 about that centre. A point in the frame's origin unless given."""
+    """A payload, a body held by the last link: `mass` in kg, `center` (3,) in m in that link's frame, and `inertia` (3,
+    3) in kg m^2 about that centre. A point in the frame's origin unless given."""
 
     mass: float
     center: Array = field(default_factory=lambda: np.zeros(3))
@@ -56,7 +56,7 @@ class Payload:
         return cls(**given)
 
     def added_to(self, parameters: ArrayLike, link: int) -> Array:
-        """The inertial parameters (..., P) with this added to the ten of the link of that index."""
+        """The inertial parameters (..., P) with the payload added to the ten of the link of that index."""
         loaded = np.array(parameters, dtype=np.float64)
         loaded[..., 10 * link : 10 * link + 10] += from_center_of_mass(self.mass, self.center, self.inertia)
         return loaded

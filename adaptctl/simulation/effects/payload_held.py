@@ -37,15 +37,15 @@ class PayloadHeld(LoadEffect):
             raise NotFoundError(f"payload: there is no link {self.link!r}; links: {', '.join(links)}")
 
     def mass(self, time: float) -> float:
-        """The mass while it is held, kg, else 0."""
+        """The payload's mass while it is held, kg, else 0."""
         return Payload.of(self.payload).mass if self.start <= time < self.stop else 0.0
 
     def until(self, time: float) -> float:
-        """The time (s) at which it is next picked up or dropped; infinity for never."""
+        """The time (s) at which the payload is next picked up or dropped; infinity for never."""
         return next((change for change in (self.start, self.stop) if time < change), math.inf)
 
     def loaded(self, parameters: Array, links: tuple[str, ...], time: float) -> Array:
-        """The inertial parameters (..., P), its ten added to those of its link while it is held."""
+        """The inertial parameters (..., P), with the payload's ten added to those of its link while it is held."""
         if not self.start <= time < self.stop:
             return parameters
         link = len(links) - 1 if self.link is None else links.index(self.link)

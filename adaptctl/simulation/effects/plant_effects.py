@@ -17,7 +17,8 @@ from adaptctl.simulation.effects.elastic_joints import MOTOR, ElasticJoints
 
 @dataclass(frozen=True)
 class PlantEffects:
-    """Effects by their places; those between controller and joint, and back, in the order of the signal's way.
+    """The effects of a plant by their places, those between controller and joint, and back, in the order of the
+    signal's way.
 
     A torque is delayed, then limited, then limited in rate, then lags; positions are read by encoders, then
     velocities are found from them.
@@ -31,7 +32,7 @@ class PlantEffects:
 
     @classmethod
     def of(cls, effects: Iterable[Effect]) -> PlantEffects:
-        """Effects, given in any order, in their places.
+        """The effects, given in any order, in their places.
 
         Raises `InputError` for what is none, and for two of a kind in one chain.
         """
@@ -65,13 +66,13 @@ class PlantEffects:
         return tuple(effect.mark for effect in self.actuators if effect.mark is not None)
 
     def loaded(self, parameters: Array, links: tuple[str, ...], time: float) -> Array:
-        """The inertial parameters (..., P) with all that is loaded on them at a time (s)."""
+        """The inertial parameters (..., P) with the loads of all effects at a time (s) added."""
         for load in self.loads:
             parameters = load.loaded(parameters, links, time)
         return parameters
 
     def drive_memory(self, torque: Array, control_period: float) -> Array:
-        """The actuators' memory (..., m) at rest, the joints having been held by a torque (..., r)."""
+        """The actuators' memory (..., m) at rest, after the joints were held by a torque (..., r) N m."""
         return _joined((effect.start(torque, control_period) for effect in self.actuators), torque.shape[:-1])
 
     def sensor_memory(self, p: Array, v: Array, control_period: float) -> Array:
@@ -106,7 +107,8 @@ class PlantEffects:
 
 
 def differs(asked: Column, given: Column) -> Scalar:
-    """1 where any joint got another torque than was asked, else 0; over scalars of any kind."""
+    """Mark of a torque that was changed: 1 where any joint got another torque than was asked, else 0; over scalars of
+    any kind."""
     largest: Any = 0.0
     for x, y in zip(asked, given, strict=True):
         largest = maximum(largest, absolute(x - y))

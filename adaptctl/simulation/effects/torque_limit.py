@@ -15,7 +15,8 @@ from adaptctl.simulation.effects.effect import ActuatorEffect, at_least_zero
 
 @dataclass(frozen=True, eq=False)
 class TorqueLimit(ActuatorEffect):
-    """A drive gives at most `limit` (N m, N of a prismatic joint; one number or (r,)), whatever is asked of it.
+    """Limit of a drive's torque: at most `limit` (N m, N of a prismatic joint; one number or (r,)), whatever is asked
+    of it.
 
     The environment's own limits are those of its actions, which a controller can know; these are the plant's.
     """

@@ -14,7 +14,8 @@ from adaptctl.simulation.effects.effect import ActuatorEffect, at_least_zero
 
 @dataclass(frozen=True, eq=False)
 class TorqueRateLimit(ActuatorEffect):
-    """A drive's torque changes by at most `rate` (N m/s, one number or (r,)): supply voltage over inductance."""
+    """Limit of a drive's torque rate: the torque changes by at most `rate` (N m/s, one number or (r,)), supply voltage
+    over inductance."""
 
     rate: ArrayLike
 
@@ -30,7 +31,7 @@ class TorqueRateLimit(ActuatorEffect):
         return torque
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """The nearest torque (r,) N m within reach of the last one, which is the memory after it too."""
+        """The torque (r,) N m nearest to the one asked that is within reach of the last one; it is the memory too."""
         steps = (at_least_zero(self.rate, len(torque), "torque rate limit") * control_period).tolist()
         given = Column(clip(x, y - step, y + step) for x, y, step in zip(torque, memory, steps, strict=True))
         return given, given

@@ -27,7 +27,8 @@ _WITHOUT_MASS = ("plane", "hfield")
 def body_inertia(
     inertial: Element | None, geoms: Sequence[tuple[Element, Pose]], settings: Settings, where: str
 ) -> Array:
-    """The ten (10,) of a body in its frame. Geoms have their defaults, and come with the frames they stand in."""
+    """The ten inertial parameters (10,) of a body in its frame. Geoms have their defaults, and come with the frames
+    they stand in."""
     if inertial is not None and (settings.inertia_from_geoms != "true" or not geoms):
         return _written(inertial, settings, where)
     if settings.inertia_from_geoms == "false":

@@ -26,8 +26,8 @@ _KINDS = ("hinge", "slide")
 
 
 def joint_of(joint: Element, name: str, settings: Settings, effort: float | None) -> Joint:
-    """The joint, its axis in the frame it stands in; `effort` is its actuators' bound, None without actuators. Raises
-    `InputError` for a ball joint or an unknown type."""
+    """The joint of an element, its axis in the frame it stands in; `effort` is its actuators' bound, None without
+    actuators. Raises `InputError` for a ball joint or an unknown type."""
     where = f"joint {name!r}"
     _require_known(joint, _ATTRIBUTES, where)
     kind = joint.get("type", "hinge")
@@ -85,7 +85,7 @@ def is_sprung(joint: Element, name: str) -> bool:
 
 
 def motor_efforts(root: Element, settings: Settings) -> dict[str, float]:
-    """The joints that actuators drive, and the greatest effort of all of a joint's actuators (N m or N)."""
+    """Greatest efforts (N m or N) of the joints that actuators drive, by name, all actuators of a joint together."""
     efforts: dict[str, float] = {}
     known = {name for joint in root.iter() if joint.tag in ("joint", "freejoint") and (name := joint.get("name"))}
     for section in root.findall("actuator"):
@@ -102,7 +102,7 @@ def motor_efforts(root: Element, settings: Settings) -> dict[str, float]:
 
 
 def no_torques(root: Element, settings: Settings, joints: Container[str]) -> list[str]:
-    """The actuators of joints whose force is not a multiple of their control: servos, muscles and the like."""
+    """Names of the joints' actuators whose force is not a multiple of their control: servos, muscles and the like."""
     found = []
     for actuator in (actuator for section in root.findall("actuator") for actuator in section):
         full = settings.full(actuator, MAIN)

@@ -55,7 +55,7 @@ _BODY = ("name", "childclass", "pos", "quat", "axisangle", "xyaxes", "zaxis", "e
 
 
 def read_mjcf(path: str | Path, *, root: str | None = None) -> Description:
-    """The mechanism that moves in an MJCF file, and the loops that its equalities close.
+    """The description of the mechanism that moves in an MJCF file, and of the loops that its equalities close.
 
     `root` names the body that it begins with, where the file is a scene: that body, which nothing that moves may
     carry, and all on it; the rest of the scene is left out. What <include> names is read as part of the file.

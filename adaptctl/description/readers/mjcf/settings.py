@@ -24,7 +24,7 @@ _SIMPLIFIED = {
 
 @dataclass(frozen=True)
 class Settings:
-    """The <compiler> and <default> sections.
+    """Settings of an MJCF file: its <compiler> and <default> sections.
 
     `classes` has the attributes of every class by tag; those of the class it stands in are among them.
     """

@@ -1,0 +1,129 @@
+"""Single steps of adaptation laws against dense matrices, and the settings that they refuse or begin with."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sampled_loops import arm, gains, posture, reduced
+
+from adaptctl.arrays import Array
+from adaptctl.control import Composite, ConcurrentLearning, ReleasedGradient, SlotineLi, TaskSpaceSlotineLi
+from adaptctl.control.adaptation.composite_learning import _remember
+from adaptctl.control.adaptation.concurrent_learning import _solve
+from adaptctl.control.adaptation.law import Period
+from adaptctl.control.adaptation.least_squares import (
+    first_triangle,
+    from_triangle,
+    full_rows,
+    symmetric_product,
+    symmetric_trace,
+    upper_rows,
+)
+from adaptctl.control.adaptation.prediction import momentum_columns
+from adaptctl.control.controller import ReferencePoint
+from adaptctl.errors import InputError
+from adaptctl.scalars import Column, column
+
+ARM = "puma560_arm3"
+K = len(reduced(ARM).columns)
+
+
+def symmetric(k: int) -> Array:
+    A = np.random.default_rng(k).normal(size=(k, k))
+    return A + A.T
+
+
+@pytest.mark.parametrize("k", range(1, 6))
+def test_triangles_hold_symmetric_matrices(k: int) -> None:
+    A, x = symmetric(k), np.linspace(-1.0, 2.0, k)
+    entries = A[np.triu_indices(k)]
+    np.testing.assert_array_equal(from_triangle(entries, k), A)
+    np.testing.assert_array_equal(full_rows(upper_rows(column(entries), k)), A)
+    np.testing.assert_array_equal(from_triangle(first_triangle(k), k), np.eye(k))
+    np.testing.assert_allclose(symmetric_product(column(entries), column(x)).of, A @ x, atol=1e-14)
+    assert symmetric_trace(column(entries), k) == pytest.approx(np.trace(A), abs=1e-14)
+
+
+@pytest.mark.parametrize(("forgotten", "learned"), [(0.3, 0.7), (0.3, 0.0), (0.0, 0.7), (0.0, 0.0)])
+def test_composite_learning_forgets_and_learns_along_a_row(forgotten: float, learned: float) -> None:
+    """Q - forgotten Q w (w'Q w)^-1 w'Q + learned w w', and z = Q x of a true x stays so."""
+    k, rng = 4, np.random.default_rng(0)
+    root, w, x = rng.normal(size=(k, k)), rng.normal(size=k), rng.normal(size=k)
+    Q = root @ root.T
+    expected = Q - forgotten * np.outer(Q @ w, Q @ w) / (w @ Q @ w) + learned * np.outer(w, w)
+    given = (Q[np.triu_indices(k)], Q @ x, w)
+    information, known = _remember(*map(column, given), w @ x, Column((forgotten, learned)))
+    np.testing.assert_allclose(from_triangle(np.array(information.of), k), expected, atol=1e-12)
+    np.testing.assert_allclose(known.of, expected @ x, atol=1e-12)
+
+
+def test_an_empty_memory_forgets_nothing_and_stays_finite() -> None:
+    empty, w = Column.zeros(3), Column((1.0, -2.0))
+    information, known = _remember(empty, Column.zeros(2), w, 3.0, Column((0.5, 0.1)))
+    np.testing.assert_allclose(information.of, [0.1, -0.2, 0.4], rtol=1e-14)
+    np.testing.assert_allclose(known.of, [0.3, -0.6], rtol=1e-14)
+
+
+def test_one_equation_is_solved_implicitly() -> None:
+    """after = before - weight Gamma w (w'after - torque), and with a weight beyond bounds w'after is the torque."""
+    rng = np.random.default_rng(1)
+    gamma, w, before, torque = rng.uniform(0.5, 2.0, 3), rng.normal(size=3), rng.normal(size=3), 0.7
+    for weight in (0.0, 0.4, 1e12):
+        given = map(column, (before, gamma * w, w))
+        after = np.array(_solve(*given, Column((torque, weight))).of)
+        if weight < 1e6:
+            np.testing.assert_allclose(after, before - weight * gamma * w * (w @ after - torque), atol=1e-13)
+        else:
+            assert w @ after == pytest.approx(torque, abs=1e-9)
+
+
+@pytest.mark.parametrize(("novelty", "kept"), [(0.8, 0.0), (1.5, 1.0)])
+def test_concurrent_learning_keeps_what_is_newer_than_1_per_second(novelty: float, kept: float) -> None:
+    """The default threshold of sum_i R_i d_i'Gamma d_i, over an empty stack."""
+    model, (p, v) = reduced(ARM), (posture(arm(ARM)), np.linspace(0.5, 1.5, 3))
+    moved = (column(x) for x in (0.0 * v, 0.0 * v, np.ones(3), p, v))
+    period = Period(lambda s: Column.zeros(K), *moved, 1e-3, 1e-3, column(np.ones(3)))
+    law, initial = ConcurrentLearning(np.ones(K), samples=2), np.zeros(K)
+    memory = law.start(model, initial, p, 0.0 * v, 1e-3)
+    _, stack = replace(law, threshold=1e-30).law(model, column(initial), period, as_columns(memory))
+    rows = np.array(stack.rows.of[: sum(map(len, momentum_columns(model)))])
+    scaled = replace(law, gain=np.full(K, novelty / (rows @ rows)))
+    _, found = scaled.law(model, column(initial), period, as_columns(memory))
+    assert found.learned[0] == kept
+
+
+def as_columns(memory: object) -> object:
+    """A memory whose arrays are columns of floats, as a law sees them."""
+    if isinstance(memory, np.ndarray):
+        return column(memory)
+    return type(memory)(*map(as_columns, memory))  # type: ignore[call-overload, misc]
+
+
+@pytest.mark.parametrize("weight", [-1.0, 0.0, np.nan, [1.0, 2.0]])
+def test_composite_refuses_weights_that_are_not_positive_or_not_one_a_joint(weight: object) -> None:
+    with pytest.raises(InputError, match="composite: weight: expected"):
+        SlotineLi(reduced(ARM), 8.0, gains(ARM).damping, Composite(np.ones(K), weight))  # type: ignore[arg-type]
+
+
+def test_composite_refuses_a_negative_weight_at_once() -> None:
+    with pytest.raises(InputError, match="composite: weight: expected"):
+        Composite(np.ones(K), np.array([1.0, -1.0, 1.0]))
+
+
+def test_a_released_gradient_begins_with_one_normaliser_of_1() -> None:
+    memory = ReleasedGradient(np.ones(K)).start(reduced(ARM), np.zeros(K), np.zeros(3), np.zeros(3), 1e-3)
+    np.testing.assert_array_equal(memory.n, [1.0])
+
+
+def test_without_damping_a_tool_has_exactly_the_velocity_asked() -> None:
+    """J v_r = x_d' - Lambda (x - x_d): `singularity` is zero unless given."""
+    r, p = 3, posture(arm(ARM)) + 0.1
+    law = TaskSpaceSlotineLi(reduced(ARM), 6.0, gains(ARM).damping)
+    asked = ReferencePoint(*map(column, ([0.3, 0.2, 0.1] * np.ones(3), [0.5, -0.4, 0.3] * np.ones(3), np.zeros(3))))
+    x, rows = law.point(column(p))
+    state = as_columns(law.init(p, np.zeros(r)))
+    v_r = law.reference_velocity(column(p), column(p), Column.zeros(r), asked, state)[0]  # type: ignore[arg-type]
+    wanted = np.array(asked.v.of) - 6.0 * (np.array(x.of) - np.array(asked.p.of))
+    np.testing.assert_allclose([row @ v_r for row in rows], wanted, rtol=1e-9)
