@@ -19,10 +19,10 @@ demo: $(STAMP) ## an adaptive PUMA 560, from energies to a recording, in results
 	@echo '(rerun is $(BIN)/rerun)'
 
 test: $(STAMP) ## the tests, and every example of README.md and docs/
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 2 --dist worksteal
 
 search: $(STAMP) ## the tests that draw their cases, on cases drawn anew each time
-	$(BIN)/python -m pytest -n 2 --hypothesis-profile=search $$(grep -l '^from hypothesis import' tests/test_*.py)
+	$(BIN)/python -m pytest -n 2 --dist worksteal --hypothesis-profile=search $$(grep -l '^from hypothesis import' tests/test_*.py)
 
 bench: $(STAMP) ## speed against its peers, in three minutes; docs/speed.md and README.md's plot then show it
 	$(BIN)/python -m benchmarks
@@ -73,7 +73,7 @@ gallery: $(STAMP) ## the animation and the page of all experiments in docs/, fro
 sdist: $(STAMP) ## the source distribution, and its own tests run from it
 	$(BIN)/python -m build --no-isolation --sdist
 	rm -rf build/unpacked && mkdir -p build/unpacked && tar -xzf dist/adaptctl-*.tar.gz -C build/unpacked --strip-components=1
-	cd build/unpacked && PYTHONPATH=$$PWD $(CURDIR)/$(BIN)/python -m pytest -n 2 tests
+	cd build/unpacked && PYTHONPATH=$$PWD $(CURDIR)/$(BIN)/python -m pytest -n 2 --dist worksteal tests
 
 format: $(STAMP) ## bring the code into style
 	$(BIN)/ruff check --fix .

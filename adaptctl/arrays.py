@@ -38,7 +38,7 @@ def frozen_array(values: ArrayLike, shape: tuple[int, ...], what: str) -> Array:
     array = numbers(values, what, f"of shape {shape}").copy()
     if array.shape != shape:
         raise InputError(f"{what}: expected shape {shape}, got {array.shape}")
-    if not np.all(np.isfinite(array)):
+    if not np.isfinite(array).all():
         raise InputError(f"{what}: expected finite numbers, got {array.tolist()}")
     return frozen(array)
 
@@ -76,7 +76,9 @@ def per_joint(values: ArrayLike, dof: int, what: str) -> Array:
         raise InputError(f"{what}: expected a number or {dof} of them, got shape {array.shape}")
     if np.isnan(array).any():
         raise NonFiniteError(f"{what}: expected numbers, got {array.tolist()}")
-    return frozen(np.broadcast_to(array, (dof,)).copy())
+    each = np.empty(dof)
+    each[:] = array
+    return frozen(each)
 
 
 def positive_number(value: object, what: str) -> float:

@@ -235,7 +235,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
             raise NotFoundError(f"reset: unknown option {unknown[0]!r}; options: {', '.join(OPTIONS)}")
         r = self.plant.dof
         error = per_joint(given.get("initial_error", self.initial_error), r, "initial_error")
-        parameters = self._true_parameters(given)
+        parameters = self.true_parameters(given)
         reference = drawn(given.get("trajectory", self.trajectory), self.mechanism, self.np_random)
         preview = Preview(reference, r, self.control_period, self.look_ahead)
         start = preview.row(0)
@@ -347,7 +347,9 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
             raise InputError(f"action: expected shape ({self.plant.dof},), got {torque.shape}")
         return torque
 
-    def _true_parameters(self, options: Mapping[str, Any]) -> Array:
+    def true_parameters(self, options: Mapping[str, Any]) -> Array:
+        """The true inertial parameters (P,) of an episode that begins with these options. Raises `InputError` for a
+        payload or parameters that no links have."""
         own = options.get("parameters", self.mechanism.inertial_parameters)
         parameters = frozen_array(own, self.mechanism.inertial_parameters.shape, "parameters")
         if "payload" in options:

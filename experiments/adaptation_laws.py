@@ -90,7 +90,7 @@ EULER = "gradient-euler"
 
 @dataclass(frozen=True)
 class AdaptationLaws(RoughStart, Learning):
-    """Runs of all laws from one rough model, on one reference and one seed.
+    """Experiment that compares all adaptation and control laws from one rough model, on one reference and one seed.
 
     Slotine and Li's control law with every adaptation law in turn; then the other control laws, those that
     adapt with the gradient.
@@ -167,7 +167,7 @@ class AdaptationLaws(RoughStart, Learning):
     """Sentences on how laws are compared, and by which measure."""
 
     def compare(self, progress: Progress) -> Comparison:
-        """Runs of all contenders, their answer with what was not remembered."""
+        """The comparison of all contenders' runs, with a note on what was not remembered."""
         done = super().compare(progress)
         notes = [*([done.answer] if done.answer else []), *forgotten_notes(done.findings)]
         return replace(done, answer=" ".join(notes) or None)
@@ -246,14 +246,16 @@ class AdaptationLaws(RoughStart, Learning):
         def contender(name: str) -> Contender:
             if name == "natural":
                 natural = self.slotine_li(full, *self._natural(mechanism))
-                return Contender(name, "Natural, full parameters", knows, natural)
+                return Contender.of(name, "Natural, full parameters", knows, natural)
             if name == "consistent-lift":
-                return Contender(name, "Consistent lift", knows, self._lifted(model))
+                return Contender.of(name, "Consistent lift", knows, self._lifted(model))
             if name in adaptation:
-                return Contender(name, adaptation[name][0], knows, self.slotine_li(model, adaptation[name][1], first))
-            return Contender(name, control[name][0], knows, control[name][1])
+                return Contender.of(
+                    name, adaptation[name][0], knows, self.slotine_li(model, adaptation[name][1], first)
+                )
+            return Contender.of(name, control[name][0], knows, control[name][1])
 
-        off = Contender(ADAPTATION_OFF, "Adaptation off", knows, self.slotine_li(model, None, first))
+        off = Contender.of(ADAPTATION_OFF, "Adaptation off", knows, self.slotine_li(model, None, first))
         return [*map(contender, self.laws), off]
 
     def _natural(self, mechanism: Mechanism) -> tuple[Natural, Array]:

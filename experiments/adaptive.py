@@ -34,7 +34,8 @@ PLANTS = ("adaptctl", "mujoco")
 
 @dataclass(frozen=True)
 class AdaptiveTracking(Learning):
-    """The contest of `Learning` on any arm, with the reference, gains and integration that `tune` chooses for it."""
+    """Experiment of learning to track on any arm, with the reference, gains and integration that `tune` chooses for
+    it."""
 
     name: ClassVar[str] = "adaptive"
     title: ClassVar[str] = "{robot}: learning to track from knowing nothing"
@@ -124,7 +125,8 @@ class AdaptiveTracking(Learning):
         return self.tuning(mechanism).gains
 
     def adaptation(self, model: ReducedModel) -> Array:
-        """Gamma as tuned: its diagonal (P,) for all parameters, mapped (k, k) for a reduced model's."""
+        """The tuned adaptation gain Gamma: its diagonal (P,) for all parameters, mapped (k, k) for a reduced
+        model's."""
         tuning = self.tuning(model.mechanism)
         everything = len(model.columns) == len(model.mechanism.parameter_names)
         return tuning.adaptation if everything else tuning.gain_on(model)
@@ -142,11 +144,11 @@ class AdaptiveTracking(Learning):
         return [contender for contender in super().contenders(mechanism, basis) if contender.name != MAPPED]
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Findings: whether reduced and full adaptation are one controller."""
+        """Findings on whether reduced and full adaptation are one controller."""
         return one_controller(outcome, ADAPTIVE)
 
     def adaptation_setting(self, mechanism: Mechanism) -> str:
-        """Gamma in words."""
+        """Text of the adaptation gain Gamma, for the record."""
         number = self.tuning(mechanism).adaptation_number
         return f"as the prior ranges of typical inertias and reach, up to an adaptation number of {number:.3g}, mapped"
 

@@ -26,7 +26,8 @@ STAGE = "Costs of added mass"
 
 @dataclass(frozen=True)
 class AddedMassStudy(Experiment):
-    """Costs of a point, a gripper, a camera and a motor on every link, and the places where a mass relieves the arm."""
+    """Experiment on added mass: costs of a point, a gripper, a camera and a motor on every link, and the places where a
+    mass relieves the arm."""
 
     name: ClassVar[str] = "added-mass"
     title: ClassVar[str] = "{robot}: where a mass may be added"
@@ -46,7 +47,7 @@ class AddedMassStudy(Experiment):
         return Result(True, outcome_words(study), tuple(facts(study)), Verdict(), partial(self._write, study))
 
     def study(self, progress: Progress) -> DesignStudy:
-        """The study of the robot."""
+        """The design study of the robot."""
         progress(STAGE, 0.0)
         task = DesignTask.within_limits(load(self.robot), self.samples, self.seed, self.speed)
         found = design_study(task, self.mass, share=self.share, percent=self.energy_error, seed=self.seed)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from adaptctl.arrays import Array
+from adaptctl.caching import cached_property
 from adaptctl.codegen.live_arm import LiveArm, live_arm
 from adaptctl.control import Controller, ReferencePoint, SlotineLi, lyapunov
 from adaptctl.control.memory import leaves
@@ -32,17 +33,28 @@ MANY, FEW = 600_000, 120_000
 
 @dataclass(frozen=True, eq=False)
 class Contender:
-    """Controller of a contest, what to call it, and what it knows of the arm."""
+    """A contender in a contest: its controller, which is made when it is first asked for, names for it, and what it
+    knows of the arm."""
 
     name: str
     label: str
     knows: str
-    controller: Controller[Any]
+    make: Callable[[], Controller[Any]]
+
+    @classmethod
+    def of(cls, name: str, label: str, knows: str, controller: Controller[Any]) -> Contender:
+        """Contender whose controller is made already."""
+        return cls(name, label, knows, lambda: controller)
+
+    @cached_property
+    def controller(self) -> Controller[Any]:
+        """The controller. Raises what its making raises."""
+        return self.make()
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """Runs of a contest; when it was interrupted, those that were begun."""
+    """Outcome of a contest: the runs; when it was interrupted, those that were begun."""
 
     mechanism: Mechanism
     runs: tuple[ControllerRun, ...]
@@ -57,10 +69,13 @@ def contest(
     progress: Progress,
     options: Mapping[str, Any] = MappingProxyType({}),
 ) -> Outcome:
-    """Outcome of driving the environment with each contender from the same seed and options of its reset.
+    """The outcome of a contest, in which each contender drives the environment from the same seed and options of its
+    reset.
 
     Ctrl-C ends the contest and keeps what was run; before anything was run it passes.
     """
+    for contender in contenders:
+        _ = contender.controller  # what cannot be made is told before anything runs
     runs: list[ControllerRun] = []
     every = thinning((known_steps(env) or 0) * len(contenders))
     try:

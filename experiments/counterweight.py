@@ -34,7 +34,7 @@ EVERY, FEW, HELD = "all", "few", "held"
 
 
 class Burden(NamedTuple):
-    """Costs of a run: errors, torque and work."""
+    """Costs of a run: its tracking errors (rad or m), torque over the limits, work (J) and duration (s)."""
 
     rms_error: float
     """rad or m, all joints"""
@@ -52,7 +52,8 @@ class Burden(NamedTuple):
 
 @dataclass(frozen=True)
 class CounterweightedTracking(ClosedLoopExperiment):
-    """An arm tracks one reference as described and with counterweights, adapting all parameters, or ten components."""
+    """Experiment on counterweights: an arm tracks one reference as described and with counterweights, adapting all
+    parameters, or ten components."""
 
     name: ClassVar[str] = "counterweight"
     title: ClassVar[str] = "{robot}: counterweights in closed loop"
@@ -130,11 +131,11 @@ class CounterweightedTracking(ClosedLoopExperiment):
 
         nothing = np.zeros(len(model.columns))
         return [
-            Contender(
+            Contender.of(
                 f"{EVERY}-{name}", f"All adapted, {label}", "nothing", slotine_li(tuning.gain_on(model), nothing)
             ),
-            Contender(f"{FEW}-{name}", f"{s} adapted, {label}", "nothing", slotine_li(few, nothing)),
-            Contender(f"{HELD}-{name}", f"True {s}, {label}", f"{s} components", slotine_li(None, held)),
+            Contender.of(f"{FEW}-{name}", f"{s} adapted, {label}", "nothing", slotine_li(few, nothing)),
+            Contender.of(f"{HELD}-{name}", f"True {s}, {label}", f"{s} components", slotine_li(None, held)),
         ]
 
     def _reduction(self, task: DesignTask) -> Reduction:

@@ -28,7 +28,8 @@ WEIGHT, CUTOFF = 5.0, 25.0
 
 @dataclass(frozen=True)
 class EnergyDifferences(Experiment):
-    """Energy differences beside filtered dynamics, on torques that are exact, noisy, and measured."""
+    """Experiment on estimators: energy differences beside filtered dynamics, on torques that are exact, noisy, and
+    measured."""
 
     name: ClassVar[str] = "energy-differences"
     title: ClassVar[str] = "{robot}: parameters from energy differences"
@@ -42,7 +43,8 @@ class EnergyDifferences(Experiment):
         return Result(found.complete, found.headline(), tuple(found.facts()), Verdict(), found.write)
 
     def compare(self, progress: Progress) -> Amplification:
-        """Fit the log's first part, predict its last, with the measured torques and with made ones."""
+        """Errors of both estimators, fitted on the log's first part and predicting its last, with the measured torques
+        and with made ones."""
         progress(STAGE, 0.0)
         evidence, log = _evidence(self.robot)
         model = _model(evidence)

@@ -38,7 +38,8 @@ PATIENCE = 300.0
 
 @dataclass(frozen=True)
 class Build:
-    """One law, one kind of number, one compiler: whether it repeated the recorded ticks, and what it said."""
+    """A build of an exported law by one compiler, with one kind of number: whether it repeated the recorded ticks, and
+    its message."""
 
     law: str
     scalar: str
@@ -49,7 +50,8 @@ class Build:
 
 @dataclass(frozen=True)
 class ExportCheck(Experiment):
-    """Exports of laws, each built by every compiler that is found, each build run on its own test vectors."""
+    """Experiment on exports of laws, each built by every compiler that is found, each build run on its own test
+    vectors."""
 
     name: ClassVar[str] = "export-check"
     title: ClassVar[str] = "{robot}: exported controllers, compiled and compared"
@@ -118,7 +120,7 @@ class ExportCheck(Experiment):
 
 
 def found_compilers() -> list[str]:
-    """The names of compilers that answer."""
+    """Names of the compilers that are installed."""
     return [name for name, command in COMPILERS.items() if _answers(command)]
 
 
@@ -130,7 +132,7 @@ def _answers(command: tuple[str, ...]) -> bool:
 
 
 def built(done: Exported, law: str, scalar: str, compiler: str) -> Build:
-    """A package's own test, built by a compiler and run."""
+    """The build of a package's own test by a compiler, run."""
     sources = [f"{done.name}.c", f"test_{done.name}.c"]
     program = done.directory / f"test_{compiler.replace(' ', '_')}"
     flags = FLAGS if compiler != "tcc" else FLAGS[:1]

@@ -32,7 +32,8 @@ KINDS = ("viscous", "coulomb")
 
 @dataclass(frozen=True)
 class FrictionInJoints(OnRealPlant):
-    """Slotine-Li with the friction's columns and without them; computed torque with friction and without.
+    """Experiment on friction: Slotine-Li with the friction's columns and without them; computed torque with friction
+    and without.
 
     The drives' friction is a parameter like the others, and its first estimate is zero. Stribeck's excess is in the
     plant alone: no column stands for it, so something is left even for a law that learns.
@@ -82,7 +83,7 @@ class FrictionInJoints(OnRealPlant):
         return gain
 
     def first(self, model: ReducedModel) -> Array:
-        """First estimate (k,): the rough model's, without friction."""
+        """The first estimate (k,): the rough model's, without friction."""
         estimate = super().first(model)
         estimate[[k for k, _ in _friction_columns(model)]] = 0.0
         return estimate
@@ -93,16 +94,16 @@ class FrictionInJoints(OnRealPlant):
         bare = ReducedModel(smooth, fundamental_basis(essential_space(smooth, seed=self.seed)))
         bandwidth, knows = self.gains(mechanism).bandwidth, f"links within {100 * self.parameter_error:.0f} %"
         return [
-            Contender(ADAPTIVE, f"{len(model.columns)} parameters, with friction", knows, self.from_rough(model)),
-            Contender(ADAPTATION_OFF, "Adaptation off", knows, self.from_rough(model, adapting=False)),
-            Contender(NO_COLUMNS, f"{len(bare.columns)} parameters, no friction", knows, self.from_rough(bare)),
-            Contender(
+            Contender.of(ADAPTIVE, f"{len(model.columns)} parameters, with friction", knows, self.from_rough(model)),
+            Contender.of(ADAPTATION_OFF, "Adaptation off", knows, self.from_rough(model, adapting=False)),
+            Contender.of(NO_COLUMNS, f"{len(bare.columns)} parameters, no friction", knows, self.from_rough(bare)),
+            Contender.of(
                 "computed-torque",
                 "Computed torque, true drives",
                 "all but Stribeck",
                 ComputedTorque(mechanism, bandwidth),
             ),
-            Contender(
+            Contender.of(
                 "computed-torque-smooth", "Computed torque, no friction", "the links", ComputedTorque(smooth, bandwidth)
             ),
         ]
@@ -161,7 +162,7 @@ def _final(outcome: Outcome, name: str) -> str:
 
 
 def without_friction(mechanism: Mechanism) -> Mechanism:
-    """Mechanism without its friction, its rotors kept."""
+    """The mechanism without its friction, its rotors kept."""
     return mechanism.with_drives([Drive(link.joint.drive.rotor_inertia) for link in mechanism.links])
 
 

@@ -17,7 +17,7 @@ COLUMNS = 3
 
 
 class Curve(NamedTuple):
-    """True and learned friction of a joint, and the speeds at which it moved."""
+    """Friction of a joint over speed, true and learned, and the speeds at which it moved."""
 
     joint: str
     true: tuple[float, float]

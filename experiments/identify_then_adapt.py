@@ -30,7 +30,8 @@ BEGINNING = 2.0
 
 @dataclass(frozen=True)
 class IdentifyThenAdapt(OnRealPlant):
-    """Slotine-Li on a simulated arm from zero, from its URDF, and from what the first part of its log shows.
+    """Experiment on identified estimates: Slotine-Li on a simulated arm from zero, from its URDF, and from what the
+    first part of its log shows.
 
     The simulated arm is what the whole of the real log shows; the first estimate knows the log's first part alone.
     """
@@ -92,10 +93,10 @@ class IdentifyThenAdapt(OnRealPlant):
         file = _parameters(mechanism, robot_file(self.robot))
         share = f"{self.known:.0%} of the log"
         return [
-            Contender(ADAPTIVE, "Identified, adapting", share, self._from(model, part)),
-            Contender(ADAPTATION_OFF, "Identified, adaptation off", share, self._from(model, part, adapting=False)),
-            Contender(FROM_FILE, "From the URDF, adapting", "the URDF's links", self._from(model, file)),
-            Contender(FROM_ZERO, "From zero, adapting", "nothing", self._from(model, 0.0 * part)),
+            Contender.of(ADAPTIVE, "Identified, adapting", share, self._from(model, part)),
+            Contender.of(ADAPTATION_OFF, "Identified, adaptation off", share, self._from(model, part, adapting=False)),
+            Contender.of(FROM_FILE, "From the URDF, adapting", "the URDF's links", self._from(model, file)),
+            Contender.of(FROM_ZERO, "From zero, adapting", "nothing", self._from(model, 0.0 * part)),
         ]
 
     def _from(self, model: ReducedModel, parameters: Array, *, adapting: bool = True) -> SlotineLi:
@@ -123,8 +124,7 @@ class IdentifyThenAdapt(OnRealPlant):
 
 @cache
 def identified_from(name: str, share: float) -> Mechanism:
-    """The arm identified from the first share of an example's log. Raises `NotFoundError` for another name. Raises
-    `NotFoundError`."""
+    """The arm identified from the first share of an example's log. Raises `NotFoundError` for another name."""
     from adaptctl.identification.drives_file import read_drives
     from adaptctl.identification.examples import example
     from adaptctl.identification.identify import identified
@@ -141,7 +141,7 @@ def identified_from(name: str, share: float) -> Mechanism:
 
 
 def robot_file(name: str) -> Mechanism:
-    """An example's robot as its file has it."""
+    """The mechanism of an example's robot as its file has it."""
     from adaptctl.identification.examples import example
 
     with example(name) as files:

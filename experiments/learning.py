@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -41,7 +42,8 @@ OFFLINE = "Independent parameters from energies"
 
 @dataclass(frozen=True)
 class Learning(ClosedLoopExperiment):
-    """Slotine-Li from zero on the independent parameters, against what others make of the same arm.
+    """Base class of experiments in which Slotine-Li learns from zero on the independent parameters, against other
+    controllers of the same arm.
 
     The same with adaptation off; computed torque with true, wrong and no parameters; and Slotine-Li on the
     independent and on all parameters with the gain mapped from these to those (Gamma_beta = K Gamma_D K'),
@@ -77,7 +79,7 @@ class Learning(ClosedLoopExperiment):
 
     @abstractmethod
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """Environment that all contenders drive."""
+        """The environment that all contenders drive."""
 
     @property
     def options(self) -> dict[str, Any]:
@@ -94,7 +96,7 @@ class Learning(ClosedLoopExperiment):
 
     @abstractmethod
     def adaptation_setting(self, mechanism: Mechanism) -> str:
-        """Gamma in words."""
+        """Text of the adaptation gain Gamma, for the record."""
 
     @abstractmethod
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
@@ -105,7 +107,7 @@ class Learning(ClosedLoopExperiment):
         return shown(self.compare(progress))
 
     def compare(self, progress: Progress) -> Comparison:
-        """Runs of all contenders, after the offline stage, and findings on them."""
+        """The comparison of all contenders' runs, after the offline stage, with findings on them."""
         progress(OFFLINE, 0.0)
         mechanism = self.mechanism()
         env = self.environment(mechanism)
@@ -148,11 +150,11 @@ class Learning(ClosedLoopExperiment):
         return one_controller(outcome)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Outcome in a sentence or two; None where it is how much adaptation is worth."""
+        """Text of the outcome in a sentence or two; None where it is how much adaptation is worth."""
         return None
 
     def leading(self, outcome: Outcome) -> Leading | None:
-        """Errors that a recording shows first; None where the joints' are."""
+        """The errors that a recording shows first; None where the joints' are."""
         return None
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
@@ -160,35 +162,43 @@ class Learning(ClosedLoopExperiment):
         return iter(())
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Contenders in the order in which they drive; the first is the subject."""
-        model, full, k = ReducedModel(mechanism, basis), ReducedModel.full(mechanism), len(basis.columns)
-        gains = self.gains(mechanism)
-        everything = len(mechanism.parameter_names)
-        gain, full_gain = self.adaptation(model), self.adaptation(full)
-        true = np.asarray(mechanism.inertial_parameters)
-        wrong = f"{100 * self.parameter_error:.0f} % off"
+        """Contenders in the order in which they drive; the first is the subject. None is made before it is asked
+        for."""
+        model, full = models(mechanism, basis)
+        k, everything = len(basis.columns), len(mechanism.parameter_names)
+        true, wrong = mechanism.inertial_parameters, f"{100 * self.parameter_error:.0f} % off"
 
         def computed_torque(parameters: Array) -> ComputedTorque:
-            return ComputedTorque(mechanism, gains.bandwidth, parameters=parameters)
+            return ComputedTorque(mechanism, self.gains(mechanism).bandwidth, parameters=parameters)
+
+        def mapped() -> SlotineLi:
+            return self.slotine_li(model, mapped_gain(model, self.adaptation(full)))
 
         return [
-            Contender(ADAPTIVE, f"Slotine-Li, {k} parameters", "nothing", self.slotine_li(model, gain)),
-            Contender(ADAPTATION_OFF, "Slotine-Li, adaptation off", "nothing", self.slotine_li(model)),
-            Contender("computed-torque", "Computed torque, true model", "everything", computed_torque(true)),
+            Contender(
+                ADAPTIVE,
+                f"Slotine-Li, {k} parameters",
+                "nothing",
+                lambda: self.slotine_li(model, self.adaptation(model)),
+            ),
+            Contender(ADAPTATION_OFF, "Slotine-Li, adaptation off", "nothing", lambda: self.slotine_li(model)),
+            Contender("computed-torque", "Computed torque, true model", "everything", lambda: computed_torque(true)),
             Contender(
                 "computed-torque-wrong",
                 f"Computed torque, model {wrong}",
                 f"links {wrong}",
-                computed_torque(scaled_links(mechanism, self.parameter_error, self.seed)),
+                lambda: computed_torque(scaled_links(mechanism, self.parameter_error, self.seed)),
             ),
-            Contender("computed-torque-none", "Computed torque, no model", "nothing", computed_torque(0.0 * true)),
-            Contender(FULL, f"Slotine-Li, all {everything} parameters", "nothing", self.slotine_li(full, full_gain)),
             Contender(
-                MAPPED,
-                f"Slotine-Li, {k} parameters, Γ mapped",
-                "nothing",
-                self.slotine_li(model, mapped_gain(model, full_gain)),
+                "computed-torque-none", "Computed torque, no model", "nothing", lambda: computed_torque(0.0 * true)
             ),
+            Contender(
+                FULL,
+                f"Slotine-Li, all {everything} parameters",
+                "nothing",
+                lambda: self.slotine_li(full, self.adaptation(full)),
+            ),
+            Contender(MAPPED, f"Slotine-Li, {k} parameters, Γ mapped", "nothing", mapped),
         ]
 
     def slotine_li(
@@ -206,6 +216,12 @@ class Learning(ClosedLoopExperiment):
         yield Setting("first estimate", self.first_estimate, "of every parameter")
         yield from self.reference_settings(env)
         yield from stated(self)
+
+
+@lru_cache(maxsize=8)
+def models(mechanism: Mechanism, basis: FundamentalBasis) -> tuple[ReducedModel, ReducedModel]:
+    """The model on the parameters that a basis keeps, and the one on all: one each for all who ask."""
+    return ReducedModel(mechanism, basis), ReducedModel.full(mechanism)
 
 
 class Found:

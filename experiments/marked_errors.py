@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class Marked(NamedTuple):
-    """Run with its parameter error (T,) and its mark (T,), positive where it was marked."""
+    """A run with its parameter error (T,) and its mark (T,), positive where it was marked."""
 
     run: ControllerRun
     error: Array

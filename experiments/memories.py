@@ -37,7 +37,7 @@ def forgotten_notes(findings: tuple[Finding, ...]) -> list[str]:
 
 
 def smallest_eigenvalue(mechanism: Mechanism, run: ControllerRun, parameters: Array) -> Finding:
-    """Smallest eigenvalue of any link's pseudo-inertia over a run, of all parameters (T, P)."""
+    """Finding of the smallest eigenvalue of any link's pseudo-inertia over a run, of all parameters (T, P)."""
     bodies = len(mechanism.description.bodies)
     tens = parameters[:, : 10 * bodies].reshape(-1, bodies, 10)
     value = float(np.linalg.eigvalsh(pseudos(tens))[..., 0].min())

@@ -42,8 +42,8 @@ TELLING, TELLING_LOOPS = 0.25, 0.1
 
 @dataclass(frozen=True)
 class NoiseAndDelay(AdaptationLaws):
-    """Laws on a plant with encoders, delay, lag and a rate limit, holding still: nothing is to be learned, and noise
-    is.
+    """Experiment without excitation: laws on a plant with encoders, delay, lag and a rate limit, holding still, where
+    noise alone can be learned.
 
     Velocities come from filtered differences of encoder counts, torques are late, lag and are limited. Noise enters the
     sliding variable and the regressor alike, so that their product has a mean, and an estimate that nothing holds
@@ -103,10 +103,11 @@ class NoiseAndDelay(AdaptationLaws):
 
         limits = self.motors(mechanism)
         brake = self.gains(mechanism).damping
-        return [
-            replace(one, controller=Guarded(one.controller, limits, stop_damping=brake))
-            for one in super().contenders(mechanism, basis)
-        ]
+
+        def guarded(one: Contender) -> Contender:
+            return Contender.of(one.name, one.label, one.knows, Guarded(one.controller, limits, stop_damping=brake))
+
+        return list(map(guarded, super().contenders(mechanism, basis)))
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
         """Findings: each estimate's error and drift, shares of saturation, and the delay that the loop tolerates."""

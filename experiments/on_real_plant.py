@@ -30,7 +30,8 @@ JOINTS = 6
 
 @dataclass(frozen=True)
 class OnRealPlant(RoughStart, Learning):
-    """Learning on a plant with effects, from a rough model, as `Learning` compares it."""
+    """Base class of experiments in which a law learns on a plant with effects, from a rough model, as `Learning`
+    compares it."""
 
     robot: str = setting("puma560_geared", "puma560_geared, puma560_friction, or another arm of six joints")
     rate: float = setting(

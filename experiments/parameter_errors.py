@@ -24,7 +24,7 @@ NAME_HEIGHT = 0.062
 
 @dataclass(frozen=True, eq=False)
 class ParameterErrors:
-    """Errors of estimates, each parameter weighed by the torque it makes."""
+    """Measure of estimates' errors, each parameter weighed by the torque it makes."""
 
     model: ReducedModel
     weights: Array
@@ -37,13 +37,14 @@ class ParameterErrors:
         return cls(model, np.sqrt(np.mean(rows**2, axis=(0, 1))))
 
     def of(self, run: ControllerRun) -> Array | None:
-        """Error (T,) over a run, in shares of the torque of all parameters; None for a law that estimates none."""
+        """Parameter error (T,) over a run, as a share of the torque of all parameters; None for a law that estimates
+        none."""
         if run.rollout.estimate.shape[1] == 0:
             return None
         return self._apart(self._reduced(run.rollout.estimate), self.model.fundamental_parameters)
 
     def apart(self, one: Array, other: Array) -> float:
-        """Distance between two estimates (k,), in the same shares."""
+        """Distance between two estimates (k,), as a share of the torque of all parameters."""
         return float(self._apart(self._reduced(one), self._reduced(other)))
 
     def _reduced(self, estimate: Array) -> Array:

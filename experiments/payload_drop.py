@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PayloadDrop(AdaptationLaws):
-    """Runs of all laws from one rough model on an arm that picks up a payload and drops it again."""
+    """Experiment on recovery: all laws from one rough model on an arm that picks up a payload and drops it again."""
 
     name: ClassVar[str] = "payload-drop"
     title: ClassVar[str] = "{robot}: a payload picked up and dropped"

@@ -11,7 +11,7 @@ from adaptctl.experiments.stated_task import StatedTask
 
 @dataclass(frozen=True)
 class Puma560Adaptive(StatedTask):
-    """The contest of `Learning` on the PUMA 560: every joint swings by 0.4 rad or more at 0.1 Hz and above."""
+    """Experiment of learning to track on the PUMA 560: every joint swings by 0.4 rad or more at 0.1 Hz and above."""
 
     name: ClassVar[str] = "puma560-adaptive"
     title: ClassVar[str] = "PUMA 560: learning to track from knowing nothing"

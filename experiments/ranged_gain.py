@@ -9,7 +9,8 @@ from adaptctl.identifiability import ReducedModel
 
 
 class RangedGain:
-    """Base of an experiment whose Gamma is the rate times the square of prior ranges, which it names in SI units."""
+    """Base class of experiments whose Gamma is the rate times the square of prior ranges, which it names in SI
+    units."""
 
     mass_range: float
     first_moment_range: float
@@ -18,7 +19,7 @@ class RangedGain:
 
     @property
     def ranges(self) -> PriorRanges:
-        """Prior ranges as set."""
+        """The prior ranges that the settings give."""
         return PriorRanges(self.mass_range, self.first_moment_range, self.inertia_range)
 
     def adaptation(self, model: ReducedModel) -> Array:
@@ -26,6 +27,6 @@ class RangedGain:
         return adaptation_gain(model, self.ranges, self.rate)
 
     def adaptation_setting(self, mechanism: Mechanism) -> str:
-        """Gamma in words, by kinds of parameters."""
+        """Text of the adaptation gain Gamma, by kinds of parameters."""
         of = ((self.mass_range, "kg"), (self.first_moment_range, "kg·m"), (self.inertia_range, "kg·m²"))
         return "; ".join(f"{self.rate:g}·({value:g} {unit})²" for value, unit in of)

@@ -21,7 +21,7 @@ TWICE = 2.0
 
 @dataclass(frozen=True)
 class Recovery:
-    """Return of a run's error after an event."""
+    """A recovery: the return of a run's error after an event."""
 
     run: ControllerRun
     event: str
@@ -34,7 +34,7 @@ class Recovery:
 
 
 def recovery(run: ControllerRun, event: str, earlier: float, begin: float, end: float) -> Recovery:
-    """Recovery of a run from an event at `begin` (s) to the next at `end`."""
+    """The recovery of a run from an event at `begin` (s) to the next at `end`."""
     end = min(end, run.duration)
     left = run.rms_error(max(begin, end - WINDOW), end) or np.nan
     return Recovery(run, event, earlier, time_to_return(run, begin, end, TWICE * earlier), left / earlier)

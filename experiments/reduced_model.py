@@ -37,7 +37,8 @@ ADAPTIVE, FIXED = "adaptive", "fixed"
 
 @dataclass(frozen=True)
 class ReducedModelTracking(Puma560Adaptive):
-    """Table 3 of Sheu and Walker (1991) carried over to adaptive control.
+    """Experiment that carries Table 3 of Sheu and Walker (1991) over to adaptive control: tracking with only some
+    essential components.
 
     The components alpha_j v_j of the essential parameters are sorted by the energy they carry over sampled states.
     For each count s, Slotine and Li's controller adapts s numbers from zero, those along the first s of the v_j;
@@ -73,14 +74,18 @@ class ReducedModelTracking(Puma560Adaptive):
         nothing = np.zeros(len(model.columns))
         directions = model.regrouping @ space_basis[:, reduction.order]
         gain = self._gain(mechanism, space_basis[:, reduction.order])
+
+        def contender(name: str, label: str, knows: str, first: Array, law: Subspace | None = None) -> Contender:
+            return Contender.of(name, label, knows, self.slotine_li(model, law, first))
+
         found = []
         for s in self.components:
             law = Subspace(gain[:s], directions[:, :s])
-            found.append(Contender(f"{ADAPTIVE}-{s}", f"Adapting {s}", "nothing", self.slotine_li(model, law, nothing)))
+            found.append(contender(f"{ADAPTIVE}-{s}", f"Adapting {s}", "nothing", nothing, law))
         for s in self.components:
             first = model.regrouping @ reduction.parameters(s)
-            found.append(Contender(f"{FIXED}-{s}", f"True {s}", f"{s} components", self.slotine_li(model, None, first)))
-        return [*found, Contender(ADAPTATION_OFF, "Adaptation off", "nothing", self.slotine_li(model, None, nothing))]
+            found.append(contender(f"{FIXED}-{s}", f"True {s}", f"{s} components", first))
+        return [*found, contender(ADAPTATION_OFF, "Adaptation off", "nothing", nothing)]
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
         """Findings: the energy errors, as in Table 3, and the tracking errors of each s."""

@@ -13,7 +13,7 @@ from adaptctl.tuning.rough_links import scaled_links
 
 
 class RoughStart:
-    """Base of an experiment whose links are known within `parameter_error`; it names the settings below.
+    """Base class of experiments whose links are known within `parameter_error`; it names the settings below.
 
     Gamma is the rate times the square of each parameter's deviation from the rough model.
     """
@@ -45,5 +45,5 @@ class RoughStart:
         return self.rate * self.deviations(model) ** 2
 
     def adaptation_setting(self, mechanism: Mechanism) -> str:
-        """Gamma in words."""
+        """Text of the adaptation gain Gamma, for the record."""
         return f"{self.rate:g} × (deviation)², {100 * self.parameter_error:.0f} % of each link's and drive's size"

@@ -31,7 +31,8 @@ WITHOUT_FREEZE = "without-freeze"
 
 @dataclass(frozen=True)
 class Saturation(OnRealPlant):
-    """Slotine-Li behind guards with weak motors: adaptation frozen while they saturate, and not.
+    """Experiment on saturation: Slotine-Li behind guards with weak motors, adaptation frozen while they saturate, and
+    not.
 
     For a while the arm holds a payload that its motors cannot carry. It sags, whatever the law does; the question
     is what is left when the payload is gone.
@@ -90,9 +91,9 @@ class Saturation(OnRealPlant):
         )
         limits, knows = self.torque_limits(mechanism), f"links within {100 * self.parameter_error:.0f} %"
         return [
-            Contender(ADAPTIVE, "Frozen while saturated", knows, Guarded(law, limits, self.rate_limit)),
-            Contender(ADAPTATION_OFF, "Adaptation off", knows, Guarded(off, limits, self.rate_limit)),
-            Contender(WITHOUT_FREEZE, "Never frozen", knows, Guarded(law, limits, self.rate_limit, freeze=False)),
+            Contender.of(ADAPTIVE, "Frozen while saturated", knows, Guarded(law, limits, self.rate_limit)),
+            Contender.of(ADAPTATION_OFF, "Adaptation off", knows, Guarded(off, limits, self.rate_limit)),
+            Contender.of(WITHOUT_FREEZE, "Never frozen", knows, Guarded(law, limits, self.rate_limit, freeze=False)),
         ]
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:

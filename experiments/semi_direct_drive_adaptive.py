@@ -11,7 +11,8 @@ from adaptctl.experiments.stated_task import StatedTask
 
 @dataclass(frozen=True)
 class SemiDirectDriveAdaptive(StatedTask):
-    """The contest of `Learning` on the five-bar arm: every joint swings by 0.4 rad or more at 0.15 Hz and above."""
+    """Experiment of learning to track on the five-bar arm: every joint swings by 0.4 rad or more at 0.15 Hz and
+    above."""
 
     name: ClassVar[str] = "semi-direct-drive-adaptive"
     title: ClassVar[str] = "Semi-direct-drive arm: learning to track through a closed loop"

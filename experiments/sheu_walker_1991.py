@@ -19,7 +19,8 @@ STAGE = "Tables and figures"
 
 @dataclass(frozen=True)
 class SheuWalker1991(Experiment):
-    """Replication of the paper on its PUMA 560 and semi-direct-drive arm, from random energies to verdicts."""
+    """Experiment that replicates the paper on its PUMA 560 and semi-direct-drive arm, from random energies to
+    verdicts."""
 
     name: ClassVar[str] = "sheu-walker-1991"
     title: ClassVar[str] = "Sheu and Walker (1991), replicated"

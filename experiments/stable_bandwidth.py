@@ -37,7 +37,8 @@ RIGID = np.inf
 
 @dataclass(frozen=True)
 class StableBandwidth(AdaptationLaws):
-    """Largest stable bandwidth of every law on an arm whose motors turn the links through springs.
+    """Experiment on elastic joints: the largest stable bandwidth of every law on an arm whose motors turn the links
+    through springs.
 
     The contest is run on the stiffest springs; then, for every law, stiffness and the rigid arm, bandwidths are tried.
     """
@@ -86,7 +87,7 @@ class StableBandwidth(AdaptationLaws):
                 yield Finding(f"stable_bandwidth.{name}.{_stiffness_text(stiffness)}", found, "1/s", meaning)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentence with the subject's bandwidths."""
+        """Sentence with the largest stable bandwidths of the subject."""
         each = (*self.stiffness, RIGID)
         values = [
             f"{found.text(f'stable_bandwidth.{self.laws[0]}.{_stiffness_text(k)}')} 1/s at {_stiffness_text(k)}"
@@ -95,7 +96,7 @@ class StableBandwidth(AdaptationLaws):
         return f"{outcome.runs[0].label} is stable up to {', '.join(values)} (stiffness in N m/rad)."
 
     def compare(self, progress: Progress) -> Comparison:
-        """Runs, trials, and a figure of the bandwidths found."""
+        """The comparison of runs and trials, with a figure of the bandwidths found."""
         from adaptctl.recording.drawing import Drawing
 
         done = super().compare(progress)

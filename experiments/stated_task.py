@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -21,9 +21,38 @@ if TYPE_CHECKING:
     import gymnasium
 
 
+class SinusoidTask(NamedTuple):
+    """Settings of a tracking environment on sinusoids, in SI units: environments of equal tasks are equal."""
+
+    environment_id: str
+    center: tuple[float, ...]
+    amplitude: tuple[float, ...]
+    frequency: tuple[float, ...]
+    start_time: float
+    duration: float
+    control_period: float
+    initial_error: float
+    torque_limits: tuple[float, ...] | None
+
+    def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
+        """The environment of a mechanism."""
+        import gymnasium
+
+        center, amplitude, frequency = map(np.array, (self.center, self.amplitude, self.frequency))
+        return gymnasium.make(
+            f"adaptctl.envs:{self.environment_id}",
+            robot=mechanism,
+            reference=Sinusoids(center, amplitude, frequency, start_time=self.start_time),
+            duration=self.duration,
+            control_period=self.control_period,
+            initial_error=self.initial_error,
+            torque_limits=None if self.torque_limits is None else np.array(self.torque_limits),
+        )
+
+
 @dataclass(frozen=True)
 class StatedTask(RangedGain, Learning):
-    """The contest of `Learning` in an arm's own environment, every number of the task a setting.
+    """Base class of experiments of learning to track in an arm's own environment, every number of the task a setting.
 
     A subclass gives `joints` and `environment_id`, and the defaults of the settings that are one number a joint.
     """
@@ -48,28 +77,31 @@ class StatedTask(RangedGain, Learning):
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
         """Tracking environment of the arm. Raises InputError for another number of joints."""
-        import gymnasium
-
         if mechanism.dof != self.joints:
             raise InputError(
                 f"robot: {mechanism.name} has {mechanism.dof} joints, this experiment is for {self.joints}; "
                 "use the experiment 'adaptive'"
             )
-        return gymnasium.make(
-            f"adaptctl.envs:{self.environment_id}",
-            robot=mechanism,
-            reference=Sinusoids(
-                np.array(self.center), np.array(self.amplitude), np.array(self.frequency), start_time=self.start_time
-            ),
-            duration=self.duration,
-            control_period=self.control_period,
-            initial_error=self.initial_error,
-            torque_limits=self.torque_limits(mechanism),
+        return self.task(mechanism).environment(mechanism)
+
+    def task(self, mechanism: Mechanism) -> SinusoidTask:
+        """Task that the environment poses, as set."""
+        limits = self.torque_limits(mechanism)
+        return SinusoidTask(
+            self.environment_id,
+            self.center,
+            self.amplitude,
+            self.frequency,
+            self.start_time,
+            self.duration,
+            self.control_period,
+            self.initial_error,
+            None if limits is None else tuple(limits.tolist()),
         )
 
     @property
     def options(self) -> dict[str, Any]:
-        """The payload, where there is one."""
+        """Options of the environment's reset: the payload, where there is one."""
         return {"payload": self.payload} if self.payload > 0.0 else {}
 
     def torque_limits(self, mechanism: Mechanism) -> Array | None:

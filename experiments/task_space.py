@@ -39,7 +39,8 @@ SAMPLES = 600
 
 @dataclass(frozen=True)
 class TaskSpaceTracking(TipPath, Learning):
-    """Tracking of a path in the world with the tool of an arm of three freedoms, from estimates of zero.
+    """Experiment of tracking a path in the world with the tool of an arm of three degrees of freedom, from estimates of
+    zero.
 
     Task-space Slotine-Li, with the gradient, with composite adaptation, and with a damped Jacobian; against
     Slotine-Li in joints on the same path turned into joints, adaptation off, and computed torque with the truth.
@@ -100,7 +101,7 @@ class TaskSpaceTracking(TipPath, Learning):
         return known[self.robot]
 
     def tip(self, mechanism: Mechanism) -> Tip:
-        """Tool of a mechanism."""
+        """The tool of a mechanism."""
         return self.arm.on(mechanism)
 
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
@@ -129,16 +130,16 @@ class TaskSpaceTracking(TipPath, Learning):
 
         true = ComputedTorque(mechanism, gains.bandwidth)
         return [
-            Contender("task-space", "Task space, gradient", "nothing", task_space(gain)),
-            Contender(ADAPTATION_OFF, "Task space, adaptation off", "nothing", task_space(None)),
-            Contender("task-space-composite", "Task space, composite", "nothing", task_space(composite)),
-            Contender("task-space-damped", "Task space, damped", "nothing", task_space(gain, self.singularity)),
-            Contender("joint-space", "Joints, gradient", "nothing", self.slotine_li(model, gain)),
-            Contender("computed-torque", "Computed torque, true model", "everything", true),
+            Contender.of("task-space", "Task space, gradient", "nothing", task_space(gain)),
+            Contender.of(ADAPTATION_OFF, "Task space, adaptation off", "nothing", task_space(None)),
+            Contender.of("task-space-composite", "Task space, composite", "nothing", task_space(composite)),
+            Contender.of("task-space-damped", "Task space, damped", "nothing", task_space(gain, self.singularity)),
+            Contender.of("joint-space", "Joints, gradient", "nothing", self.slotine_li(model, gain)),
+            Contender.of("computed-torque", "Computed torque, true model", "everything", true),
         ]
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """The tool's errors."""
+        """Findings of the tool's errors."""
         for run in outcome.runs:
             errors, time = self._tool_errors(outcome.mechanism, run), run.rollout.time
             for what, inside in (("first", time < BEGINNING), ("final", time >= run.duration - END)):
@@ -147,7 +148,7 @@ class TaskSpaceTracking(TipPath, Learning):
                 yield Finding(f"{what}_tool_error.{run.name}", 1e3 * rms, "mm", meaning)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """The tool's errors."""
+        """Sentence with the tool's errors."""
         subject, off = (found.text(f"final_tool_error.{name}") for name in ("task-space", ADAPTATION_OFF))
         text = f"In the last {END:g} s the tool is off its path by {subject} mm (RMS), with adaptation off by {off} mm."
         return f"{text} Of all controllers: {found.span('final_tool_error', outcome.runs, 'mm')}."

@@ -21,7 +21,8 @@ AHEAD = 1.0
 
 @dataclass(frozen=True)
 class ArmWithTip:
-    """An arm of three freedoms, the point that is its tip, and where inverse kinematics starts."""
+    """An arm of three degrees of freedom, the point that is its tip, and the positions where inverse kinematics
+    starts."""
 
     name: str
     label: str
@@ -48,7 +49,8 @@ ARMS = (
 
 
 class TipPath(RangedGain):
-    """Base of an experiment whose tip follows sinusoids in space, learned from zero; it names the settings below."""
+    """Base class of experiments whose tip follows sinusoids in space, learned from zero; it names the settings
+    below."""
 
     duration: float
     bandwidth: float
@@ -66,7 +68,7 @@ class TipPath(RangedGain):
         return Sinusoids(center, amplitude, frequency, np.array(self.phase), self.start_time)
 
     def in_joints(self, tip: Tip, arm: ArmWithTip) -> Spline:
-        """Path in joints, by inverse kinematics. Raises InputError where it is out of reach."""
+        """The path in joints, by inverse kinematics. Raises `InputError` where it is out of reach."""
         times = np.arange(0.0, self.duration + AHEAD + KNOT, KNOT)
         return Spline(tip.joints(self.path(times).p, np.array(arm.start)), times)
 

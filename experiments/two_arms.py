@@ -34,7 +34,8 @@ RIGHT = (2.455, -2.233, -0.116, 1.624, -1.103, -2.392)
 
 @dataclass(frozen=True)
 class TwoArms(StatedTask):
-    """The contest of `Learning` on two arms welded to one rod: twelve links, six freedoms, a loop of six rows.
+    """Experiment of learning to track with two arms welded to one rod: twelve links, six degrees of freedom, a loop of
+    six rows.
 
     The left arm's joints are the coordinates. A torque in them is what both arms' motors give together, however it
     is shared between them: the motion is the same.

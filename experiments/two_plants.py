@@ -31,7 +31,8 @@ FIRST_ORDER = 0.5 * SHORTER
 
 @dataclass(frozen=True)
 class TwoPlants(AdaptiveTracking):
-    """Slotine and Li's law, the same to the bit, on MuJoCo, on MuJoCo at a quarter of its steps, and on our plant.
+    """Experiment on plants: Slotine and Li's law, the same to the bit, on MuJoCo, on MuJoCo at a quarter of its steps,
+    and on our plant.
 
     MuJoCo's default integrator is semi-implicit and of first order, ours Runge and Kutta's of fourth. What remains at
     shorter steps is what the plants do not share: contacts, joint stops, springs, and dry friction, which MuJoCo
@@ -53,11 +54,11 @@ class TwoPlants(AdaptiveTracking):
         )
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """The law with and without adaptation."""
+        """Contenders: the law with and without adaptation."""
         model = ReducedModel(mechanism, basis)
         return [
-            Contender(ADAPTIVE, "Slotine-Li on MuJoCo", "nothing", self.slotine_li(model, self.adaptation(model))),
-            Contender(ADAPTATION_OFF, "the same, adaptation off", "nothing", self.slotine_li(model)),
+            Contender.of(ADAPTIVE, "Slotine-Li on MuJoCo", "nothing", self.slotine_li(model, self.adaptation(model))),
+            Contender.of(ADAPTATION_OFF, "the same, adaptation off", "nothing", self.slotine_li(model)),
         ]
 
     def outcome(
@@ -77,7 +78,7 @@ class TwoPlants(AdaptiveTracking):
         return done
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Largest difference between the plants' positions, at MuJoCo's steps and at shorter ones."""
+        """Findings of the largest differences between the plants' positions, at MuJoCo's steps and at shorter ones."""
         runs = {run.name: run for run in outcome.runs}
         for name, other, meaning in (
             ("plants_apart", ADAPTIVE, "at MuJoCo's own steps"),

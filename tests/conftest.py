@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 from collections.abc import Iterator
@@ -9,6 +10,10 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+# One worker runs on each core. A second thread of OpenBLAS would wait there in a loop, and products of small matrices
+# take up to a hundred times as long. NumPy reads this when it is first imported, in processes begun here too.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # `make test` draws the same cases each time, so that a red run is a change's own; `make search` draws others each time.
 settings.register_profile("same", deadline=None, derandomize=True, database=None)
@@ -29,6 +34,13 @@ def elsewhere(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 def _interruptible() -> None:
     """Ctrl-C interrupts, also where a shell began the tests in the background and has it ignored."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_collection_finish() -> None:
+    """Have the collector of cycles leave all modules alone, and look less often: what is traced has none."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(20_000, 20, 20)
 
 
 @pytest.fixture

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from random_trees import random_inertia, random_link
 from scipy.linalg import qr
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, frozen
 from adaptctl.description import (
     GROUND,
     Closure,
@@ -43,28 +44,55 @@ def world_poses(description: Description, q: Array) -> dict[str | None, Pose]:
     return poses
 
 
+def homogeneous(pose: Pose) -> Array:
+    """The matrix (4, 4) of a pose."""
+    return np.block([[pose.rotation, pose.translation[:, None]], [np.zeros((1, 3)), np.ones((1, 1))]])
+
+
+def motion(joint: Joint, x: Array) -> Array:
+    """Matrices (..., 4, 4) of a joint's motions by x (...), a rotation's by Rodrigues' formula."""
+    moved = np.zeros((*x.shape, 4, 4)) + np.eye(4)
+    if joint.kind.turns:
+        across = np.cross(joint.axis, np.eye(3)).T
+        moved[..., :3, :3] += np.multiply.outer(np.sin(x), across) + np.multiply.outer(1.0 - np.cos(x), across @ across)
+    else:
+        moved[..., :3, 3] = np.multiply.outer(x, joint.axis)
+    return moved
+
+
+def world_matrices(description: Description, q: Array) -> dict[str | None, Array]:
+    """Every link's pose in the world as a matrix (..., 4, 4), of many configurations (..., n)."""
+    poses: dict[str | None, Array] = {None: np.eye(4)}
+    for link, x in zip(description.links, np.moveaxis(q, -1, 0), strict=True):
+        parent = None if link.parent == GROUND else description.links[link.parent].name
+        poses[link.name] = poses[parent] @ homogeneous(link.near) @ motion(link.joint, x) @ homogeneous(link.far)
+    return poses
+
+
 def gaps(description: Description, q: Array) -> Array:
-    """What separates closed frames, and coupled joints: zeros where the mechanism is closed."""
+    """What separates closed frames, and coupled joints, of configurations (..., n): zeros where they are closed."""
     assert description.loops is not None
-    poses, out = world_poses(description, q), []
+    poses, out = world_matrices(description, q), []
     for closure in description.loops.closures:
-        first, second = poses[closure.first] @ closure.first_frame, poses[closure.second] @ closure.second_frame
-        between = first.inverse @ second
-        out += list(between.translation)
+        first = poses[closure.first] @ homogeneous(closure.first_frame)
+        second = poses[closure.second] @ homogeneous(closure.second_frame)
+        into = np.swapaxes(first[..., :3, :3], -1, -2)
+        rotation = into @ second[..., :3, :3]
+        out += list(np.moveaxis((into @ (second - first)[..., :3, 3:])[..., 0], -1, 0))
         if closure.kind is ClosureKind.AXIS:
-            out += list(between.rotation[:2, 2])
+            out += [rotation[..., 0, 2], rotation[..., 1, 2]]
         if closure.kind is ClosureKind.WELD:
-            out += list((between.rotation - between.rotation.T)[[2, 0, 1], [1, 2, 0]] / 2.0)
+            out += [(rotation[..., i, j] - rotation[..., j, i]) / 2.0 for i, j in ((2, 1), (0, 2), (1, 0))]
     names = description.joint_names
     for c in description.loops.couplings:
-        out.append(q[names.index(c.follower)] - c.ratio * q[names.index(c.leader)] - c.offset)
-    return np.array(out)
+        out.append(q[..., names.index(c.follower)] - c.ratio * q[..., names.index(c.leader)] - c.offset)
+    return np.stack(out, axis=-1)
 
 
 def gap_rates(description: Description, q: Array, h: float = 1e-6) -> Array:
     """The gaps' Jacobian (rows, n) by central differences."""
     steps = h * np.eye(len(q))
-    return np.array([(gaps(description, q + s) - gaps(description, q - s)) / (2.0 * h) for s in steps]).T
+    return np.asarray((gaps(description, q + steps) - gaps(description, q - steps)).T / (2.0 * h))
 
 
 @dataclass(frozen=True)
@@ -95,14 +123,16 @@ RECIPES = {
 }
 
 
+@cache
 def random_loop(seed: int, recipe: Recipe) -> tuple[Mechanism, Array]:
-    """A mechanism of which every loop moves, and a closed configuration of it, well away from singularity."""
+    """A mechanism of which every loop moves, and a closed configuration of it, well away from singularity; always the
+    same one, with what it has compiled."""
     rng = np.random.default_rng(seed)
     for _ in range(10_000):
         shape = _shape(rng, recipe)
         found = None if shape is None else _attempt(rng, recipe, shape)
         if found is not None:
-            return found
+            return found[0], frozen(found[1])
     raise AssertionError("no mechanism of this kind was found")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,9 @@ TRUE, K = np.asarray(ARM.inertial_parameters), len(MODEL.columns)
 BASE: dict[str, Any] = {"bandwidth": 6.0, "damping": [3.0, 4.0, 2.0], "initial": 0.9 * TRUE, "period": 1e-3}
 GOAL = ReferencePoint(np.array([0.1, -0.5, 0.4]), np.array([0.2, -0.1, 0.3]), np.array([1.0, 0.5, -1.0]))
 P, V = np.array([0.2, -0.4, 0.3]), np.array([0.1, 0.2, -0.3])
+PAIR = ReducedModel.full(random_chain(3, 2))
+TWO, SPEEDS = P[:2], V[:2]
+TWO_GOAL = ReferencePoint(*(part[:2] for part in GOAL))
 
 
 def law(torque_limits: Any = None) -> SlotineLi:
@@ -66,15 +70,24 @@ def test_limits_are_the_mechanisms_own_unless_given() -> None:
         law(0.0)
 
 
+@cache
 def floor() -> SlotineLi:
-    return SlotineLi(MODEL, adaptation=CushionedFloor(np.linspace(0.5, 2.0, K), 0.3, 15.0, 1.5), **BASE)
+    """A law whose operations grow with the cube of the number of parameters, on two links."""
+    gain = np.linspace(0.5, 2.0, len(PAIR.columns))
+    first = {"initial": 0.9 * PAIR.mechanism.inertial_parameters}
+    return SlotineLi(PAIR, 6.0, [3.0, 4.0], CushionedFloor(gain, 0.3, 15.0, 1.5), **first)
+
+
+@cache
+def guarded_floor() -> Guarded:
+    return Guarded(floor(), 50.0)
 
 
 @pytest.mark.parametrize("size", [1e100, 1e155, 1e300])
 @pytest.mark.parametrize("arms", [(), (5,)])
 def test_a_tick_that_overflows_is_refused_and_its_state_with_it(size: float, arms: tuple[int, ...]) -> None:
     """Information of squares beyond a double: many arms once put it into the state, in which it stayed."""
-    controller, p, v = floor(), np.broadcast_to(P, (*arms, 3)), np.broadcast_to(V, (*arms, 3))
+    controller, p, v = floor(), np.broadcast_to(TWO, (*arms, 2)), np.broadcast_to(SPEEDS, (*arms, 2))
     fast = v.copy()
     fast[-1:] *= size
     state = controller.init(p, v)
@@ -86,13 +99,13 @@ def test_a_tick_that_overflows_is_refused_and_its_state_with_it(size: float, arm
 def overflowing(controller: SlotineLi, state: Any, p: Array, v: Array) -> None:
     """Ticks in which what is too large reaches what is learned."""
     for _ in range(3):
-        _, state = controller.step(state, p, v, GOAL)
+        _, state = controller.step(state, p, v, TWO_GOAL)
         assert all(np.isfinite(part).all() for part in leaves(state))
 
 
 @pytest.mark.parametrize("arms", [(), (5,)])
 def test_a_start_that_overflows_is_refused(arms: tuple[int, ...]) -> None:
-    p, v = np.broadcast_to(P, (*arms, 3)), np.broadcast_to(V, (*arms, 3)).copy()
+    p, v = np.broadcast_to(TWO, (*arms, 2)), np.broadcast_to(SPEEDS, (*arms, 2)).copy()
     v[-1:] *= 1e200
     with pytest.raises(NonFiniteError, match="SlotineLi: the first state is not finite"):
         floor().init(p, v)
@@ -100,14 +113,14 @@ def test_a_start_that_overflows_is_refused(arms: tuple[int, ...]) -> None:
 
 @pytest.mark.parametrize("size", [1e100, 1e155, 1e300])
 def test_a_guarded_arm_that_overflows_is_braked_and_the_others_learn_on(size: float) -> None:
-    controller, p = Guarded(floor(), 50.0), np.broadcast_to(P, (4, 3))
-    v = np.broadcast_to(V, (4, 3))
+    controller, p = guarded_floor(), np.broadcast_to(TWO, (4, 2))
+    v = np.broadcast_to(SPEEDS, (4, 2))
     burst = v.copy()
     burst[2] *= size
     state, alone = controller.init(p, v), controller.init(p, v)
     for speed in (v, burst, v, v):
-        torque, state = controller.step(state, p, speed, GOAL)
-        _, alone = controller.step(alone, p, v, GOAL)
+        torque, state = controller.step(state, p, speed, TWO_GOAL)
+        _, alone = controller.step(alone, p, v, TWO_GOAL)
         assert all(np.isfinite(part).all() for part in (torque, *leaves(state)))
     np.testing.assert_array_equal(state.marks.stopped[:, 0], [0.0, 0.0, 1.0, 0.0])
     for here, there in zip(leaves(state), leaves(alone), strict=True):

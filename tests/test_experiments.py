@@ -12,6 +12,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
@@ -21,16 +22,19 @@ from signals import signalled
 
 from adaptctl.cli.interruption import IMPORTING, interruptible
 from adaptctl.cli.main import main
-from adaptctl.control import SlotineLi, sampled_gain
+from adaptctl.control import ComputedTorque, SlotineLi, sampled_gain
 from adaptctl.dynamics import load
-from adaptctl.errors import InputError, NotFoundError
+from adaptctl.errors import GainError, InputError, NotFoundError
 from adaptctl.experiments import EXPERIMENTS, find
 from adaptctl.experiments.adaptive import AdaptiveTracking
+from adaptctl.experiments.contest import Contender, contest
 from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.recording.trace import write_trace
 
 PUMA = ("experiment", "run", "puma560-adaptive")
+SMALL = ("experiment", "run", "adaptive", "--robot", "puma560_arm3")
+"""An arm of three joints, where what is claimed is of any arm."""
 NAMES = (
     "adaptive",
     "adaptation-off",
@@ -126,14 +130,14 @@ def test_outcome_and_places_are_printed_and_notes_are_a_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = tmp_path / "short"
-    assert main([*PUMA, "--out", str(folder), "--duration", "0.05"]) == 0
+    assert main([*SMALL, "--out", str(folder), "--duration", "0.05"]) == 0
     shown = capsys.readouterr()
     assert "RMS error" in shown.out
     assert f"rerun {folder / 'recording.rrd'}" in shown.out
-    notes = [line for line in shown.err.splitlines() if line.startswith("adaptctl: note: puma560: no rigid body")]
+    notes = [line for line in shown.err.splitlines() if line.startswith("adaptctl: note: puma560_arm3: no rigid body")]
     assert len(notes) == 1
     assert "Warning" not in shown.err
-    assert main([*PUMA, "--out", str(folder), "--duration", "0.05", "--overwrite", "--seed", "5"]) == 0
+    assert main([*SMALL, "--out", str(folder), "--duration", "0.05", "--overwrite", "--seed", "5"]) == 0
     assert json.loads((folder / "summary.json").read_text())["seed"] == 5
 
 
@@ -145,7 +149,7 @@ def test_interrupted_run_keeps_what_was_computed(
     number: signal.Signals, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with signalled("_taken", number, after=0.1):
-        assert main([*PUMA, "--out", str(tmp_path / "out"), "--duration", "300"]) == 130
+        assert main([*SMALL, "--out", str(tmp_path / "out"), "--duration", "300"]) == 130
     said = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert said["complete"] is False
     assert list(said["runs"]) == ["adaptive"]
@@ -244,6 +248,35 @@ def test_every_experiment_has_its_name_and_documents_its_settings(entry: Any) ->
     for field in fields(kind):
         assert len(field.metadata["meaning"]) > 3
     assert kind() == kind()
+
+
+@pytest.mark.parametrize("entry", EXPERIMENTS, ids=lambda entry: entry.name)
+def test_the_defaults_of_settings_are_sound(entry: Any) -> None:
+    kind = find(entry.name)
+    for one in fields(kind):
+        default: Any = one.default
+        values = default if isinstance(default, tuple) else (default,)
+        numbers = [x for x in values if isinstance(x, int | float) and not isinstance(x, bool)]
+        assert all(one.metadata["low"] <= x <= one.metadata["high"] for x in numbers)
+        assert all(np.isfinite(numbers))
+    kind(**{one.name: (*one.default,) for one in fields(kind) if isinstance(one.default, tuple)})
+
+
+def test_what_cannot_be_made_is_told_before_anything_runs() -> None:
+    mechanism = load("puma560_measured")
+    ran: list[str] = []
+
+    def stiff() -> SlotineLi:
+        return SlotineLi(ReducedModel.full(mechanism), 8.0, 1e5)
+
+    contenders = [
+        Contender.of("good", "Good", "everything", ComputedTorque(mechanism, 8.0)),
+        Contender("stiff", "Stiff", "nothing", stiff),
+    ]
+    env: Any = gymnasium.make("adaptctl.envs:adaptctl/Tracking-v0", robot=mechanism, reference=1, duration=0.01)
+    with pytest.raises(GainError, match="too stiff"):
+        contest(env, mechanism, contenders, 0, lambda what, share: ran.append(what))
+    assert ran == []
 
 
 def test_unknown_experiment_is_told_what_exists() -> None:

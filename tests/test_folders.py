@@ -18,7 +18,9 @@ from adaptctl.errors import FileError
 from adaptctl.files import name_beside, replacing, write_text
 from adaptctl.folders import replacing_folder
 
-RUN = [sys.executable, "-m", "adaptctl", "experiment", "run", "puma560-adaptive", "--duration", "0.2", "--overwrite"]
+SMALL = "docs/examples/two_link.toml"
+RUN = [sys.executable, "-m", "adaptctl", "experiment", "run", "adaptive", "--robot", SMALL, "--duration", "0.2"]
+RUN.append("--overwrite")
 RUNS = 7
 WHOLE = {"recording.rrd", "summary.json", "trace.parquet", "report.html", "figures"}
 
@@ -121,7 +123,7 @@ def require_one_run(place: Path, old: str) -> None:
     if said != old:
         assert names(place) == WHOLE
         assert said["complete"] in (True, False)
-        assert (said["duration_run"] == said["duration"]) == said["complete"]
+        assert said["duration_run"] == said["duration"] or not said["complete"]
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])

@@ -107,7 +107,7 @@ def test_a_viewer_that_answers_is_taken() -> None:
 
 def test_experiments_stream_while_they_run(arm: adaptctl.Mechanism, tmp_path: Path) -> None:
     env: Any = gymnasium.make("adaptctl/Tracking-v0", robot=arm, reference=1, duration=0.2)
-    contender = Contender("law", "Computed torque", "everything", adaptctl.ComputedTorque(arm, 8.0))
+    contender = Contender.of("law", "Computed torque", "everything", adaptctl.ComputedTorque(arm, 8.0))
     plain = contest(env, arm, [contender], 0, lambda *_: None)
     with streaming(str(tmp_path / "live.rrd")):
         streamed = contest(env, arm, [contender], 0, lambda *_: None)

@@ -86,7 +86,15 @@ LAWS: dict[str, Callable[[str], Controller[Any]]] = {
     ),
     "guarded lift": lambda name: Guarded(LAWS["lift"](name), torque_limits=40.0),
 }
-ON_ONE = {"natural": PUMA, "lift": LOOP, "guarded learning": PUMA, "guarded stack": LOOP, "guarded lift": LOOP}
+ON_ONE = {
+    "natural": PUMA,
+    "lift": LOOP,
+    "forgetting": PUMA,
+    "composite learning": PUMA,
+    "guarded learning": PUMA,
+    "guarded stack": LOOP,
+    "guarded lift": LOOP,
+}
 KINDS = [(law, name) for law in LAWS for name in (PUMA, LOOP) if ON_ONE.get(law, name) == name]
 
 

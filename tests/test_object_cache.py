@@ -246,6 +246,21 @@ def test_what_was_used_longest_ago_goes_first(tmp_path: Path) -> None:
     assert (tmp_path / "somebody's file").exists()
 
 
+def test_a_process_looks_how_full_the_folder_is_at_its_first_object_and_then_now_and_again(tmp_path: Path) -> None:
+    """At every 64th of the limit: to look at thousands of files for each object would take longer than to write it."""
+    cache = ObjectCache(tmp_path, limit=64 * 3 * len(OBJECT))
+    old = tmp_path / f"{OTHER.hex()}{SUFFIX}"
+
+    def left_by(keys: range) -> list[bool]:
+        """Whether what is too large for the folder is still there, after each object put."""
+        old.write_bytes(b"x" * cache.limit)
+        os.utime(old, (0, 0))
+        return [cache.put(bytes([k]) * 32, OBJECT) or old.exists() for k in keys]
+
+    assert left_by(range(1)) == [False]
+    assert left_by(range(1, 4)) == [True, True, False]
+
+
 def test_what_is_left_of_a_writer_that_died_goes_too(tmp_path: Path) -> None:
     leftover = tmp_path / f".0123456789abcdef{SUFFIX}"
     leftover.write_bytes(OBJECT)

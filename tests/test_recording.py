@@ -22,6 +22,7 @@ from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.recursion.kinematics import joint_axes, link_poses
 from adaptctl.errors import InputError
+from adaptctl.identifiability import essential_space
 from adaptctl.recording import Comparison, write_artifacts
 from adaptctl.recording import shown as result_of
 from adaptctl.recording.blueprint import _room
@@ -61,11 +62,12 @@ def entities(path: Path) -> set[str]:
     return {str(chunk.entity_path) for chunk in RrdReader(path).store().stream()}
 
 
-def test_a_result_says_how_a_comparison_ended_and_writes_it(shown: Comparison, tmp_path: Path) -> None:
-    whole, half = result_of(shown), result_of(replace(shown, complete=False))
+def test_a_result_says_how_a_comparison_ended_and_writes_it(tmp_path: Path) -> None:
+    small = comparison(load(TWO_LINK), samples=40)
+    whole, half = result_of(small), result_of(replace(small, complete=False))
     assert (whole.complete, half.complete) == (True, False)
-    assert (whole.headline, half.headline) == (outcome_words(shown), f"{INCOMPLETE}\n{outcome_words(shown)}")
-    assert whole.facts == tuple(facts(shown))
+    assert (whole.headline, half.headline) == (outcome_words(small), f"{INCOMPLETE}\n{outcome_words(small)}")
+    assert whole.facts == tuple(facts(small))
     shares: list[float] = []
     whole.write(tmp_path, lambda what, share: shares.append(share))
     assert {path.name for path in tmp_path.iterdir()} >= FILES
@@ -255,16 +257,17 @@ def test_figures_are_pictures_of_a_readable_size(folder: Path) -> None:
 
 def test_estimates_of_friction_are_shown_with_the_others(tmp_path: Path) -> None:
     """Energies say nothing of friction, so that the basis does not hold it; controllers estimate it all the same."""
-    arm = load("puma560_measured").description
+    arm = load(TWO_LINK).description
+    rank = essential_space(Mechanism(arm)).rank
     comparison_with_friction = comparison(Mechanism(arm.with_drives(Drive(viscous=2.0, coulomb=0.5))), samples=20)
     out = write_artifacts(tmp_path / "out", comparison_with_friction)
     said = json.loads((out / "summary.json").read_text())["parameters"]
-    assert len(said) == 36 + 12
-    assert said["joint2.viscous"]["true"] == 2.0
-    assert said["joint3.coulomb"]["true"] == 0.5
-    _, truth = series(out / "recording.rrd", "/estimate/joint1/truth")
+    assert len(said) == rank + 4
+    assert said["shoulder.viscous"]["true"] == 2.0
+    assert said["elbow.coulomb"]["true"] == 0.5
+    _, truth = series(out / "recording.rrd", "/estimate/shoulder/truth")
     assert list(truth[0]) == [2.0, 0.5]
-    assert "estimate.joint1.viscous" in pq.read_table(out / "trace.parquet").column_names
+    assert "estimate.shoulder.viscous" in pq.read_table(out / "trace.parquet").column_names
 
 
 def test_interrupted_comparison_says_so_everywhere(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from adaptctl.recording.wording import outcome_words
 
 @pytest.fixture(scope="module")
 def shown() -> Comparison:
-    return comparison(load("puma560_measured"))
+    return comparison(load("docs/examples/two_link.toml"))
 
 
 @pytest.fixture(scope="module")

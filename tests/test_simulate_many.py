@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -146,6 +147,21 @@ def test_a_sample_now_and_then_is_one_of_all_samples() -> None:
     assert not np.array_equal(other.rms_error, every[1].rms_error)
     with pytest.raises(ValueError, match="read-only"):
         other.p[0] = 0.0
+
+
+def test_one_reference_for_all_is_that_of_each() -> None:
+    mechanism = arm(SMALL)
+    plant, law, one = Plant(mechanism, PERIOD), learning(SMALL), swinging(mechanism)
+    off = np.array([[0.1], [0.0], [-0.1]]) + one(0.0).p
+    shared = simulate_many(plant, law, [one] * 3, duration=0.2, p=off)
+    given = simulate_many(plant, law, one, duration=0.2, p=off)
+    own = simulate_many(plant, law, [replace(one) for _ in off], duration=0.2, p=off)
+    for name in ("p", "torque", "estimate", "reference_p", "rms_error", "lyapunov_rise"):
+        np.testing.assert_array_equal(getattr(shared, name), getattr(given, name))
+        np.testing.assert_allclose(getattr(shared, name), getattr(own, name), rtol=1e-9, atol=1e-12)
+    assert simulate_many(plant, law, [one] * 5, duration=0.01).p.shape == (10, 5, 3)
+    with pytest.raises(InputError, match="as many everywhere, got reference 4, p 3"):
+        simulate_many(plant, law, [one] * 4, duration=0.2, p=off)
 
 
 def test_an_arm_that_is_lost_takes_no_other_with_it() -> None:

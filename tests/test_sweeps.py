@@ -19,7 +19,9 @@ from adaptctl.cli.main import main
 from adaptctl.errors import FileError, InputError, NotFoundError
 from adaptctl.experiments import find
 from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
+from adaptctl.sweeps.batch import named, offline, robot
 from adaptctl.sweeps.cluster import Cluster
+from adaptctl.sweeps.episodes import Episodes
 from adaptctl.sweeps.folder import Folder, read_table
 from adaptctl.sweeps.report import SweepReport
 from adaptctl.sweeps.rows import TIMES, alone, rows_of
@@ -155,6 +157,41 @@ class TestRows:
         assert bad["diverged_joint"] == by_itself.diverged_joint
         assert bad["diverged_at"] == pytest.approx(by_itself.diverged_at, abs=2e-3)
         assert bad["rms_error"] == pytest.approx(by_itself.rms_error, rel=0.05)
+
+    def test_controllers_that_are_not_asked_for_are_not_made(self) -> None:
+        experiment = Puma560Adaptive(damping=(9e3,) * 6)  # which no control period of 1 ms carries
+        mechanism = robot("puma560")
+        contenders = experiment.contenders(mechanism, offline(mechanism))
+        (asked,) = named(contenders, ("computed-torque",))
+        assert asked.controller is asked.controller
+        assert [one.name for one in contenders if "controller" in vars(one)] == ["computed-torque"]
+        run = {"duration": 0.05, "damping": experiment.damping}
+        good, bad = (rows_of("puma560-adaptive", [run], (name,))[0] for name in ("computed-torque", "adaptive"))
+        assert (good["status"], bad["status"]) == ("done", "failed")
+        usual = rows_of("puma560-adaptive", [{"duration": 0.05}], ("computed-torque",))[0]
+        assert good["rms_error"] == usual["rms_error"]
+
+    def test_runs_of_one_task_begin_in_one_environment_as_they_do_in_their_own(self) -> None:
+        mechanism, episodes = robot("puma560"), Episodes()
+        first = Puma560Adaptive(bandwidth=4.0, payload=2.0)
+        chosen = [first, Puma560Adaptive(rate=0.3), Puma560Adaptive(initial_error=-0.2, payload=1.0, seed=7)]
+        begun = [episodes.of(one, mechanism) for one in chosen]
+        assert begun[0].env is begun[1].env is not begun[2].env
+        for one, shared in zip(chosen, begun, strict=True):
+            env: Any = one.environment(mechanism)
+            env.reset(seed=one.seed, options=one.options)
+            own = env.unwrapped.hand_over()
+            np.testing.assert_array_equal(shared.episode.parameters, own.parameters)
+            np.testing.assert_array_equal(shared.episode.state.p, own.state.p)
+            np.testing.assert_array_equal(shared.episode.state.v, own.state.v)
+            assert shared.episode.steps == own.steps
+
+    def test_payloads_of_runs_that_share_an_environment_stay_their_own(self) -> None:
+        runs = list(study(payload="0,1,2").runs())
+        together = [row["rms_error"] for row in rows_of("puma560-adaptive", runs, ("adaptive",))]
+        alone_each = [rows_of("puma560-adaptive", [run], ("adaptive",))[0]["rms_error"] for run in runs]
+        assert together == pytest.approx(alone_each, rel=1e-12)
+        assert len(set(together)) == 3
 
     def test_a_run_that_cannot_be_is_a_row_with_the_reason(self) -> None:
         runs = list(study(bandwidth="8,1000").runs())

@@ -18,7 +18,8 @@ from adaptctl.cli.doctor import examined
 from adaptctl.cli.main import main
 from adaptctl.cli.tables import WrappedTable
 
-EXPERIMENT = ("experiment", "run", "puma560-adaptive", "--duration", "0.05")
+ARM = "puma560_arm3"
+EXPERIMENT = ("experiment", "run", "adaptive", "--robot", ARM, "--duration", "0.05")
 
 
 def told(capsys: pytest.CaptureFixture[str], *command: str) -> dict[str, object]:
@@ -49,9 +50,9 @@ def test_tables_lose_no_number_whatever_the_width(width: int, rows: list[list[fl
 
 @pytest.mark.parametrize("columns", ["40", "80", "200"])
 def test_gains_are_whole_into_a_pipe(columns: str, capsys: pytest.CaptureFixture[str]) -> None:
-    found = told(capsys, "gains", "puma560_geared", "--json")
+    found = told(capsys, "gains", ARM, "--json")
     done = subprocess.run(
-        [sys.executable, "-m", "adaptctl", "gains", "puma560_geared"],
+        [sys.executable, "-m", "adaptctl", "gains", ARM],
         capture_output=True,
         text=True,
         check=True,
@@ -105,7 +106,7 @@ def test_experiments_are_told_as_json_and_notes_come_last(tmp_path: Path) -> Non
     assert (found["schema"], found["complete"]) == ("adaptctl/experiment/1", True)
     assert found["folder"] == str(tmp_path / "out")
     assert done.returncode == (0 if found["verdict"]["passed"] else 3)
-    assert note.startswith("adaptctl: note: puma560: no rigid body")
+    assert note.startswith(f"adaptctl: note: {ARM}: no rigid body")
 
 
 def test_list_is_told_as_json(capsys: pytest.CaptureFixture[str]) -> None:

@@ -22,6 +22,7 @@ from adaptctl.control.adaptation.prediction import decayed
 from adaptctl.control.memory import leaves
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import GainError, InputError, NotFoundError
+from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.scalars import Column
 from adaptctl.simulation import Plant, simulate_many
 
@@ -54,6 +55,17 @@ def ticks(law: Controller[Any], count: int = 4) -> list[Array]:
         made += [torque, *leaves(state)]
         p, v = p + 1e-3 * v, 0.99 * v
     return made
+
+
+def test_models_have_one_structure_if_they_have_one_mechanism_and_basis() -> None:
+    basis = fundamental_basis(essential_space(ARM))
+    one, other, full = ReducedModel(ARM, basis), ReducedModel(ARM, basis), ReducedModel.full(ARM)
+    assert one.structure is one.structure
+    assert one.structure == other.structure
+    assert one.structure != full.structure
+    laws = [SlotineLi(model, 8.0, 5.0) for model in (one, other, full)]
+    assert laws[0].structure == laws[1].structure
+    assert laws[0].structure != laws[2].structure
 
 
 @pytest.mark.parametrize("name", WITH_GAINS)

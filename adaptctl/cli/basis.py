@@ -67,7 +67,7 @@ def basis(
 def as_builtins(
     mechanism: Mechanism, space: EssentialSpace, basis: FundamentalBasis, reduction: Reduction | None = None
 ) -> dict[str, Any]:
-    """Basis in JSON's types; `columns` count from 0, `regrouping` is K, `gap` that of the certificate.
+    """A basis in JSON's types; `columns` count from 0, `regrouping` is K, `gap` that of the certificate.
 
     Friction, which enters no energy, is in none of them.
     """

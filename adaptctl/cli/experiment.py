@@ -156,7 +156,8 @@ def _computed(experiment: Experiment, folder: Path, interruption: Interruption) 
 
 @contextmanager
 def shown_progress() -> Iterator[Callable[[str, float], None]]:
-    """Progress as a bar a stage on stderr, where that is a terminal, with the time left; with the time it took."""
+    """A context with progress as a bar a stage on stderr, where that is a terminal, with the time left; with the time
+    it took."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 

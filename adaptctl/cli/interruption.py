@@ -52,7 +52,7 @@ def _importing(frame: FrameType | None) -> bool:
 
 
 class Interruption:
-    """Flag that the user asked to end."""
+    """Flag of a user's request to end, set by a signal."""
 
     def __init__(self) -> None:
         self.asked = False
@@ -72,7 +72,7 @@ class Interruption:
         raised(number, frame)
 
     def heeded(self, progress: Callable[[str, float], object]) -> Callable[[str, float], None]:
-        """Progress that raises KeyboardInterrupt in the midst of a stage when an end was asked for.
+        """A `progress` callback that raises KeyboardInterrupt in the midst of a stage when an end was asked for.
 
         Python loses an exception that a signal raises inside a destructor or a callback of its own; this is
         where it is found again. The end of a stage passes, for the stage may just have ended because of it.

@@ -32,7 +32,7 @@ def version() -> str:
 
 
 def whole_numbers(app: App, commands: tuple[str, ...], arguments: ArgumentCollection) -> None:
-    """Refuse 1.5 where a whole number is meant; cyclopts would round it."""
+    """Raise `InputError` for 1.5 where a whole number is meant, which cyclopts would round."""
     for argument in arguments:
         for token in argument.tokens if argument.hint is int else ():
             if not token.value.strip().removeprefix("-").isdecimal():

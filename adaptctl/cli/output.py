@@ -27,7 +27,7 @@ def print_parts(parts: Iterable[RenderableType]) -> None:
 
 
 def terminal_width() -> int:
-    """Characters in a line of the terminal, or 80."""
+    """Number of characters in a line of the terminal, or 80."""
     from rich.console import Console
 
     return Console().width

@@ -9,7 +9,7 @@ from adaptctl.simulation.closed_loop import guards
 
 
 class StatusBit(NamedTuple):
-    """A bit of a status: its name and value, and what it says."""
+    """A bit of a tick's status: its name, its value and its meaning."""
 
     name: str
     value: int
@@ -34,12 +34,12 @@ _MARKS = {
 
 
 def status_bits(interface: Interface) -> tuple[StatusBit, ...]:
-    """All bits: those of faults, then those of the guards, which are marks of theirs."""
+    """All status bits: those of faults, then those of the guards, which are marks of theirs."""
     own = enumerate(interface.marks, start=len(FAULTS))
     return (*FAULTS, *(StatusBit(name.upper(), 1 << k, _MARKS.get(name, name)) for k, name in own))
 
 
 def status_of(interface: Interface, state: Any) -> int:
-    """The status that the guards of a state tell."""
+    """The status, as a number, that the guards' marks of a state give."""
     bits = status_bits(interface)[len(FAULTS) :]
     return sum(bit.value for bit, mark in zip(bits, guards(state), strict=True) if mark[0] > 0.5)

@@ -19,7 +19,7 @@ ZERO = b"\x41\x00"
 
 
 def unsigned(n: int) -> bytes:
-    """A whole number of at least 0 in LEB128."""
+    """The LEB128 encoding of a whole number of at least 0."""
     out = bytearray()
     while True:
         n, low = n >> 7, n & 0x7F
@@ -29,37 +29,38 @@ def unsigned(n: int) -> bytes:
 
 
 def vector(items: Sequence[bytes]) -> bytes:
-    """Items after their count."""
+    """WebAssembly's encoding of a vector: the items after their count."""
     return unsigned(len(items)) + b"".join(items)
 
 
 def section(number: int, content: bytes) -> bytes:
-    """A section of a module."""
+    """WebAssembly's encoding of a section of a module, by its number and content."""
     return bytes([number]) + unsigned(len(content)) + content
 
 
 def signature(given: Iterable[bytes], made: Iterable[bytes]) -> bytes:
-    """The type of a function."""
+    """WebAssembly's encoding of a function's type, from the types of its arguments and results."""
     return b"\x60" + vector(list(given)) + vector(list(made))
 
 
 def body(locals_: Sequence[bytes], code: bytes) -> bytes:
-    """A function's code after its size; `locals_` has the types of its own variables in order."""
+    """WebAssembly's encoding of a function's code after its size; `locals_` has the types of its own variables in
+    order."""
     groups = [unsigned(len(list(group))) + kind for kind, group in groupby(locals_)]
     content = vector(groups) + code + END
     return unsigned(len(content)) + content
 
 
 def constant(x: float) -> bytes:
-    """A number."""
+    """WebAssembly code that puts a number on the stack."""
     return b"\x44" + struct.pack("<d", x)
 
 
 def load(at: int) -> bytes:
-    """The number at a place in memory, in bytes."""
+    """WebAssembly code that puts the number at a place in memory (bytes) on the stack."""
     return ZERO + b"\x2b\x03" + unsigned(at)
 
 
 def store(at: int, value: bytes) -> bytes:
-    """A number to a place in memory."""
+    """WebAssembly code that stores a number at a place in memory (bytes)."""
     return ZERO + value + b"\x39\x03" + unsigned(at)

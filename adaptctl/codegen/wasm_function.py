@@ -18,7 +18,7 @@ TRUTHS, ANGLES = (Op.LESS, Op.LESS_EQUAL), {Op.SIN: 0, Op.COS: 1}
 
 
 class Called:
-    """A function that others call: its index, and where in memory its arguments and results are."""
+    """A function that others call: its index, and the places in memory of its arguments and results."""
 
     def __init__(self, index: int, inputs: Sequence[int], outputs: Sequence[int]) -> None:
         self.index, self.inputs, self.outputs = index, inputs, outputs

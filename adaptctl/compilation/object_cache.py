@@ -16,12 +16,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 LIMIT = 256 * 2**20
-"""Bytes kept at most: beyond, what was used longest ago goes."""
+"""Bytes kept at most, and a 64th more for each process that writes: beyond, what was used longest ago goes."""
 
 SUFFIX = ".object"
 
 _MAGIC = b"adaptctl object 1\n"
 _HEAD = len(_MAGIC) + 64
+
+_written: dict[Path, int] = {}
+"""Bytes that this process has kept in a folder since it last looked how full that is."""
 
 log = logging.getLogger(__name__)
 
@@ -68,12 +71,21 @@ class ObjectCache:
             self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             _require_own(self.folder.stat())
             _write(self._path(key), _head(key, data) + data)
-            self._shrink()
+            if self._may_be_full(_HEAD + len(data)):
+                self._shrink()
         except OSError as error:
             log.info("not kept: %s", error)
 
     def _path(self, key: bytes) -> Path:
         return self.folder / f"{key.hex()}{SUFFIX}"
+
+    def _may_be_full(self, size: int) -> bool:
+        """Sign to look how full the folder is, after so many bytes more: at this process's first object, and then at
+        every 64th of the limit. To look takes some ten milliseconds where there are thousands of files."""
+        written = _written.get(self.folder, self.limit) + size
+        due = 64 * written > self.limit
+        _written[self.folder] = 0 if due else written
+        return due
 
     def _shrink(self) -> None:
         """Forget what was used longest ago; another process may be doing the same."""

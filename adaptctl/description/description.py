@@ -226,7 +226,7 @@ class Description:
         rotors = sum(not kind.is_friction for _, kind in self.drive_parameters)
         return 10 * len(self.bodies) + rotors
 
-    @property
+    @cached_property
     def inertial_parameters(self) -> Array:
         """The inertial parameters (P,) in SI units, read-only."""
         driven = [self.links[i].joint.drive.value(kind) for i, kind in self.drive_parameters]
@@ -284,7 +284,7 @@ class Description:
             content["loops"] = self.loops.plain()
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
-    @property
+    @cached_property
     def geometry_sha256(self) -> str:
         """Hash of what decides which parameters matter: gravity, the tree, its joints and frames, link names.
 

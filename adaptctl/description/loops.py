@@ -130,7 +130,7 @@ class Loops:
                 raise InputError(f"coupling {c.name!r}: joint {c.follower!r} follows another, so it cannot be primary")
 
     def require_known(self, links: Collection[str], joints: Collection[str]) -> None:
-        """Raise `InputError` for names of links and joints that the tree does not have."""
+        """Raise `NotFoundError` for names of links and joints that the tree does not have."""
         named_links = {link: c.name for c in self.closures for link in (c.first, c.second) if link is not None}
         named_joints = {joint: c.name for c in self.couplings for joint in (c.follower, c.leader)}
         named_joints |= dict.fromkeys(self.primary, "primary") | dict.fromkeys(self.reference, "reference")

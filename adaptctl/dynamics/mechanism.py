@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, checked, finite_results, same_samples
+from adaptctl.arrays import Array, checked, finite_results, frozen, same_samples
 from adaptctl.caching import cached_property
 from adaptctl.description import Description, Joint, Link
 from adaptctl.description.drive import Drive
@@ -166,10 +166,10 @@ class Mechanism:
         """Hash of what decides which parameters matter, gravity and geometry; inertial values do not count."""
         return self.description.geometry_sha256
 
-    @property
+    @cached_property
     def effort_limits(self) -> Array:
-        """Greatest torque of every primary joint (r,), N m or N; infinite where none is known."""
-        return np.array([joint.limits.effort for joint in self.primary_joints])
+        """Greatest torque of every primary joint (r,), N m or N; infinite where none is known; read-only."""
+        return frozen(np.array([joint.limits.effort for joint in self.primary_joints]))
 
     @property
     def primary_joints(self) -> tuple[Joint, ...]:

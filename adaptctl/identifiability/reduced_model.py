@@ -15,11 +15,11 @@ from adaptctl.dynamics.array_equations import ArrayEquations
 from adaptctl.errors import InputError
 from adaptctl.identifiability.basis_check import require_energies
 from adaptctl.identifiability.fundamental_basis import FundamentalBasis
-from adaptctl.scalars import Column, spread
+from adaptctl.scalars import Column, Keyed, spread
 
 
 @dataclass(frozen=True, eq=False)
-class ReducedModel:
+class ReducedModel(Keyed):
     """A reduced model: a mechanism's equations of motion on the k parameters that a basis keeps; on all P where there
     is no basis.
 

@@ -29,7 +29,7 @@ ALLOWED_MISFIT = 1.03
 
 
 class FrictionTrial(NamedTuple):
-    """A choice that was tried, and how it predicted blocks left out."""
+    """Trial of a setting of the fit, and how it predicted blocks left out."""
 
     what: str
     candidate: str
@@ -40,7 +40,7 @@ class FrictionTrial(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """The settings that predicted best, and all that were tried."""
+    """Choice of a fit's settings: those that predicted best, and all that were tried."""
 
     settings: FitSettings
     trials: tuple[FrictionTrial, ...]
@@ -52,7 +52,7 @@ def choose(
     weight: float | None = None,
     cutoff: float | None = None,
 ) -> Choice:
-    """Friction, then its load-dependence, the cut-off, and the prior's weight, one after the other.
+    """The choice of friction, then its load-dependence, the cut-off, and the prior's weight, one after the other.
 
     What is given is not chosen.
     """
@@ -80,12 +80,12 @@ def judged_at(evidence: LogEvidence) -> float:
 
 
 def cutoffs_for(rate: float) -> tuple[float, ...]:
-    """Candidates (Hz) that logs at a rate (Hz) allow."""
+    """Candidate cut-offs (Hz) that logs at a rate (Hz) allow."""
     return tuple(c for c in CUTOFFS if c <= 0.1 * rate) or (0.1 * rate,)
 
 
 def predicted_rms(evidence: LogEvidence, settings: FitSettings) -> float:
-    """Root mean square (N m, all joints) of what fits on the other blocks leave of each fold's torques."""
+    """Root mean square error (N m, all joints) of predicting each fold's torques from a fit on the other blocks."""
     squares = rows = 0.0
     for fold in np.array_split(np.arange(evidence.blocks), FOLDS):
         rest = [b for b in range(evidence.blocks) if b not in fold]

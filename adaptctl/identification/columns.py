@@ -29,7 +29,7 @@ def joint_columns(
     columns: Mapping[str, str] | None = None,
     units: Mapping[str, str] | None = None,
 ) -> Drives:
-    """Joints that are measured themselves, without gears between: a log's columns by joint.
+    """Drives of joints that are measured themselves, without gears between: a log's columns by joint.
 
     `columns` gives patterns of names by "position", "torque", "velocity" and "time", in which `{joint}` stands for
     the joint's name and `{}` for its number from 1; `units` likewise, and what the log states itself need not be

@@ -25,7 +25,8 @@ PLAIN = FrictionModel((*ALWAYS, DriveParameter.OFFSET))
 
 
 def alternatives(evidence: LogEvidence, fit: Fit, mechanism_fit: Fit) -> list[Alternative]:
-    """Fitted to the same rows as a fit; `mechanism_fit` is one without what mechanisms do not have."""
+    """Alternative estimates, fitted to the same rows as a fit; `mechanism_fit` is one without what mechanisms do not
+    have."""
     friction, cutoff = mechanism_fit.settings.friction, fit.settings.cutoff
     every = range(evidence.blocks)
     found = [] if fit is mechanism_fit else [Alternative("without load-dependent friction", mechanism_fit.x)]

@@ -39,7 +39,7 @@ def by_energy(
 
 
 def energy_rows(motions: Sequence[SmoothMotion], mechanism: Mechanism, window: float) -> tuple[Array, Array]:
-    """H (n, P) and the torques' work (n,), J, of overlapping windows (s) of each motion."""
+    """Energy differences H (n, P) and the torques' work (n,), J, over overlapping windows (s) of each motion."""
     parts = [_of_motion(motion, mechanism, window) for motion in motions]
     return np.concatenate([H for H, _ in parts]), np.concatenate([work for _, work in parts])
 

@@ -37,7 +37,7 @@ RIDGE = 1e-11
 
 @dataclass(frozen=True, eq=False)
 class EntropicPrior:
-    """Prior of N links and of positive parameters, before any log is read.
+    """Entropic prior of N links and of positive parameters, before any log is read.
 
     `tens` (N, 10) are consistent links, the first 10N columns; `positive` are columns, and `scales` their rough sizes.
     """
@@ -53,11 +53,11 @@ class EntropicPrior:
 
     @cached_property
     def inverses(self) -> Array:
-        """(N, 4, 4) of the links' pseudo-inertias."""
+        """Inverses (N, 4, 4) of the links' pseudo-inertias in the prior."""
         return np.linalg.inv(np.stack([pseudo_inertia(ten) for ten in self.tens]))
 
     def start(self, size: int) -> Array:
-        """The prior itself (P,), other columns zero."""
+        """The prior's own parameters (P,), other columns zero."""
         x = np.zeros(size)
         x[: self.tens.size] = self.tens.ravel()
         x[self.positive] = self.scales
@@ -102,7 +102,8 @@ class EntropicPrior:
 
 
 def consistent_estimate(A: Array, b: Array, prior: EntropicPrior, weight: float, start: Array | None = None) -> Array:
-    """x (P,) that minimises x'A x/2 - b'x plus `weight` times the divergence from the prior; links that can be.
+    """The physically consistent parameters x (P,) that minimise x'A x/2 - b'x plus `weight` times the divergence from
+    the prior.
 
     Columns of A that are zero keep what the prior says, or zero. Where the data outweigh the prior by far, Newton's
     steps are short; the weight is then brought down to what is asked, from where they are not. Raises `AdaptctlError`

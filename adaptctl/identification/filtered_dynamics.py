@@ -33,7 +33,8 @@ CHUNK = 1500
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """n instants of r equations: torque = regressor D, all of them through one low-pass filter of `cutoff` Hz."""
+    """Rows of filtered equations, n instants of r each: torque = regressor D, all of them through one low-pass filter
+    of `cutoff` Hz."""
 
     cutoff: float
     time: Array
@@ -51,20 +52,21 @@ class Rows:
         return len(self.time)
 
     def chosen(self, which: NDArray[np.bool_]) -> Rows:
-        """Some of the instants."""
+        """The rows of some of the instants, by a mask (n,)."""
         t, Y, torque, v = (part[which] for part in (self.time, self.regressor, self.torque, self.velocity))
         return Rows(self.cutoff, t, Y, torque, v, self.log[which])
 
     @classmethod
     def joined(cls, parts: Sequence[Rows]) -> Rows:
-        """One after the other."""
+        """The rows of several parts, one after the other."""
         names = ("time", "regressor", "torque", "velocity", "log")
         return cls(parts[0].cutoff, *(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothMotion:
-    """A log's motion at a rate at which the equations are evaluated, and its torques as they were logged."""
+    """A smoothed motion of a log, at a rate at which the equations are evaluated, and its torques as they were
+    logged."""
 
     log: PreparedLog
     number: int
@@ -84,7 +86,8 @@ class SmoothMotion:
 
     @classmethod
     def of(cls, log: PreparedLog, number: int) -> SmoothMotion:
-        """Through a filter that is shorter where the log is slow. Raises `InputError` for logs too short for it."""
+        """The smoothed motion of a log, through a filter that is shorter where the log is slow. Raises `InputError` for
+        logs too short for it."""
         cutoff = min(MOTION_CUTOFF, 0.2 * log.rate)
         kernel = low_pass(cutoff, log.rate)
         rate_kernel = derivative(kernel, log.rate)
@@ -96,12 +99,12 @@ class SmoothMotion:
         return cls(log, number, every, len(rate_kernel) // 2, position, velocity)
 
     def acceleration(self) -> Array:
-        """(m - 2 AROUND, r) of all but the samples at the ends."""
+        """Accelerations (m - 2 AROUND, r), rad/s^2 or m/s^2, of all but the samples at the ends."""
         return filtered(self.velocity, derivative(np.ones(1), self.rate))
 
     def rows(self, mechanism: Mechanism, cutoffs: Sequence[float]) -> list[Rows]:
-        """The filtered equations at each cut-off (Hz) where the arm moves, on all P columns. Raises `InputError` where
-        too few samples are left to filter."""
+        """Rows of filtered equations at each cut-off (Hz) where the arm moves, on all P columns. Raises `InputError`
+        where too few samples are left to filter."""
         filters = [RowFilter.of(self, cutoff) for cutoff in cutoffs]
         found: list[list[Array]] = [[] for _ in filters]
         widest = max(f.taps for f in filters)
@@ -122,7 +125,7 @@ class SmoothMotion:
 
 @dataclass(frozen=True, eq=False)
 class RowFilter:
-    """The last filter of a motion's equations, from its rate to that of the rows."""
+    """Low-pass filter of a motion's equations, from its rate to that of the rows."""
 
     cutoff: float
     kernel: Array
@@ -143,7 +146,8 @@ class RowFilter:
         return cls(cutoff, padded(kernel), derivative(kernel, motion.rate), every)
 
     def regressor(self, momentum: Array, forces: Array, start: int, length: int) -> Array:
-        """Rows (n, r, P) that begin in a chunk of the motion, from `start` on and `length` samples long."""
+        """Filtered rows (n, r, P) of the regressor that begin in a chunk of the motion, from `start` on and `length`
+        samples long."""
         skipped = -start % self.every
         end = length + self.taps - 1
         h, f = momentum[skipped:end], forces[skipped:end]
@@ -152,7 +156,7 @@ class RowFilter:
         return filtered(h, self.change, self.every) - filtered(f, self.kernel, self.every)
 
     def signal(self, values: Array) -> Array:
-        """Rows of a motion's signal (m, ...)."""
+        """Filtered rows (n, ...) of a motion's signal (m, ...)."""
         return filtered(values, self.kernel, self.every)
 
     def rows(self, motion: SmoothMotion, regressor: Array) -> Rows:

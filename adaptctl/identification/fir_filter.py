@@ -27,7 +27,7 @@ def padded(kernel: Array) -> Array:
 
 
 def derivative(kernel: Array, rate: float) -> Array:
-    """The kernel that gives what `padded(kernel)` gives, differentiated."""
+    """The kernel of `padded(kernel)`'s derivative in time, at a sampling rate (Hz)."""
     return np.convolve(kernel, DIFFERENCE) * rate
 
 

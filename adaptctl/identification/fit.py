@@ -35,7 +35,7 @@ class FitSettings:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Parameters of all columns, and what they were fitted with."""
+    """A fit: the parameters of all columns, and the settings that they were fitted with."""
 
     x: Array
     """(P + r,): the mechanism's, then load-dependent friction's shares"""
@@ -106,7 +106,7 @@ class LogEvidence:
         return np.array([*self.basis.columns, *others])
 
     def fit(self, settings: FitSettings, blocks: Sequence[int]) -> Fit:
-        """Consistent parameters from some of the blocks, sought from where the last search on them ended."""
+        """The fit of consistent parameters to some of the blocks, sought from where the last search on them ended."""
         load, key = self.load_from(settings, blocks), tuple(blocks)
         found = self.fitted(self.equations(settings.cutoff, blocks, load), settings, self._ends.get(key))
         self._ends[key] = found.x
@@ -144,7 +144,7 @@ class LogEvidence:
         return {}
 
     def fitted(self, equations: NormalEquations, settings: FitSettings, start: Array | None = None) -> Fit:
-        """Consistent parameters from summed equations."""
+        """The fit of consistent parameters to summed normal equations."""
         mask = self.mask(settings.friction)
         _, deviations = weighted_least_squares(equations, self.independent(settings.friction))
         A, b = equations.whitened(deviations)
@@ -164,7 +164,7 @@ class LogEvidence:
         return EntropicPrior(self.prior.tens, positive, scales)
 
     def ordinary(self, friction: FrictionModel, cutoff: float, blocks: Sequence[int]) -> Array:
-        """x (P + r,) by weighted least squares alone, which need not be what any body has."""
+        """Parameters x (P + r,) by weighted least squares alone, which need not be physically consistent."""
         return weighted_least_squares(self.equations(cutoff, blocks), self.independent(friction))[0]
 
 

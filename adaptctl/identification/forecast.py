@@ -24,7 +24,7 @@ LEAST = 0.01
 
 @dataclass(frozen=True, eq=False)
 class Forecast:
-    """Deviations to be expected of the fundamental parameters."""
+    """Forecast of an identification: standard deviations to be expected of the fundamental parameters."""
 
     model: ReducedModel
     condition: float
@@ -36,7 +36,8 @@ class Forecast:
 
     @property
     def relative(self) -> Array:
-        """(k,) deviations over the parameters' own sizes, as the robot's file has them; infinite where these are 0."""
+        """Relative deviations (k,), over the parameters' own sizes as the robot's file has them; infinite where these
+        are 0."""
         with np.errstate(divide="ignore"):
             return np.asarray(self.deviations / np.abs(self.model.fundamental_parameters))
 

@@ -23,7 +23,7 @@ OFFSETS = ((), (DriveParameter.OFFSET,))
 
 @dataclass(frozen=True)
 class FrictionModel:
-    """The terms of `Drive` that are modelled, and whether friction grows with the load besides.
+    """A friction model: the terms of `Drive` that are modelled, and whether friction grows with the load besides.
 
     Load-dependent friction is mu |rigid torque| sign(s) a drive (Hamon, Gautier and Garrec 2010): linear in mu once
     the rigid torques are known, so it is found in a second round. Mechanisms do not have it.

@@ -168,7 +168,8 @@ def identified(
     weight: float | None = None,
     instruments: bool = False,
 ) -> Identification:
-    """The same from logs that are read already, in the drives' order of joints."""
+    """The identification from logs that are read already, in the drives' order of joints; arguments as in
+    `identify`."""
     drives, train, test, known = _with_constants(mechanism, drives, train, test, skip)
     measured, steps, remarks = gathered(mechanism, drives, train, skip, cutoff)
     evidence = freed_of_noise(measured) if instruments else measured

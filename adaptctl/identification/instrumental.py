@@ -20,8 +20,8 @@ NEGLIGIBLE = 1e-8
 
 
 def halves(log: PreparedLog) -> tuple[PreparedLog, PreparedLog]:
-    """The even samples, and the odd ones brought to their times by the mean of two neighbours; torques are those of
-    all samples."""
+    """Two halves of a log: the even samples, and the odd ones brought to their times by the mean of two neighbours;
+    torques are those of all samples."""
     count = (len(log.time) - 3) // 2
     even = slice(2, 2 + 2 * count, 2)
     before, after = log.position[1 : 1 + 2 * count : 2], log.position[3 : 3 + 2 * count : 2]
@@ -44,7 +44,7 @@ def first_stage(rows: Rows, instruments: Rows) -> Rows:
 
 
 def joined_first_stage(rows: Sequence[Rows], instruments: Sequence[Rows]) -> list[Rows]:
-    """The same at each cut-off."""
+    """Rows of `first_stage` at each cut-off."""
     return [first_stage(own, other) for own, other in zip(rows, instruments, strict=True)]
 
 

@@ -19,7 +19,7 @@ FEWEST = 100
 
 @dataclass(frozen=True, eq=False)
 class JointLog:
-    """Joint positions and torques of n samples; time as in the log."""
+    """A log of joint positions and torques, n samples; time as in the log."""
 
     source: str
     time: Array

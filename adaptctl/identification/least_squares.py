@@ -15,7 +15,8 @@ ROUNDS = 3
 
 
 def least_squares(A: Array, b: Array, columns: NDArray[np.int64]) -> Array:
-    """x (P,) that minimises x'A x/2 - b'x on some columns, the others zero; the shortest where it is not unique."""
+    """The parameters x (P,) that minimise x'A x/2 - b'x on some columns, the others zero; the shortest where they are
+    not unique."""
     own, wanted = A[np.ix_(columns, columns)], b[columns]
     size = np.sqrt(np.diag(own))
     size[size == 0.0] = 1.0
@@ -27,7 +28,8 @@ def least_squares(A: Array, b: Array, columns: NDArray[np.int64]) -> Array:
 
 
 def weighted_least_squares(equations: NormalEquations, columns: NDArray[np.int64]) -> tuple[Array, Array]:
-    """x (P,), and the joints' standard deviations (r,) by which their equations are weighted (Gautier 1997)."""
+    """The parameters x (P,), and the joints' standard deviations (r,) by which their equations are weighted (Gautier
+    1997)."""
     deviations = np.sqrt(equations.square.sum(axis=0) / equations.count.sum())
     x = np.zeros(equations.moment.shape[-1])
     for _ in range(ROUNDS):

@@ -52,12 +52,13 @@ class NormalEquations:
         return NormalEquations(normal, np.pad(self.moment, ((0, 0), (0, 0), wider)), self.square, self.count)
 
     def whitened(self, deviations: Array) -> tuple[Array, Array]:
-        """(P, P) and (P,): of all blocks and joints, each joint's equations over its standard deviation (r,)."""
+        """Whitened normal matrix (P, P) and moment (P,) of all blocks and joints, each joint's equations over its
+        standard deviation (r,)."""
         weight = 1.0 / deviations**2
         return np.einsum("brij,r->ij", self.normal, weight), np.einsum("bri,r->i", self.moment, weight)
 
     def misfit(self, x: Array) -> Array:
-        """Squares (r,) of the residuals tau - Y x, summed over all blocks."""
+        """Sums (r,) of the squared residuals tau - Y x over all blocks, (N m)^2."""
         normal, moment = self.normal.sum(axis=0), self.moment.sum(axis=0)
         return np.maximum(self.square.sum(axis=0) - 2.0 * moment @ x + (normal @ x) @ x, 0.0)
 
@@ -74,14 +75,15 @@ def _sums(Y: Array, torque: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def block_edges(rows: Rows, count: int) -> list[tuple[int, float]]:
-    """Log and time (s) at the beginning of each of about `count` blocks of equally many rows, each within one log."""
+    """Edges of about `count` blocks of equally many rows, each within one log: the log and the time (s) at the
+    beginning of each."""
     starts = [int(start) for start in np.linspace(0, len(rows), count, endpoint=False)]
     firsts = np.flatnonzero(np.diff(rows.log, prepend=-1)).tolist()
     return [(int(rows.log[i]), float(rows.time[i])) for i in sorted({*starts, *firsts})]
 
 
 def blocks_of(rows: Rows, edges: Sequence[tuple[int, float]]) -> NDArray[np.int64]:
-    """(n,) the block of every row."""
+    """Block numbers (n,) of every row."""
     keys = np.array(edges)
     found = np.zeros(len(rows), dtype=np.int64)
     for b, (log, time) in enumerate(keys.tolist()):

@@ -14,7 +14,7 @@ DENSITY = 2700.0
 
 
 def prior_links(mechanism: Mechanism) -> tuple[Array, list[str]]:
-    """The links' tens (N, 10), and in words what had to be made consistent.
+    """The links' prior inertial parameters (N, 10), and texts on what had to be made consistent.
 
     A link whose mass is spread less than a ball of solid aluminium would be, which a file without tensors says, or
     that no body can have, gets that ball's second moments where its own are less. Raises `InputError` for a link

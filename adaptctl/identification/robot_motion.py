@@ -39,7 +39,8 @@ class RobotLimits:
     def of(
         cls, mechanism: Mechanism, share: float, acceleration: ArrayLike | None = None, jerk: ArrayLike | None = None
     ) -> RobotLimits:
-        """A share of the robot's own speeds and torques; accelerations (rad/s^2) and jerks (rad/s^3) as given."""
+        """Limits at a share of the robot's own speeds and torques; accelerations (rad/s^2) and jerks (rad/s^3) as
+        given."""
         speeds = np.array([joint.limits.velocity for joint in mechanism.primary_joints])
         bends = _each(acceleration, mechanism.dof, "acceleration")
         return cls(share * speeds, bends, _each(jerk, mechanism.dof, "jerk"), share * mechanism.effort_limits)
@@ -51,7 +52,7 @@ def _each(limit: ArrayLike | None, dof: int, what: str) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class RobotMotion:
-    """A periodic reference, entered from rest at one pose and left to rest at another.
+    """A motion for a robot: a periodic reference, entered from rest at one pose and left to rest at another.
 
     p(t) = (1 - b) pose + b s, with s the reference and b a polynomial blend over `fade` s at either end; all of it
     `slower` times slower than the reference was made.
@@ -67,7 +68,7 @@ class RobotMotion:
 
     @property
     def duration(self) -> float:
-        """Duration in all, s."""
+        """Duration of the whole motion, s."""
         return self.slower * (self.period + 2.0 * self.fade)
 
     def at(self, time: ArrayLike) -> tuple[Array, Array, Array, Array]:
@@ -200,7 +201,7 @@ def _slowed(motion: RobotMotion, mechanism: Mechanism, limits: RobotLimits) -> R
 
 
 def at_pace(motion: RobotMotion, slower: float) -> RobotMotion:
-    """The motion on the same path, slower by a factor."""
+    """The same motion on the same path, slower by a factor."""
     return RobotMotion(motion.reference, motion.start, motion.end, motion.period, motion.fade, slower)
 
 

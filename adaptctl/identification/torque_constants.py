@@ -28,7 +28,7 @@ DISTINCT = 1.5
 
 
 def torque_constants(evidence: LogEvidence, cutoff: float) -> tuple[Array, str]:
-    """Constants (r,) of all motors, N m for a unit of their columns, and in words how far they are known.
+    """Torque constants (r,) of all motors, N m for a unit of their columns, and a text on how far they are known.
 
     The evidence's torques are of constants of 1 where they are unknown, its payloads not taken off. Raises `InputError`
     where one is not positive.
@@ -61,14 +61,14 @@ def torque_constants(evidence: LogEvidence, cutoff: float) -> tuple[Array, str]:
 
 
 def with_constants(log: JointLog, drives: Drives, constants: Array) -> JointLog:
-    """A log whose unknown constants were taken as 1, with those that were found."""
+    """The log with the torque constants that were found in place of unknown ones, which were taken as 1."""
     factors = np.where(np.isnan(drives.constants), constants, 1.0)
     motors = log.torque @ np.linalg.inv(drives.transmission)
     return replace(log, torque=drives.torque(motors * factors))
 
 
 def known_drives(drives: Drives, constants: Array) -> Drives:
-    """The drives with their constants."""
+    """The drives with these torque constants."""
     pairs = zip(drives.motors, constants.tolist(), strict=True)
     return replace(drives, motors=tuple(structs.replace(motor, torque_constant=k) for motor, k in pairs))
 

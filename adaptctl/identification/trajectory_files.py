@@ -14,7 +14,8 @@ from adaptctl.identification.robot_motion import RobotMotion
 
 
 def write_csv(path: str | Path, motion: RobotMotion, joints: Sequence[str], rate: float) -> None:
-    """`time` (s), then `position.J`, `velocity.J`, `acceleration.J` of every joint J, evenly at a rate (Hz)."""
+    """Write a motion as CSV: `time` (s), then `position.J`, `velocity.J`, `acceleration.J` of every joint J, evenly at
+    a rate (Hz)."""
     time, p, v, a, _ = motion.sampled(rate)
     names = [f"{what}.{joint}" for what in ("position", "velocity", "acceleration") for joint in joints]
     rows = np.column_stack([time, p, v, a])

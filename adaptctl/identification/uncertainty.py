@@ -14,7 +14,7 @@ from adaptctl.identification.fit import Fit, LogEvidence
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """Standard deviations of all columns' parameters, and what they are made of."""
+    """Uncertainty of a fit: the covariance of all columns' parameters."""
 
     covariance: Array
     """(P + r, P + r)"""

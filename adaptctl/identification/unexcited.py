@@ -21,7 +21,7 @@ ENERGY_ERROR = 1.0
 
 
 class Combination(NamedTuple):
-    """A direction among the fundamental parameters, each over its prior range, and how much the log says of it."""
+    """A combination of fundamental parameters, each over its prior range, and how strongly the log excites it."""
 
     words: str
     strength: float

@@ -18,7 +18,7 @@ from adaptctl.errors import SimplificationWarning
 
 @dataclass(frozen=True, eq=False)
 class ReachableSpace:
-    """A box (m) that the links' frames stay in, and the robot's collision geometry."""
+    """Reachable space of a robot: a box (m) that the links' frames stay in, and its collision geometry."""
 
     mechanism: Mechanism
     lower: Array

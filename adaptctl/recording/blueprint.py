@@ -43,7 +43,7 @@ class ScreenContents:
 
     @property
     def truth(self) -> str:
-        """Words for true values in the titles of estimates."""
+        """Words on the true values for the titles of estimates: drawn as level lines, or unknown."""
         return "level lines: true values" if self.truth_known else "true values unknown"
 
 

@@ -17,11 +17,11 @@ from adaptctl.scalars.scalar import (
     tanh,
     where,
 )
-from adaptctl.scalars.tunable import Structure, Tunable
+from adaptctl.scalars.tunable import Keyed, Structure, Tunable
 from adaptctl.scalars.vector import ZERO, Mat, Vec, cross, dot, product
 
 __all__ = [
-    "ZERO", "Column", "Dual", "Mat", "Scalar", "Structure", "Tunable", "Vec", "absolute", "atan2", "clip",
+    "ZERO", "Column", "Dual", "Keyed", "Mat", "Scalar", "Structure", "Tunable", "Vec", "absolute", "atan2", "clip",
     "column", "cos", "cross", "dot", "each", "exp", "log", "maximum", "minimum", "product", "sin", "spread", "sqrt",
     "tanh", "where",
 ]  # fmt: skip

@@ -24,7 +24,7 @@ class Structure:
 
     __slots__ = ("_hash", "_key", "of")
 
-    def __init__(self, of: Tunable, key: Hashable) -> None:
+    def __init__(self, of: Any, key: Hashable) -> None:
         self.of, self._key, self._hash = of, key, hash(key)
 
     def __eq__(self, other: object) -> bool:
@@ -32,6 +32,15 @@ class Structure:
 
     def __hash__(self) -> int:
         return self._hash
+
+
+class Keyed:
+    """A frozen dataclass, none of whose numbers may change, whose key in structures is made once."""
+
+    @cached_property
+    def structure(self) -> Structure:
+        """Key of an equation of these settings."""
+        return Structure(self, _fields_key(self))
 
 
 class Tunable:
@@ -140,7 +149,7 @@ class _Same:
 
 def _key(value: Any) -> Hashable:
     """Key of a setting in a structure: its value, or, where values cannot be compared, the object itself."""
-    if isinstance(value, Tunable):
+    if isinstance(value, Tunable | Keyed):
         return value.structure
     if isinstance(value, np.ndarray):
         return value.shape, value.dtype.str, value.tobytes()
@@ -149,8 +158,13 @@ def _key(value: Any) -> Hashable:
     if value is None or isinstance(value, bool | int | float | str):
         return type(value), value
     if is_dataclass(value) and getattr(type(value), "__dataclass_params__").frozen:  # noqa: B009  # typeshed has none
-        return type(value), tuple(_key(getattr(value, entry.name)) for entry in fields(value))
+        return _fields_key(value)
     return _Same(value)
+
+
+def _fields_key(value: Any) -> Hashable:
+    """Key of a dataclass: its kind, and the keys of its fields."""
+    return type(value), tuple(_key(getattr(value, entry.name)) for entry in fields(value))
 
 
 def _within(part: str, numbers: Mapping[str, Any]) -> dict[str, Any]:

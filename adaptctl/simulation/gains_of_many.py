@@ -54,7 +54,7 @@ class GainsOfMany:
         return {f"gains {name}": self.given[name].shape[:axes] for name, axes in sizes.items()}
 
     def require(self) -> None:
-        """Raise `InputError` or `GainError` where a controller with any of the sets would."""
+        """Raise what a new controller would raise with any of the sets, such as `InputError` and `GainError`."""
         if not self.given:
             return
         count = max((axes[0] for axes in self.arms.values() if axes), default=1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -41,6 +42,7 @@ def truth_size(loop: ClosedLoop) -> dict[str, int]:
     return {} if law is None else {TRUTH: len(law.model.names)}
 
 
+@lru_cache(maxsize=8)  # asked for by every herd of arms
 def watched(loop: ClosedLoop) -> SlotineLi | None:
     """The controller, if its V follows from the joints, the estimate and the true parameters alone: Slotine and Li's,
     with an adaptation law whose term depends on no more, on rigid joints of the model's own geometry, and on links that
@@ -67,7 +69,8 @@ def first_rise(loop: ClosedLoop, parameters: Array) -> tuple[dict[str, Any], dic
 def risen(
     loop: ClosedLoop, sample: Sample, point: ReferencePoint, runs: Any, columns: Mapping[str, Column]
 ) -> LyapunovRise:
-    """The columns after a control period; `runs` is a condition that holds until a run diverges."""
+    """The columns of a Lyapunov function's rise after a control period; `runs` is a condition that holds until a run
+    diverges."""
     before = LyapunovRise(*(columns[name] for name in LyapunovRise._fields))
     if not len(before.lyapunov):
         return before

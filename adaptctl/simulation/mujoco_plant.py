@@ -36,8 +36,8 @@ class MuJoCoPlant(Plant):
     by MuJoCo in equal steps that are no longer than the model's own. The model given is copied, never changed.
     `PlantState.drives` holds the whole scene, so that `step` is a function of what it is given.
 
-    Actuators of the arm that are no torques would hold it against the law: they are refused, or, with
-    `servos_off`, switched off. Raises `InputError`.
+    Actuators of the arm that are no torques would hold it against the law: they are refused with an
+    `InputError`, or, with `servos_off`, switched off.
     """
 
     model: mujoco.MjModel | None = None

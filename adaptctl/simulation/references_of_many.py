@@ -95,26 +95,27 @@ class ReferencesOfMany:
     references: Sequence[Reference]
     form: ReferenceForm
     size: int
+    arms: tuple[int, ...]
+    """The number of arms (M,) they are for; () where one was given for any number."""
 
     @classmethod
     def of(cls, given: Reference | Sequence[Reference], size: int) -> ReferencesOfMany:
         """One reference or a sequence, of so many numbers each. Raises `InputError` where it is none."""
         if callable(given):
-            return cls([given], SampledForm(size, each=False), size)
+            return cls([given], SampledForm(size, each=False), size, ())
         references = list(given) if isinstance(given, Sequence) else []
         if not references or not all(map(callable, references)):
             raise InputError(f"reference: expected a Reference or a sequence of them, got {given!r}")
-        return cls(references, _form(references, size), size)
-
-    @property
-    def arms(self) -> tuple[int, ...]:
-        """The number of arms (M,) they are for; () where one is for all."""
-        each = not isinstance(self.form, SampledForm) or self.form.each
-        return (len(self.references),) if each else ()
+        arms = (len(references),)
+        if all(one is references[0] for one in references):
+            return cls(references[:1], SampledForm(size, each=False), size, arms)
+        return cls(references, _form(references, size), size, arms)
 
     def of_arms(self, arms: slice) -> ReferencesOfMany:
         """The references of some of the arms, in the same form."""
-        return replace(self, references=self.references[arms]) if self.arms else self
+        if self._is_shared:
+            return self
+        return replace(self, references=self.references[arms], arms=(arms.stop - arms.start,))
 
     @property
     def held(self) -> Mapping[str, Array]:
@@ -138,9 +139,14 @@ class ReferencesOfMany:
     def _points(self, time: Array) -> ReferencePoint:
         """The points (T, M, n) at times (T,), (T, n) where one is for all."""
         points = [sampled(one, time, self.size) for one in self.references]
-        if not self.arms:
+        if self._is_shared:
             return points[0]
         return ReferencePoint(*(np.stack(parts, axis=1) for parts in zip(*points, strict=True)))
+
+    @property
+    def _is_shared(self) -> bool:
+        """True if one reference is for all arms."""
+        return isinstance(self.form, SampledForm) and not self.form.each
 
     @cached_property
     def _numbers(self) -> SinusoidNumbers | None:

@@ -96,7 +96,8 @@ class Transmission:
         return found
 
     def motors(self, parameters: Column) -> Column:
-        """Inertias J (r,) of the motors."""
+        """Inertias J (r,) of the motors behind the gears, kg m^2 (kg of a prismatic joint), for inertial parameters
+        (P,)."""
         own = self.inertia.tolist()
         return Column(x if j is None else x + parameters[j] for x, j in zip(own, self.rotors, strict=True))
 

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
-from adaptctl.arrays import Array
 from adaptctl.control.references import Sinusoids
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import AdaptctlError, NotFoundError
@@ -16,22 +15,22 @@ from adaptctl.experiments.contest import Contender
 from adaptctl.experiments.experiment import Experiment
 from adaptctl.experiments.learning import Learning
 from adaptctl.identifiability import FundamentalBasis, essential_space, fundamental_basis
-from adaptctl.simulation import Episode, simulate_many
+from adaptctl.simulation import simulate_many
+from adaptctl.sweeps.episodes import BegunEpisode, Episodes
 from adaptctl.sweeps.outcome import RunOutcome
 
 RunOutcomes = dict[int, list[tuple[str, RunOutcome]]]
 
 
 class BatchedRun(NamedTuple):
-    """A run before it begins: the controllers compared, and the episode that each drives."""
+    """A run of a batch before it begins: the controllers compared, and the episode that each drives."""
 
     contenders: list[Contender]
-    episode: Episode
-    error_bound: Array
+    begun: BegunEpisode
 
 
 def batched(experiments: Sequence[Experiment], controllers: Sequence[str]) -> RunOutcomes:
-    """RunOutcomes, by their number, of those experiments that can run together.
+    """Outcomes, by their number, of those experiments that can run together in one batch.
 
     These are comparisons on an ideal plant, whose references are sinusoids; their runs are those of each experiment by
     itself, to round-off. Others are left out.
@@ -39,10 +38,11 @@ def batched(experiments: Sequence[Experiment], controllers: Sequence[str]) -> Ru
     if not all(isinstance(one, Learning) for one in experiments):
         return {}
     trials: dict[int, BatchedRun] = {}
+    episodes = Episodes()
     outcomes: RunOutcomes = {}
     for k, one in enumerate(experiments):
         try:
-            trial = _trial(one, controllers)  # type: ignore[arg-type]  # each is a Learning
+            trial = _trial(one, controllers, episodes)  # type: ignore[arg-type]  # each is a Learning
         except AdaptctlError as error:
             outcomes[k] = [("", RunOutcome.failed(" ".join(str(error).split())))]
             continue
@@ -60,20 +60,17 @@ def batched(experiments: Sequence[Experiment], controllers: Sequence[str]) -> Ru
     return outcomes
 
 
-def _trial(experiment: Learning, controllers: Sequence[str]) -> BatchedRun | None:
+def _trial(experiment: Learning, controllers: Sequence[str], episodes: Episodes) -> BatchedRun | None:
     """The run of an experiment with these controllers; None where it cannot be one of many at once. Raises what the
     experiment raises."""
     mechanism = _loaded(experiment)
-    contenders = experiment.contenders(mechanism, offline(mechanism))
-    env: Any = experiment.environment(mechanism)
-    env.reset(seed=experiment.seed, options=experiment.options)
-    episode = env.unwrapped.hand_over()
-    plant, reference = episode.plant, episode.reference
-    chosen = named(contenders, controllers)
+    chosen = named(experiment.contenders(mechanism, offline(mechanism)), controllers)
+    begun = episodes.of(experiment, mechanism)
+    plant, reference = begun.episode.plant, begun.episode.reference
     simple = not plant.effects and isinstance(reference, Sinusoids) and plant.mechanism.continuation is None
     if not simple or any(one.controller.reference_size != plant.dof for one in chosen):
         return None
-    return BatchedRun(chosen, episode, env.unwrapped.error_bound)
+    return BatchedRun(chosen, begun)
 
 
 class NamedRun(Protocol):
@@ -89,8 +86,7 @@ Some = TypeVar("Some", bound=NamedRun)
 
 
 def named(candidates: Sequence[Some], names: Sequence[str]) -> list[Some]:
-    """The candidates with these names, all where none is given. Raises `NotFoundError` for a name that none has. Raises
-    `NotFoundError` for a name that none has."""
+    """The candidates with these names, all where none is given. Raises `NotFoundError` for a name that none has."""
     known = [one.name for one in candidates]
     for name in names:
         if name not in known:
@@ -100,7 +96,7 @@ def named(candidates: Sequence[Some], names: Sequence[str]) -> list[Some]:
 
 @lru_cache(maxsize=8)
 def offline(mechanism: Mechanism) -> FundamentalBasis:
-    """The basis of a mechanism."""
+    """The fundamental basis of a mechanism."""
     return fundamental_basis(essential_space(mechanism))
 
 
@@ -129,25 +125,25 @@ def interned(mechanism: Mechanism) -> Mechanism:
 
 def _group(trial: BatchedRun, contender: Contender) -> Any:
     """Equal for what can run together."""
-    plant, reference = trial.episode.plant, trial.episode.reference
-    waves = np.shape(getattr(reference, "amplitude", ()))
-    return contender.controller.structure, plant.structure, trial.episode.steps, trial.error_bound.tobytes(), waves
+    episode, bound = trial.begun.episode, trial.begun.error_bound
+    waves = np.shape(getattr(episode.reference, "amplitude", ()))
+    return contender.controller.structure, episode.plant.structure, episode.steps, bound.tobytes(), waves
 
 
 def _together(trials: Mapping[int, BatchedRun], places: Sequence[tuple[int, int]]) -> dict[tuple[int, int], RunOutcome]:
     """RunOutcomes of trials' contenders that can run together."""
-    first, chosen = trials[places[0][0]], [trials[k].contenders[c].controller for k, c in places]
-    episodes = [trials[k].episode for k, _ in places]
-    plant = first.episode.plant
+    chosen = [trials[k].contenders[c].controller for k, c in places]
+    begun = [trials[k].begun for k, _ in places]
+    episodes, plant = [one.episode for one in begun], begun[0].episode.plant
     runs = simulate_many(
         plant,
         chosen,
         [one.reference for one in episodes],
-        duration=first.episode.steps * plant.control_period,
+        duration=episodes[0].steps * plant.control_period,
         parameters=np.stack([one.parameters for one in episodes]),
         p=np.stack([one.state.p for one in episodes]),
         v=np.stack([one.state.v for one in episodes]),
         every=None,
-        beyond=first.error_bound,
+        beyond=begun[0].error_bound,
     )
-    return {place: RunOutcome.of(runs, m) for m, place in enumerate(places)}
+    return dict(zip(places, RunOutcome.each_of(runs), strict=True))

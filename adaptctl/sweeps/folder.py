@@ -36,7 +36,7 @@ class Saved(msgspec.Struct, forbid_unknown_fields=True):
 
 @dataclass(frozen=True)
 class Shard:
-    """Runs that are computed, and kept, together; `key` is the hash of their settings."""
+    """A shard of a sweep: runs that are computed, and kept, together; `key` is the hash of their settings."""
 
     key: str
     runs: tuple[Mapping[str, Any], ...]
@@ -111,8 +111,7 @@ class Folder:
         _write(self.place(shard), table(self.study, rows, len(shard.runs)))
 
     def finished(self) -> pa.Table:
-        """Table of all rows, in order, which is written too. Raises `FileError` while a shard is missing. Raises
-        `FileError` while a shard is missing."""
+        """Table of all rows, in order, which is written too. Raises `FileError` while a shard is missing."""
         parts = []
         for shard in self.shards():
             if not self.has(shard):

@@ -29,8 +29,9 @@ SMALL = 0.5
 
 @dataclass(frozen=True)
 class GainStability(SweepMeasurement):
-    """Slotine and Li's law with the true parameters holds an arm at a random posture, where T_c lambda_max(M^-1 K) is
-    the gain: the run is done where the errors stay small, and diverged where they grow."""
+    """Measurement of stability by gain: Slotine and Li's law with the true parameters holds an arm at a random posture,
+    where T_c lambda_max(M^-1 K) is the gain: the run is done where the errors stay small, and diverged where they grow.
+    """
 
     name: ClassVar[str] = "gain-stability"
 
@@ -82,7 +83,7 @@ def _held(chosen: Sequence[GainStability]) -> list[RunOutcome]:
         every=None,
         beyond=LOST,
     )
-    return [RunOutcome.of(runs, m) for m in range(len(chosen))]
+    return RunOutcome.each_of(runs)
 
 
 def _damping(mechanism: Mechanism, p: Array, chosen: GainStability) -> Array:

@@ -11,7 +11,7 @@ from adaptctl.recording.page import Figure
 
 
 class SettingsMap(NamedTuple):
-    """Means over two settings x and y: rows are those of y."""
+    """Map of means over two settings x and y: rows are those of y."""
 
     x: str
     y: str
@@ -25,7 +25,7 @@ class SettingsMap(NamedTuple):
 
 
 def map_figure(controller: str, shown: SettingsMap) -> Figure:
-    """The two maps side by side."""
+    """Figure of the two maps of a controller side by side."""
     from matplotlib.figure import Figure as Canvas
 
     canvas = Canvas(figsize=(10.0, 3.8), layout="constrained")

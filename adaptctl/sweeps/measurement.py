@@ -21,13 +21,12 @@ MEASUREMENTS = {
 
 @dataclass(frozen=True)
 class SweepMeasurement(CheckedSettings, ABC):
-    """CheckedSettings of a measurement, and a function from many of them to what came of each."""
+    """Base class of measurements in sweeps: settings, and a function from many of them to their outcomes."""
 
     @classmethod
     @abstractmethod
     def outcomes(cls, chosen: Sequence[Self]) -> list[RunOutcome]:
-        """Outcome of each measurement. Raises nothing for what is wrong with one of them: its outcome says it. Raises
-        nothing for what is wrong with one of them."""
+        """The outcome of each measurement. Raises nothing for what is wrong with one of them: its outcome says it."""
 
 
 def kind_of(name: str) -> type[CheckedSettings]:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
-from adaptctl.arrays import Array
 from adaptctl.simulation import Rollouts
 
 
@@ -28,20 +28,19 @@ class RunOutcome(NamedTuple):
         return cls("failed", reason)
 
     @classmethod
-    def of(cls, runs: Rollouts, m: int) -> RunOutcome:
-        """Outcome of run m of many."""
-        lost = bool(runs.diverged_joint[m] >= 0)
-        message = f"joint {runs.diverged_joint[m] + 1} left its bound at {runs.diverged_at[m]:g} s"
-        return cls(
-            status="diverged" if lost else "done",
-            reason=message if lost else "",
-            rms_error=_mean(runs.rms_error[m]),
-            rms_error_last=None if lost else _mean(runs.final_rms_error[m]),
-            largest_error=float(runs.largest_error[m].max()),
-            diverged_at=float(runs.diverged_at[m]) if lost else None,
-            diverged_joint=int(runs.diverged_joint[m]) + 1 if lost else None,
-            lyapunov_rise=_known(runs.lyapunov_rise[m]),
-        )
+    def each_of(cls, runs: Rollouts) -> list[RunOutcome]:
+        """Outcomes of many runs, in their order."""
+        means = (np.sqrt(np.mean(errors**2, axis=-1)) for errors in (runs.rms_error, runs.final_rms_error))
+        largest, rises = runs.largest_error.max(axis=-1), runs.lyapunov_rise
+        columns = (x.tolist() for x in (*means, largest, rises, runs.diverged_at, runs.diverged_joint))
+        return [cls._of(*numbers) for numbers in zip(*columns, strict=True)]
+
+    @classmethod
+    def _of(cls, rms: float, last: float, largest: float, rise: float, diverged_at: float, joint: int) -> RunOutcome:
+        if joint < 0:
+            return cls("done", "", _known(rms), _known(last), largest, lyapunov_rise=_known(rise))
+        message = f"joint {joint + 1} left its bound at {diverged_at:g} s"
+        return cls("diverged", message, _known(rms), None, largest, diverged_at, joint + 1, _known(rise))
 
 
 OUTCOME = {
@@ -57,11 +56,6 @@ OUTCOME = {
 """Kind and meaning of an outcome's columns."""
 
 
-def _mean(values: Array) -> float | None:
-    """Root mean square over joints (r,); None where it is not known."""
-    return _known(float(np.sqrt(np.mean(values**2))))
-
-
 def _known(value: float) -> float | None:
     """The number, or None where there is none."""
-    return float(value) if np.isfinite(value) else None
+    return value if math.isfinite(value) else None

@@ -23,8 +23,9 @@ GRAVITY = np.array([0.0, 0.0, -9.81])
 
 @dataclass(frozen=True)
 class RankCertificate(SweepMeasurement):
-    """A random chain: the rank that the singular values of its energies certify, against the one that follows from its
-    joints one by one. The run is done where they agree, and failed where they do not, or where nothing is certified."""
+    """Measurement of rank on a random chain: the rank that the singular values of its energies certify, against the one
+    that follows from its joints one by one. The run is done where they agree, and failed where they do not, or where
+    nothing is certified."""
 
     name: ClassVar[str] = "rank-certificate"
 

@@ -50,7 +50,7 @@ class SweepReport:
         return list(dict.fromkeys(row["controller"] for row in self.rows if row["controller"])) or [""]
 
     def of_controller(self, name: str) -> list[dict[str, Any]]:
-        """The rows of a controller."""
+        """Rows of the table of the controller of a name, as mappings."""
         return [row for row in self.rows if row["controller"] == name]
 
     def without_effect(self) -> dict[str, list[str]]:

@@ -43,13 +43,18 @@ def _rows(experiment: str, runs: Sequence[Mapping[str, Any]], controllers: Seque
     made: list[CheckedSettings | str] = [_checked(kind, settings) for settings in runs]
     valid = {k: one for k, one in enumerate(made) if isinstance(one, CheckedSettings)}
     found = dict(zip(valid, _outcomes(kind, list(valid.values()), controllers), strict=True))
+    about = {
+        "version": __version__,
+        "wall_time": (time.perf_counter() - started) / max(1, len(runs)),
+        "host": platform.node(),
+    }
+    defaults = {entry.name: _plain(entry.default) for entry in fields(kind)}
     rows: list[Row] = []
     for k, one in enumerate(made):
         outcomes = [("", RunOutcome.failed(one))] if isinstance(one, str) else found[k]
-        settings = {name: _plain(value) for name, value in _settings(kind, runs[k]).items()}
-        rows += [settings | {"controller": name} | outcome._asdict() for name, outcome in outcomes]
-    about = {"version": __version__, "wall_time": (time.perf_counter() - started) / max(1, len(runs))}
-    return [row | about | {"host": platform.node()} for row in rows]
+        settings = defaults | {name: _plain(value) for name, value in runs[k].items()}
+        rows += [settings | {"controller": name} | outcome._asdict() | about for name, outcome in outcomes]
+    return rows
 
 
 def _outcomes(kind: type[CheckedSettings], chosen: Sequence[Any], controllers: Sequence[str]) -> list[list[Named]]:
@@ -79,7 +84,7 @@ def _checked(kind: type[CheckedSettings], settings: Mapping[str, Any]) -> Checke
 
 
 def alone(experiment: Experiment, controllers: Sequence[str]) -> list[Named]:
-    """RunOutcomes of an experiment that runs by itself."""
+    """Outcomes of an experiment that runs by itself, by controller."""
     try:
         compare: Callable[..., Comparison] | None = getattr(experiment, "compare", None)
         if compare is None:
@@ -105,10 +110,6 @@ def _outcome(run: ControllerRun) -> RunOutcome:
         diverged_joint=joint + 1 if joint >= 0 else None,
         lyapunov_rise=run.lyapunov_max_increase,
     )
-
-
-def _settings(kind: type[CheckedSettings], given: Mapping[str, Any]) -> dict[str, Any]:
-    return {entry.name: given.get(entry.name, entry.default) for entry in fields(kind)}
 
 
 def _plain(value: Any) -> Any:

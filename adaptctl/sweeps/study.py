@@ -40,7 +40,8 @@ class StudyFile(msgspec.Struct, forbid_unknown_fields=True):
 
 @dataclass(frozen=True)
 class SweepStudy:
-    """An experiment and the values of its settings; `controllers` are those that run, all where none is named."""
+    """A study: an experiment and the values of its settings; `controllers` are those that run, all where none is
+    named."""
 
     experiment: str
     settings: Mapping[str, tuple[Any, ...] | Span]

@@ -18,7 +18,7 @@ _RANGE = re.compile(r"^\s*(?P<low>[^:]+?)\.\.(?P<high>[^:]+?)(?::(?P<count>[^:]*
 
 @dataclass(frozen=True)
 class Span:
-    """A range with both ends in it, to draw from."""
+    """A range of a setting with both ends in it, to draw from."""
 
     low: float
     high: float

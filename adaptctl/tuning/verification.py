@@ -62,7 +62,8 @@ class Verification:
 
 
 def verifications(trials: Trials, gains: Gains, gain: Array, seed: int) -> tuple[Verification, ...]:
-    """Verifications by runs as described, with links off by LINKS_OFF, with a torque one period late, and with both."""
+    """Verifications of gains by four runs: as described, with links off by LINKS_OFF, with a torque one period late,
+    and with both."""
     mechanism = trials.plant.mechanism
     own, other = mechanism.inertial_parameters, scaled_links(mechanism, LINKS_OFF, seed)
     cases = [("as described", own, False), ("torque late", own, True), ("links off", other, False)]

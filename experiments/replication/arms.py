@@ -21,7 +21,8 @@ FROM, TO, FASTEST = "position from [rad]", "position to [rad]", "velocity to [ra
 
 @dataclass(frozen=True, eq=False)
 class StatedMotion:
-    """Positions (T, r) of an arm along the stated sinusoid at times (T,), and its torque regressors Y (T, r, P)."""
+    """The stated motion of an arm: positions (T, r) along a sinusoid at times (T,), and its torque regressors Y (T, r,
+    P)."""
 
     time: Array
     p: Array
@@ -30,7 +31,7 @@ class StatedMotion:
 
 @dataclass(frozen=True, eq=False)
 class SampledArm:
-    """Mechanism sampled in a box: p = mixing u with lower < u < upper (rad), velocities (rad/s) up to a bound.
+    """A mechanism sampled in a box: p = mixing u with lower < u < upper (rad), velocities (rad/s) up to a bound.
 
     For the PUMA u is p. For the semi-direct-drive arm it is p1, p2 and p2 - p3, which is what Table 9 bounds.
     """
@@ -58,7 +59,8 @@ class SampledArm:
         return u @ self.mixing.T, v
 
     def sinusoid(self, frequency: float, samples: int) -> StatedMotion:
-        """One period in which every bound coordinate swings through its whole range, all in phase."""
+        """The stated motion: one period in which every bound coordinate swings through its whole range, all in
+        phase."""
         time = np.linspace(0.0, 1.0 / frequency, samples)
         rate = 2.0 * np.pi * frequency
         sine, cosine = np.sin(rate * time)[:, None], np.cos(rate * time)[:, None]

@@ -11,7 +11,7 @@ from adaptctl.experiments.replication.verdict import Check, Item, Outturn
 
 @dataclass(frozen=True)
 class Counts:
-    """Printed entries of one kind, by verdict."""
+    """Counts of printed entries of one kind, by verdict."""
 
     printed: int
     given: int

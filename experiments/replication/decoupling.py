@@ -20,7 +20,7 @@ NEGLIGIBLE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Decoupling:
-    """Relations among fundamental parameters, linear and homogeneous, that decouple an arm."""
+    """Decoupling relations of an arm among fundamental parameters, linear and homogeneous."""
 
     basis: FundamentalBasis
     per_term: dict[str, int]
@@ -30,7 +30,7 @@ class Decoupling:
 
     @classmethod
     def of(cls, arm: SampledArm, basis: FundamentalBasis) -> Decoupling:
-        """Relations that make every off-diagonal inertia zero wherever the arm works."""
+        """The relations that make every off-diagonal inertia zero wherever the arm works."""
         rows = off_diagonal_rows(arm, basis.columns)
         everything = np.concatenate(list(rows.values()))
         _, values, right = np.linalg.svd(everything, full_matrices=False)

@@ -24,7 +24,7 @@ LEAST = 1e-10
 
 
 def singular_values(draws: Draws, numbers: Array) -> Drawing:
-    """Figure of Table 2 with all seeds."""
+    """Drawing of Table 2 with all seeds."""
     caption = (
         f"Table 2: the {draws.rank} singular values that are not round-off. Line: median of {len(draws.reductions)} "
         "seeds; bands: from the 5th to the 95th percentile, and all; crosses: printed."
@@ -42,7 +42,7 @@ def percent_errors(panels: Mapping[str, Draws], points: Mapping[str, Mapping[int
 
 
 def torque_errors(name: str, table: Table, errors: Array) -> Drawing:
-    """Figure of Table 3 or 10 with all seeds."""
+    """Drawing of Table 3 or 10 with all seeds."""
     caption = (
         f"{name.replace('-', ' ').title()}: mean square torque errors over the number of components kept, a joint "
         "each. Line: median of the seeds; bands: from the 5th to the 95th percentile, and all; crosses: printed."

@@ -14,7 +14,7 @@ from adaptctl.identifiability import Reduction, reduce
 
 @dataclass(frozen=True, eq=False)
 class Draws:
-    """Energy differences H of many draws of random states, factored."""
+    """Random draws of an arm's states: the energy differences H of each, factored."""
 
     arm: SampledArm
     singular_values: Array
@@ -60,7 +60,7 @@ class Draws:
         return np.concatenate([errors, nothing_missing[:, None]], axis=1)
 
     def torque(self, motion: StatedMotion, seed: int, components: int) -> Array:
-        """Torques (T, r) along a motion with the parameters of one seed that keeps some components."""
+        """Torques (T, r), N m, along a motion with the parameters of one seed that keeps some components."""
         return motion.Y @ self.reductions[seed].parameters(components)
 
 

@@ -18,7 +18,7 @@ STATES = 500
 
 
 def combination(text: str, links: int = 6) -> Array:
-    """Coefficients (10 N,) of a sum like the above."""
+    """Coefficients (10 N,) of a linear combination of parameters, from its text."""
     out = np.zeros(10 * links)
     for factor, term in _terms(text):
         out[index(term[:-1], term[-1])] = factor * sign(term[:-1])

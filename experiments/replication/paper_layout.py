@@ -15,7 +15,7 @@ PRODUCTS = ("I_xy", "I_xz", "I_yz")
 
 
 def index(row: str, link: str) -> int:
-    """Index among all parameters of that of a row, of link "1", "2", ..."""
+    """Index among all parameters of that in a row of the paper's tables, of link "1", "2", ..."""
     return 10 * (int(link) - 1) + PARAMETERS.index(NAMES.get(row, row))
 
 
@@ -40,5 +40,5 @@ def kept(table: Table) -> tuple[int, ...]:
 
 
 def name(row: str, link: str) -> str:
-    """Name of a parameter here, such as ``link3.I_xx``."""
+    """Name here of a parameter of the paper's tables, such as ``link3.I_xx``."""
     return f"link{link}.{NAMES.get(row, row)}"

@@ -44,7 +44,7 @@ class Table(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 
 class Saying(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """A sentence of the text, the section it stands in, and the numbers that are in question."""
+    """A saying of the paper: a sentence of the text, the section it stands in, and the numbers that are in question."""
 
     where: str
     quote: str
@@ -52,7 +52,7 @@ class Saying(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 
 class Printed(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """Tables and sayings of the paper that can be computed."""
+    """Contents of the paper that can be computed: its tables and sayings."""
 
     schema: Literal["adaptctl/printed/1"]
     tables: dict[str, Table]
@@ -61,7 +61,7 @@ class Printed(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 @cache
 def printed() -> Printed:
-    """Contents of the paper, read once."""
+    """The printed contents of the paper, read once."""
     with as_file(files("adaptctl.experiments.replication") / "printed.toml") as path:
         return read_toml(path, Printed)
 
@@ -81,7 +81,7 @@ class Number:
 
     @classmethod
     def of(cls, text: str) -> Number:
-        """Number of a text: ``-0.0805``, ``4.4E+04``. Raises `InputError` for another text."""
+        """The number that a text prints: ``-0.0805``, ``4.4E+04``. Raises `InputError` for another text."""
         mantissa, _, exponent = text.upper().partition("E")
         decimals = len(mantissa.partition(".")[2])
         significant = len(mantissa.lstrip("+-").replace(".", "").lstrip("0")) or 1

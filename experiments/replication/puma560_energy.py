@@ -30,7 +30,7 @@ FIRST = 34
 
 
 def table1(study: Study) -> Item:
-    """Item of Table 1, the ranges: an input."""
+    """Item of Table 1, the ranges of motion, which are given and not computed."""
     table, limits = printed().tables["table1"], [joint.limits for joint in study.puma.mechanism.primary_joints]
     used = {
         FROM: [x.lower for x in limits],

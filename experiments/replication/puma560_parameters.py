@@ -32,7 +32,7 @@ REPORTED = "3.14159/2"
 
 
 def table4(study: Study) -> Item:
-    """Item of Table 4, the priorities: an input."""
+    """Item of Table 4, the priorities of removal, which are given and not computed."""
     table, names = printed().tables["table4"], study.puma.mechanism.parameter_names
     order = study.priority("table4", study.puma.mechanism).indices(names)
     places = {names[j]: i + 1 for i, j in enumerate(order)}

@@ -23,7 +23,7 @@ STYLES = {
 
 
 class Grid(NamedTuple):
-    """Checks in the rows and columns of the paper's table; None where a blank was not checked."""
+    """Grid of checks in the rows and columns of the paper's table; None where a blank was not checked."""
 
     columns: list[str]
     rows: list[tuple[str, list[Check | None]]]
@@ -35,7 +35,7 @@ def write_report(path: str | Path, replication: Replication, figures: Mapping[st
 
 
 def report(replication: Replication, figures: Mapping[str, Path]) -> str:
-    """HTML of the page."""
+    """HTML of a replication's page."""
     drawings = [drawing for item in replication.items for drawing in item.drawings]
     return rendered(
         "replication.html",
@@ -66,7 +66,7 @@ MEANINGS = {
 
 
 def grid(name: str, checks: Sequence[Check]) -> Grid:
-    """Checks in the order of the printed table, or else in that in which they come."""
+    """The grid of checks in the order of the printed table, or else in that in which they come."""
     table = printed().tables.get(name)
     present = dict.fromkeys(check.column for check in checks)
     columns = [column for column in (table.columns if table else present) if column in present]

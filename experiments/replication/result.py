@@ -12,7 +12,7 @@ from adaptctl.recording import Setting
 
 @dataclass(frozen=True, eq=False)
 class Replication:
-    """Items of the paper that were computed again, in its order."""
+    """Result of the replication: items of the paper that were computed again, in its order."""
 
     experiment: str
     title: str
@@ -39,12 +39,12 @@ class Replication:
 
     @property
     def errata(self) -> tuple[str, ...]:
-        """Names of the items that are wrong somewhere."""
+        """Names of the items that are wrong somewhere in the paper."""
         return self._named(Outturn.ERRATUM)
 
     @property
     def not_reproduced(self) -> tuple[str, ...]:
-        """Names of the items that did not come out."""
+        """Names of the items that could not be reproduced."""
         return self._named(Outturn.NOT_REPRODUCED)
 
     def _named(self, verdict: Outturn) -> tuple[str, ...]:

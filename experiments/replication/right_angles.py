@@ -28,7 +28,7 @@ TURNS = (-1, 0, 1, -1, 1, 0)
 
 @dataclass(frozen=True, eq=False)
 class RoundedSet:
-    """Parameters that theorem 4.1 keeps with right angles rounded, and equation 25's vector on them."""
+    """Set of parameters that theorem 4.1 keeps with right angles rounded, and equation 25's vector on them."""
 
     kept: tuple[int, ...]
     condition: float

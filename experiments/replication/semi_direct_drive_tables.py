@@ -33,7 +33,7 @@ INEQUALITIES = (1e-3, 1e-5, 1e-7, 1e-9)
 
 
 def table9(study: Study) -> Item:
-    """Item of Table 9, the ranges: an input."""
+    """Item of Table 9, the ranges of motion, which are given and not computed."""
     table, arm = printed().tables["table9"], study.five_bar
     checks = tuple(given(*entry, _limit(arm, *entry[:2])) for entry in table.entries() if entry[2] != BLANK)
     bends = np.linspace(arm.lower[2], arm.upper[2], 200)
@@ -113,7 +113,7 @@ def table10(study: Study) -> Item:
 
 
 def table11(study: Study) -> Item:
-    """Item of Table 11, the priorities: an input."""
+    """Item of Table 11, the priorities of removal, which are given and not computed."""
     table, names = printed().tables["table11"], study.five_bar.mechanism.parameter_names
     order = study.priority("table11", study.five_bar.mechanism).indices(names)
     places = {names[j]: i + 1 for i, j in enumerate(order)}

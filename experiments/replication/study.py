@@ -28,7 +28,7 @@ from adaptctl.identifiability import (
 
 @dataclass(frozen=True)
 class Study:
-    """Choices of the experiment, and the arms, draws and torques that follow from them."""
+    """The study behind a replication: its choices, and the arms, draws and torques that follow from them."""
 
     seed: int
     seeds: int
@@ -45,7 +45,7 @@ class Study:
 
     @cached_property
     def arm3(self) -> Mechanism:
-        """First three joints of the PUMA."""
+        """The mechanism of the PUMA's first three joints."""
         return load("puma560_arm3")
 
     @cached_property
@@ -70,7 +70,7 @@ class Study:
 
     @cached_property
     def five_bar_draws(self) -> Draws:
-        """Draws of Figure 3's other arm."""
+        """The draws of Figure 3's other arm."""
         return self._draws(self.five_bar)
 
     @cached_property
@@ -100,22 +100,22 @@ class Study:
 
     @cached_property
     def five_bar_torque_errors(self) -> Array:
-        """(seeds, 27, 3), (N m)^2."""
+        """Mean square torque errors (seeds, 27, 3) of the semi-direct-drive arm, (N m)^2."""
         return self.five_bar_draws.torque_errors(self.five_bar_motion)
 
     @cached_property
     def nearly_parallel_torque_errors(self) -> Array:
-        """(seeds, 27, 3), (N m)^2."""
+        """Mean square torque errors (seeds, 27, 3) of the arm with nearly equal sides, (N m)^2."""
         return self.nearly_parallel_draws.torque_errors(self.nearly_parallel_motion)
 
     @cached_property
     def puma_basis(self) -> FundamentalBasis:
-        """Basis that Table 4's priorities yield with exact right angles."""
+        """The fundamental basis that Table 4's priorities yield with exact right angles."""
         return fundamental_basis(self.puma.space, self.priority("table4", self.puma.mechanism))
 
     @cached_property
     def five_bar_basis(self) -> FundamentalBasis:
-        """Basis that Table 11's priorities yield."""
+        """The fundamental basis that Table 11's priorities yield."""
         return fundamental_basis(self.five_bar.space, self.priority("table11", self.five_bar.mechanism))
 
     def priority(self, table: str, mechanism: Mechanism) -> Priority:
@@ -126,7 +126,7 @@ class Study:
 
     @property
     def drawn(self) -> dict[str, Draws]:
-        """Draws that were made, by arm."""
+        """The draws that were made, by arm."""
         labels = {
             "puma_draws": "puma560",
             "five_bar_draws": "semi_direct_drive",
@@ -136,7 +136,7 @@ class Study:
 
     @property
     def choices(self) -> tuple[str, ...]:
-        """Choices behind the draws, in words."""
+        """Texts of the choices behind the draws."""
         return (
             f"{self.seeds} draws of {self.samples} states, positions uniform within the table's ranges",
             f"velocities uniform up to {self.velocity_scale:.4g} times the table's bound, so that their root mean "
@@ -147,7 +147,7 @@ class Study:
 
     @property
     def motion_choice(self) -> str:
-        """The stated sinusoid, in words."""
+        """Text of the stated sinusoid."""
         return (
             f"one sinusoid of {self.frequency:g} Hz in all joints, in phase, each through the whole of its range in "
             f"the table; errors are means over one period of {self.motion_samples} samples"

@@ -34,7 +34,7 @@ class Outturn(Enum):
 
 @dataclass(frozen=True)
 class Check:
-    """One printed entry beside the computed one."""
+    """A check of one printed entry against the computed one."""
 
     row: str
     column: str
@@ -67,7 +67,8 @@ class Check:
 
 @dataclass(frozen=True)
 class Claim:
-    """Saying of the text, what was measured to judge it, what came out, and the share of seeds on which it holds."""
+    """A claim: a saying of the text, what was measured to judge it, what came out, and the share of seeds on which it
+    holds."""
 
     saying: Saying
     measured: str
@@ -78,7 +79,7 @@ class Claim:
 
 @dataclass(frozen=True)
 class Evidence:
-    """Numbers that bear on a verdict, and the sentence they stand in, with {} in their places."""
+    """Evidence for a verdict: numbers, and the sentence they stand in, with {} in their places."""
 
     sentence: str
     values: tuple[float, ...]
@@ -91,7 +92,7 @@ class Evidence:
 
 
 def evidence(sentence: str, *values: float, digits: int = 3) -> Evidence:
-    """Evidence from its parts."""
+    """The evidence of a sentence and its numbers."""
     return Evidence(sentence, tuple(float(value) for value in values), digits)
 
 
@@ -102,7 +103,7 @@ def percent(share: float) -> str:
 
 @dataclass(frozen=True)
 class Relations:
-    """Equations written out, under a heading."""
+    """Relations: equations written out, under a heading."""
 
     heading: str
     lines: tuple[str, ...]
@@ -110,7 +111,8 @@ class Relations:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """An arm along the stated sinusoid, and torques of all its joints under several sets of parameters."""
+    """A scene for the recording: an arm along the stated sinusoid, and torques of all its joints under several sets of
+    parameters."""
 
     label: str
     mechanism: Mechanism
@@ -122,7 +124,7 @@ class Scene:
 
 @dataclass(frozen=True, eq=False)
 class Item:
-    """Table, figure or passage of the paper, with its checks, claims and evidence."""
+    """An item of the paper, a table, figure or passage, with its checks, claims and evidence."""
 
     name: str
     """as the command line has it: ``table7``"""
@@ -190,7 +192,7 @@ def marked(row: str, column: str, text: str, kept: bool, unlike: Outturn = Outtu
 
 
 def judged(checks: Sequence[Check], claims: Sequence[Claim] = ()) -> Outturn:
-    """Outturn on several checks and on what the text says of them.
+    """The verdict on several checks and on what the text says of them.
 
     An erratum if one is; not reproduced where one entry is not, or nothing that is said holds; else the most frequent
     of the checks that are no inputs.

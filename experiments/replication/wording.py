@@ -34,7 +34,7 @@ def headline(replication: Replication) -> str:
 
 
 def facts(replication: Replication) -> Iterator[tuple[str, str]]:
-    """Questions that a person asks first, and the answers."""
+    """Questions that a person asks first about the replication, and the answers."""
     n, m = replication.numbers, replication.marks
     yield "Printed numbers", f"{n.printed}, {n.given} of them inputs"
     yield "Reproduced", f"{n.reproduced}, {n.to_the_last_digit} to the last digit"

@@ -13,7 +13,7 @@ from adaptctl.recording.wording import headline
 
 
 def shown(result: SideBySide) -> Result:
-    """Arms side by side as an experiment's result."""
+    """The result of the experiment, as the command line shows it, from arms side by side."""
     return Result(
         complete=result.complete,
         headline=headline(outcome_words(result), result.complete),

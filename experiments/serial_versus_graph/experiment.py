@@ -33,7 +33,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SerialVersusGraph(TipPath, ClosedLoopExperiment):
-    """Comparison of the three-joint PUMA and the five-bar: parameters, operations, tracking on one path in space.
+    """Experiment that compares the three-joint PUMA and the five-bar: parameters, operations, tracking on one path in
+    space.
 
     Both tips follow one path, turned into joints by inverse kinematics, and start off it by the same way. Both are
     driven by Slotine and Li's controller from zero, on the independent parameters and on all, and with adaptation
@@ -83,7 +84,7 @@ class SerialVersusGraph(TipPath, ClosedLoopExperiment):
         return shown(self.compare(progress))
 
     def compare(self, progress: Progress) -> SideBySide:
-        """Runs of one arm after the other; of those that were begun when it is interrupted."""
+        """Both arms side by side, run one after the other; those that were begun when it is interrupted."""
         sides: list[Side] = []
         complete = True
         for arm in ARMS:
@@ -107,7 +108,7 @@ class SerialVersusGraph(TipPath, ClosedLoopExperiment):
         )
 
     def side(self, arm: ArmWithTip, progress: Progress) -> Side:
-        """Offline stage and runs of one arm."""
+        """The side of one arm: its offline stage and runs."""
         progress("independent parameters from energies", 0.0)
         mechanism = load(arm.robot)
         tip = arm.on(mechanism)
@@ -157,9 +158,9 @@ class SerialVersusGraph(TipPath, ClosedLoopExperiment):
 
         k, everything = len(model.columns), len(full.columns)
         return [
-            Contender(ADAPTIVE, f"Slotine-Li, {k} parameters", "nothing", slotine_li(model)),
-            Contender(ADAPTATION_OFF, "Slotine-Li, adaptation off", "nothing", slotine_li(model, adapts=False)),
-            Contender(FULL, f"Slotine-Li, all {everything} parameters", "nothing", slotine_li(full)),
+            Contender.of(ADAPTIVE, f"Slotine-Li, {k} parameters", "nothing", slotine_li(model)),
+            Contender.of(ADAPTATION_OFF, "Slotine-Li, adaptation off", "nothing", slotine_li(model, adapts=False)),
+            Contender.of(FULL, f"Slotine-Li, all {everything} parameters", "nothing", slotine_li(full)),
         ]
 
     def _comparison(
@@ -200,5 +201,5 @@ def _report_progress(progress: Progress, arm: str, what: str, share: float) -> N
 
 
 def regressor_counts(mechanism: Mechanism, basis: FundamentalBasis) -> OperationCounts:
-    """Operations of the compiled Slotine-Li regressor at a configuration that closes the loops."""
+    """Operation counts of the compiled Slotine-Li regressor at a configuration that closes the loops."""
     return OperationCounts(equation_costs(mechanism, basis.columns).regressor, equation_costs(mechanism).regressor)

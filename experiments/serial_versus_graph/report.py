@@ -24,7 +24,7 @@ def trace_name(side: str) -> str:
 
 
 def report(result: SideBySide, figures: Mapping[str, Path]) -> str:
-    """HTML of the page."""
+    """HTML of the page of arms side by side."""
     return rendered(
         "report.html",
         __package__ or "",

@@ -14,7 +14,8 @@ from adaptctl.recording.comparison import BEGINNING, SETTLED, Comparison, Contro
 
 @dataclass(frozen=True)
 class OperationCounts:
-    """Additions, subtractions, multiplications, divisions and negations of a Slotine-Li regressor, compiled."""
+    """Operation counts of a compiled Slotine-Li regressor: additions, subtractions, multiplications, divisions and
+    negations."""
 
     reduced: int
     """on the independent parameters"""
@@ -24,7 +25,7 @@ class OperationCounts:
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """Runs of one of the arms, and the path of its tip."""
+    """One side of the comparison: an arm's runs, and the path of its tip."""
 
     name: str
     """short and fit for a file: ``serial``"""
@@ -65,17 +66,18 @@ class Side:
         return float(np.sqrt(np.mean(self.tip_errors(run)[inside] ** 2))) if inside.any() else None
 
     def first_tip_rms(self, run: ControllerRun | None) -> float | None:
-        """`tip_rms` over the first second, m."""
+        """Root mean square distance of the tip over the first second, m; None where there is no such run."""
         return None if run is None or run.first_rms_error is None else self.tip_rms(run, stop=BEGINNING)
 
     def final_tip_rms(self, run: ControllerRun | None) -> float | None:
-        """`tip_rms` over the last two seconds that were run, m."""
+        """Root mean square distance of the tip over the last two seconds that were run, m; None where there is no such
+        run."""
         return None if run is None or run.final_rms_error is None else self.tip_rms(run, start=run.duration - SETTLED)
 
 
 @dataclass(frozen=True, eq=False)
 class SideBySide:
-    """Runs of several arms on one task; of those only that were begun when it was interrupted."""
+    """Arms side by side: runs of several on one task; of those only that were begun when it was interrupted."""
 
     experiment: str
     title: str

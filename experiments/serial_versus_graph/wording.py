@@ -27,7 +27,7 @@ class Row(NamedTuple):
 
 
 def outcome_words(result: SideBySide) -> str:
-    """Outcome in a sentence or two, failures first."""
+    """The outcome of the comparison of arms in a sentence or two, failures first."""
     return verdict(result).before(_answer(result))
 
 
@@ -52,7 +52,7 @@ def _answer(result: SideBySide) -> str:
 
 
 def facts(result: SideBySide) -> Iterator[tuple[str, str]]:
-    """Questions that a person asks first, and the answers, one for each arm."""
+    """Questions that a person asks first about the arms, and the answers, one for each arm."""
     for what in FACTS:
         yield what, " · ".join(next(row for row in rows(result) if row.what == what).values)
 

@@ -173,8 +173,8 @@ def raised_slope(parameters: Column, slope: Column, bodies: int) -> Column:
 
 
 def moved_body(ten: Sequence[Scalar], slope: Sequence[Scalar]) -> list[Any]:
-    """A link's ten inertial parameters after one step along the geodesic: those of G Q Q G' for its pseudo-inertia G
-    G', as what is added to G G'.
+    """A link's ten inertial parameters after one step along the geodesic: those of G Q Q G' for its pseudo-inertia
+    G G', as what is added to G G'.
 
     So a small step is rounded as a small number is, and many small steps do not wear an estimate away.
     """

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen_array
+from adaptctl.arrays import Array, frozen, frozen_array
 from adaptctl.control.gains.estimate_hold import parameter_holds
 from adaptctl.control.gains.gains import Gains
 from adaptctl.control.gains.hold import hold_number
@@ -44,9 +45,10 @@ class PriorRanges:
             if not (np.isfinite(getattr(self, kind)) and getattr(self, kind) > 0.0):
                 raise InputError(f"prior range of {kind}: expected a positive number, got {getattr(self, kind)}")
 
+    @lru_cache(maxsize=64)  # noqa: B019  # a few numbers each, asked for by every controller of a sweep
     def of(self, names: tuple[str, ...]) -> Array:
-        """The range (k,) of every named parameter, in SI units."""
-        return np.array([self._range(name.rsplit(".", 1)[-1]) for name in names])
+        """The range (k,) of every named parameter, in SI units; read-only."""
+        return frozen(np.array([self._range(name.rsplit(".", 1)[-1]) for name in names]))
 
     def _range(self, kind: str) -> float:
         if kind in ("viscous", "square_root"):

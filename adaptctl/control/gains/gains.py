@@ -21,7 +21,7 @@ def positive_per_joint(values: ArrayLike, dof: int, what: str) -> Array:
     Raises `InputError` on a wrong shape and for any other numbers.
     """
     array = per_joint(values, dof, what)
-    if not np.all((array > 0.0) & np.isfinite(array)):
+    if not ((array > 0.0) & np.isfinite(array)).all():
         raise InputError(f"{what}: expected positive numbers, got {array.tolist()}")
     return array
 

@@ -8,7 +8,7 @@ from typing import NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, per_joint, stacked_rows
+from adaptctl.arrays import Array, frozen, per_joint, stacked_rows
 from adaptctl.caching import sent_as_made
 from adaptctl.control.gains.workspace import Workspace, Worst, everywhere
 from adaptctl.description.drive import DriveParameter
@@ -157,11 +157,12 @@ def _carrying(mechanism: Mechanism, p: Array, M: Array, period: float) -> Array:
     return np.asarray((side * shares[..., None, :]) @ np.swapaxes(side, -1, -2))
 
 
-def _viscous(mechanism: Mechanism) -> tuple[list[int], Array]:
+@lru_cache(maxsize=8)
+def _viscous(mechanism: Mechanism) -> tuple[tuple[int, ...], Array]:
     """Indices of the parameters of viscous friction, and their values."""
     names = mechanism.parameter_names
-    columns = [j for j, name in enumerate(names) if name.endswith(f".{DriveParameter.VISCOUS.value}")]
-    return columns, mechanism.inertial_parameters[columns]
+    columns = tuple(j for j, name in enumerate(names) if name.endswith(f".{DriveParameter.VISCOUS.value}"))
+    return columns, frozen(mechanism.inertial_parameters[list(columns)])
 
 
 def mass_matrix_of(mechanism: Mechanism, p: Array, parameters: Array) -> Array:
@@ -204,8 +205,8 @@ def require_hold(
     bandwidth: ArrayLike = 0.0,
     workspace: Workspace | None = None,
 ) -> HoldNumber:
-    """The hold number of gains. Raises `GainError` where it is 2 or more: the control period (s) cannot carry the
-    gains."""
+    """The hold number of gains. Raises `GainError`, saying what the period can carry, where it is above
+    LARGEST_SAMPLED_GAIN: the control period (s) cannot carry the gains."""
     found = hold_number(mechanism, damping, period, bandwidth, workspace=workspace)
     if not found.value <= LARGEST_SAMPLED_GAIN:
         _refuse(mechanism, found, period, float(np.max(bandwidth)))

@@ -35,7 +35,7 @@ class LinkPoses(NamedTuple):
 
 
 class JointAxes(NamedTuple):
-    """Joints in the world: a point on each axis, and its direction."""
+    """Axes of the joints in the world: a point (..., N, 3) on each, m, and its direction (..., N, 3)."""
 
     positions: Array
     """(..., N, 3), m: the origin of the joint's frame before it moves"""

@@ -14,7 +14,7 @@ NAMES = ("tx40",)
 
 
 class Example(NamedTuple):
-    """Files of one robot."""
+    """An example: the files of one robot."""
 
     log: Path
     robot: Path

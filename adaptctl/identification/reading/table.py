@@ -18,7 +18,7 @@ MAX_BYTES = 4 * 2**30
 
 @dataclass(frozen=True, eq=False)
 class LogTable:
-    """Columns (n,) by name, and the units that the file itself states of them, if any."""
+    """A table of a log: columns (n,) by name, and the units that the file itself states of them, if any."""
 
     source: str
     columns: Mapping[str, Array]

@@ -32,8 +32,7 @@ class Payload:
             raise InputError(f"payload: expected a mass of at least 0 kg, got {self.mass!r}")
         object.__setattr__(self, "center", frozen_array(self.center, (3,), "payload: center"))
         tensor = frozen_array(self.inertia, (3, 3), "payload: inertia")
-        second_moments = 0.5 * np.trace(tensor) * np.eye(3) - tensor
-        if not np.array_equal(tensor, tensor.T) or np.linalg.eigvalsh(second_moments)[0] < -1e-12 * np.trace(tensor):
+        if tensor.any() and not _is_inertia(tensor):
             raise InputError(
                 f"payload: no body has the inertia {tensor.tolist()}: expected a symmetric tensor whose "
                 "principal moments satisfy the triangle inequality"
@@ -60,3 +59,10 @@ class Payload:
         loaded = np.array(parameters, dtype=np.float64)
         loaded[..., 10 * link : 10 * link + 10] += from_center_of_mass(self.mass, self.center, self.inertia)
         return loaded
+
+
+def _is_inertia(tensor: Array) -> bool:
+    """True if a body has this tensor (3, 3) about its centre of mass."""
+    second_moments = 0.5 * np.trace(tensor) * np.eye(3) - tensor
+    sound = np.linalg.eigvalsh(second_moments)[0] >= -1e-12 * np.trace(tensor)
+    return bool(sound and np.array_equal(tensor, tensor.T))

@@ -57,16 +57,16 @@ class Places:
         return any(element.get(f"{kind}{k}") in names for kind, names in known.items() for k in (1, 2))
 
     def body(self, name: str, where: str) -> Standing:
-        """The body of a name. Raises `InputError` where there is none."""
+        """The body of a name. Raises `NotFoundError` where there is none."""
         return _known(self.bodies, name, "body", where)
 
     def site(self, name: str, where: str) -> tuple[Standing, Pose]:
-        """The body of the site of a name, and the site's pose there. Raises `InputError` where there is none."""
+        """The body of the site of a name, and the site's pose there. Raises `NotFoundError` where there is none."""
         found = _known(self.sites, name, "site", where)
         return self.bodies[found.body], found.pose
 
     def joint(self, name: str, where: str) -> float:
-        """The coordinate (rad or m) at which the file draws the joint of a name. Raises `InputError` where there is
+        """The coordinate (rad or m) at which the file draws the joint of a name. Raises `NotFoundError` where there is
         none."""
         return _known(self.joints, name, "joint", where)
 

@@ -1,0 +1,51 @@
+"""Episodes of experiments at their beginning; those of one task share an environment."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from adaptctl.arrays import Array
+from adaptctl.dynamics import Mechanism
+from adaptctl.experiments.learning import Learning
+from adaptctl.experiments.stated_task import SinusoidTask, StatedTask
+from adaptctl.simulation import Episode
+
+WHAT_IS_HELD = frozenset({"payload"})
+"""Options of a reset that change an episode's true parameters alone."""
+
+
+class BegunEpisode(NamedTuple):
+    """An episode that has begun, and the environment that it is of."""
+
+    episode: Episode
+    env: Any
+
+    @property
+    def error_bound(self) -> Array:
+        """Errors (r,), rad or m, that end the episode."""
+        bound: Array = self.env.error_bound
+        return bound
+
+
+class Episodes:
+    """Episodes of many experiments, of which those with equal tasks on one mechanism differ in parameters alone."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[Mechanism, SinusoidTask], BegunEpisode] = {}
+
+    def of(self, experiment: Learning, mechanism: Mechanism) -> BegunEpisode:
+        """The episode of an experiment as its environment begins it. Raises what the environment raises."""
+        if type(experiment).environment is not StatedTask.environment or experiment.options.keys() - WHAT_IS_HELD:
+            return _begun(experiment, mechanism)
+        key = mechanism, experiment.task(mechanism)  # type: ignore[attr-defined]  # as its environment tells
+        if key not in self._known:
+            self._known[key] = _begun(experiment, mechanism)
+        episode, env = self._known[key]
+        return BegunEpisode(episode._replace(parameters=env.true_parameters(experiment.options)), env)
+
+
+def _begun(experiment: Learning, mechanism: Mechanism) -> BegunEpisode:
+    """The episode of an experiment in an environment of its own."""
+    env: Any = experiment.environment(mechanism)
+    env.reset(seed=experiment.seed, options=experiment.options)
+    return BegunEpisode(env.unwrapped.hand_over(), env.unwrapped)
