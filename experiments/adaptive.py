@@ -53,7 +53,7 @@ class AdaptiveTracking(Learning):
         high=1.0,
     )
     rate: float = setting(
-        0.4, "Γ is as large as this T_c λ_max(K⁻¹ Y Γ Y') allows along the path", symbol="Γ", low=1e-4, high=1.0
+        0.5, "Γ is as large as this T_c λ_max(K⁻¹ Y Γ Y') allows along the path", symbol="Γ", low=1e-4, high=1.0
     )
     initial_error: float = setting(
         0.1, "initial error of every joint, rad or m; a tenth of its range where that is less", low=-1.0, high=1.0

@@ -77,7 +77,8 @@ def test_the_experiment_keeps_clear(tmp_path: Path, capsys: pytest.CaptureFixtur
     """The post stands where the reference of this seed would go; without it the arm learns as well."""
     model = mujoco.MjModel.from_xml_path(str(scene(tmp_path)))
     drawn = adaptctl.tune(adaptctl.Mechanism.from_mujoco(model), seed=3).reference
-    a, b = drawn.center
+    swing = drawn(np.linspace(0.0, 6.0, 601)).p
+    a, b = swing[np.abs(swing).sum(axis=1).argmax()]  # far from the scene's own posture, which is to stay free
     end = 0.4 * np.array([np.cos(a), np.sin(a)]) + 0.3 * np.array([np.cos(a + b), np.sin(a + b)])
     text = SCENE.format(post=0).replace('pos="0 0 0"', f'pos="{end[0]:.3f} {end[1]:.3f} 0"')
     (tmp_path / "scene.xml").write_text(text)

@@ -72,7 +72,7 @@ def test_gains_keep_to_the_numbers_that_are_asked(tuned: Tuning, hold: float) ->
     assert np.all(found.carried.gains.bandwidth <= 4.0)
 
 
-@pytest.mark.parametrize("shares", ["ranges", "links", "parameters"])
+@pytest.mark.parametrize("shares", ["ranges", "links", "parameters", "mixed"])
 def test_adaptation_gains_have_the_number_that_is_asked(tuned: Tuning, shares: str) -> None:
     mine = proposals(tuned)
     found = mine.proposed(4.0, 0.5, 0.3, shares)  # type: ignore[arg-type]
@@ -85,6 +85,24 @@ def test_adaptation_gains_have_the_number_that_is_asked(tuned: Tuning, shares: s
     assert exact == pytest.approx(0.3, rel=1e-9)
     assert adaptation_number(Y, K, found.gain, PERIOD) == pytest.approx(0.3, rel=1e-9)
     assert np.all(found.gain > 0.0)
+
+
+def test_a_rotor_shares_with_its_link() -> None:
+    """A share of its own, as large as a whole link's, made estimates of rotors ring in the humanoid of gymnasium."""
+    geared = load("puma560_geared")
+    mine = proposals(tune(geared))
+    found, ranges = mine.proposed(4.0, 0.5, 0.3, "links"), mine.ranges
+    names = list(geared.parameter_names)
+    for link in geared.links:
+        rotor, body = names.index(f"{link.joint.name}.rotor_inertia"), names.index(f"{link.name}.I_zz")
+        assert found.gain[rotor] / found.gain[body] == pytest.approx((ranges[rotor] / ranges[body]) ** 2)
+
+
+def test_mixed_shares_are_half_of_each_kind(tuned: Tuning) -> None:
+    mine = proposals(tuned)
+    ranges, links, mixed = (mine.proposed(4.0, 0.5, 0.3, kind).gain for kind in ("ranges", "links", "mixed"))
+    both = ranges + links
+    np.testing.assert_allclose(mixed, both * (mixed[0] / both[0]), rtol=1e-9)
 
 
 def test_a_light_wrist_does_not_weaken_the_shoulder(tuned: Tuning) -> None:
@@ -135,8 +153,9 @@ def test_a_search_is_no_worse_than_the_rule_where_it_judges(tuned: Tuning) -> No
     assert searched.learns
     assert searched.verified[3].last < 1.2 * tuned.verified[3].last
     again = tune(PUMA, search=8)
-    np.testing.assert_array_equal(again.gains.damping, searched.gains.damping)
-    np.testing.assert_array_equal(again.adaptation, searched.adaptation)
+    # To round-off: equations are compiled once they are called often.
+    np.testing.assert_allclose(again.gains.damping, searched.gains.damping, rtol=1e-9)
+    np.testing.assert_allclose(again.adaptation, searched.adaptation, rtol=1e-9)
 
 
 def test_stiff_friction_is_integrated_not_refused() -> None:

@@ -21,7 +21,7 @@ def tune(
     period: Annotated[float, Parameter(help="Control period, s: how long a torque is held.")] = 1e-3,
     bandwidth: Annotated[float, Parameter(help="Largest Λ, 1/s.")] = 4.0,
     hold: Annotated[float, Parameter(help="Largest T λ_max((M + T B)⁻¹K) along the reference.")] = 0.5,
-    adaptation: Annotated[float, Parameter(help="T λ_max(K⁻¹ Y Γ Y') along the reference.")] = 0.4,
+    adaptation: Annotated[float, Parameter(help="T λ_max(K⁻¹ Y Γ Y') along the reference.")] = 0.5,
     search: Annotated[int, Parameter(help="Settings that are tried in closed loop besides those by rule.")] = 0,
     seed: Annotated[int, Parameter(help="Seed of the reference, and of all else that is drawn.")] = 0,
     floating_base: Annotated[

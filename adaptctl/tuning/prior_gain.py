@@ -19,9 +19,9 @@ HEAVIEST = 5.0
 LEAST_SHARE = 1e-3
 """of the largest share of a link's parameter in the torques, in proportion to the ranges: less is learned no faster"""
 
-Shares: TypeAlias = Literal["ranges", "links", "parameters"]
+Shares: TypeAlias = Literal["ranges", "links", "parameters", "mixed"]
 """Parts with an equal share in the adaptation number: each link, each parameter, or none (in proportion to the prior
-ranges)."""
+ranges); mixed is half of the latter and half of each link."""
 
 
 def prior_ranges(mechanism: Mechanism, heaviest: float = HEAVIEST) -> Array:
@@ -57,6 +57,9 @@ def carried_gain(
         gain = _each_link(mechanism, regressor, damping, gain, period)
     elif shares == "parameters":
         gain = _each_parameter(mechanism, regressor, damping, gain)
+    elif shares == "mixed":
+        parts = gain, _each_link(mechanism, regressor, damping, gain, period)
+        gain = np.sum([part / adaptation_number(regressor, damping, part, period) for part in parts], axis=0)
     return gain * number / adaptation_number(regressor, damping, gain, period)
 
 
@@ -85,10 +88,15 @@ def _positive(gain: Array) -> Array:
 
 
 def _groups(mechanism: Mechanism) -> list[list[int]]:
-    """Indices of the parameters of each link, and of each drive."""
+    """Indices of the parameters of each link with its drive's rotor, and of each drive's friction.
+
+    A rotor alone moves little, and an equal share of it would be a gain that makes its estimate ring.
+    """
+    links = {link.joint.name: link.name for link in mechanism.links}
     groups: dict[tuple[str, bool], list[int]] = {}
     for k, name in enumerate(mechanism.parameter_names):
-        groups.setdefault((name.rpartition(".")[0], k >= mechanism.energetic), []).append(k)
+        owner = name.rpartition(".")[0]
+        groups.setdefault((links.get(owner, owner), k >= mechanism.energetic), []).append(k)
     return list(groups.values())
 
 

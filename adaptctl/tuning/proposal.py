@@ -10,8 +10,10 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.caching import cached_property
 from adaptctl.control.controller import Reference, ReferencePoint
+from adaptctl.control.gains.workspace import reachable
 from adaptctl.dynamics import Mechanism
 from adaptctl.tuning.carried_gains import WIDTH, CarriedGains, carried_gains
+from adaptctl.tuning.initial_error import common_error
 from adaptctl.tuning.motion_range import motion_ranges
 from adaptctl.tuning.prior_gain import Shares, carried_gain, prior_ranges
 
@@ -45,9 +47,10 @@ class Proposals:
     points: ReferencePoint
     """of the reference, (S, r) each"""
     postures: Array
-    """(S, r) near them"""
+    """(S, r) near them, where loops can be there"""
     errors: Array
-    """(S, r) of the size of the initial error, of either sign"""
+    """(S, r) of the size of the initial error and at least of the common one, of either sign; zero where loops cannot
+    be off by it"""
 
     @classmethod
     def along(
@@ -63,9 +66,11 @@ class Proposals:
         """Proposals from so many samples of a reference."""
         rng, points = np.random.default_rng(seed), reference(np.linspace(0.0, HORIZON, samples))
         lower, upper = motion_ranges(mechanism)
-        width = np.minimum(WIDTH, 0.5 * (upper - lower)) * (mechanism.continuation is None)
+        width = np.minimum(WIDTH, 0.5 * (upper - lower))
         postures = points.p + width * rng.uniform(-1.0, 1.0, points.p.shape)
-        errors = off * rng.choice([-1.0, 1.0], points.p.shape) * (mechanism.continuation is None)
+        postures = np.where(reachable(mechanism, postures)[:, None], postures, points.p)
+        errors = np.maximum(np.abs(off), common_error(mechanism)) * rng.choice([-1.0, 1.0], points.p.shape)
+        errors = np.where(reachable(mechanism, points.p + errors)[:, None], errors, 0.0)
         sizes = np.maximum(np.abs(off), SMALLEST_ERROR)
         return cls(mechanism, limits, sizes, period, points, postures, errors)
 

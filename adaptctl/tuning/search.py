@@ -17,7 +17,7 @@ from adaptctl.tuning.verification import ASTRAY, CLIPPED, LINKS_OFF, measures
 DURATION = 8.0
 """s of a run"""
 BANDWIDTHS, HOLDS, NUMBERS = (4.0, 8.0), (0.25, 0.5), (0.1, 0.2, 0.4, 0.8)
-SHARES: tuple[Shares, ...] = ("ranges", "links", "parameters")
+SHARES: tuple[Shares, ...] = ("mixed", "links", "parameters")
 
 
 def searched(trials: Trials, proposals: Proposals, first: Proposal, count: int, seed: int) -> Proposal:

@@ -17,8 +17,8 @@ from adaptctl.errors import InputError
 from adaptctl.simulation import Plant
 from adaptctl.simulation.stiffness import MOST, integration
 from adaptctl.tuning.carried_gains import MANY, POSTURES, POSTURES_OF_MANY, CarriedGains
+from adaptctl.tuning.initial_error import SLOW, recoverable_error
 from adaptctl.tuning.limitations import limitations
-from adaptctl.tuning.motion_range import motion_ranges
 from adaptctl.tuning.proposal import Proposals
 from adaptctl.tuning.search import searched
 from adaptctl.tuning.trial import Trials
@@ -26,10 +26,8 @@ from adaptctl.tuning.tuning import Tuning
 from adaptctl.tuning.verification import Verification, verifications
 from adaptctl.tuning.workable_reference import TORQUE_SHARE, WorkableReference, judged_reference, workable_reference
 
-LARGEST_ERROR = 0.1
-"""rad or m, and of a joint's range: the initial error unless given"""
-STATIC, LITTLE, SLOW = 0.95, 3.0, 1.0
-"""share of a torque limit at rest, ratio of errors without and with adaptation, and bandwidth (1/s), that are noted"""
+STATIC, LITTLE = 0.95, 3.0
+"""share of a torque limit at rest, and ratio of errors without and with adaptation, that are noted"""
 
 
 def tune(
@@ -40,17 +38,18 @@ def tune(
     initial_error: ArrayLike | None = None,
     bandwidth: float = 4.0,
     hold: float = 0.5,
-    adaptation: float = 0.4,
+    adaptation: float = 0.5,
     search: int = 0,
     seed: int = 0,
 ) -> Tuning:
     """A tuning: reference, gains and integration with which Slotine and Li's law learns a mechanism from zero.
 
     `period` is the control period T (s). The `reference`, unless given, is drawn by `seed` within 60 % of the torque
-    limits. Lambda is `bandwidth` (1/s) where the torques can follow; K is the largest that T lambda_max((M + T B)^-1 K)
-    of at most `hold` allows along the reference, joint by joint; Gamma is as the prior ranges are, with
-    T lambda_max(K^-1 Y Gamma Y') of `adaptation`. With `search` as many settings about these are run, on links 30 %
-    off, in time and late, and the best is taken. What is found is verified in closed loop.
+    limits; the `initial_error`, unless given, is 0.1 rad or m, and less where a range or a torque limit is small.
+    Lambda is `bandwidth` (1/s) where the torques can follow; K is the largest that T lambda_max((M + T B)^-1 K) of at
+    most `hold` allows along the reference, joint by joint; Gamma is half as the prior ranges are and half alike for all
+    links, with T lambda_max(K^-1 Y Gamma Y') of `adaptation`. With `search` as many settings about these are run, on
+    links 30 % off, in time and late, and the best is taken. What is found is verified in closed loop.
 
     Raises `InputError` for settings that are out of range, and for joints that no gains can hold.
     """
@@ -59,13 +58,15 @@ def tune(
     _require("adaptation", adaptation, 1.0)
     if not isinstance(search, int) or search < 0:
         raise InputError(f"search: expected a whole number of at least 0, got {search!r}")
-    limits, off = finite_torque_limits(mechanism), _initial_error(mechanism, initial_error)
+    given = None if initial_error is None else _given_error(mechanism, initial_error)
+    limits = finite_torque_limits(mechanism)
     if reference is None:
         found = workable_reference(mechanism, limits, seed)
     else:
         found = judged_reference(mechanism, limits, reference)
+    off = given if given is not None else recoverable_error(mechanism, limits, found.reference)
     proposals = Proposals.along(mechanism, limits, found.reference, off, period, _postures(mechanism), seed)
-    first = proposals.proposed(bandwidth, hold, adaptation, "ranges")
+    first = proposals.proposed(bandwidth, hold, adaptation, "mixed")
     plant = _plant(mechanism, float(period), tuple(limits.tolist()))
     trials = Trials(plant, found.reference, off)
     chosen = searched(trials, proposals, first, search, seed) if search and trials.possible else first
@@ -101,11 +102,7 @@ def _require(name: str, value: float, most: float) -> None:
         raise InputError(f"{name}: expected a number above 0 and at most {most:g}, got {value!r}")
 
 
-def _initial_error(mechanism: Mechanism, given: ArrayLike | None) -> Array:
-    """Initial errors (r,): those given, or a tenth of each joint's range and at most LARGEST_ERROR."""
-    if given is None:
-        lower, upper = motion_ranges(mechanism)
-        return np.minimum(LARGEST_ERROR, LARGEST_ERROR * (upper - lower))
+def _given_error(mechanism: Mechanism, given: ArrayLike) -> Array:
     error = per_joint(given, mechanism.dof, "initial_error")
     if not np.all(np.isfinite(error)):
         raise InputError(f"initial_error: expected finite numbers, got {error.tolist()}")

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.optimize import minimize
 
 from adaptctl.arrays import Array
 from adaptctl.control.controller import Reference
+from adaptctl.control.gains.workspace import reachable
 from adaptctl.control.references import Sinusoids
 from adaptctl.dynamics import Mechanism
 from adaptctl.tuning.motion_range import AMPLITUDE, motion_ranges
@@ -18,17 +20,23 @@ START_TIME, FADE_SLOPE = 2.0, 1.875
 """s of the smooth start, and the greatest slope of a quintic fade over unit time"""
 TORQUE_SHARE, SPEED_SHARE, ROOM_SHARE = 0.6, 0.6, 0.8
 """of torque limits, of velocity limits and of the room to the position limits"""
-SAMPLES, ROUNDS, NEAR = 400, 24, 40
-"""random centres, then rounds of random ones near the best"""
-INNER = 0.8
-"""of the position ranges, in which random centres lie"""
+SAMPLES, STEPS = 200, 8
+"""random centres, and steps downhill from the best of them"""
+INNER, OUTER, NEAR_HOME = 0.8, 0.9, 0.3
+"""of the position ranges, in which random centres lie, in which steps end, and about the home of closed loops"""
+DIFFERENCE, DIGITS = 1e-6, 3
+"""of half a range, by which slopes are taken; decimal digits of it that centres have"""
 HORIZON, TIMES = 20.0, 201
 """s of the reference that are looked at, and at how many times"""
-EVEN, COUPLED, AWAY = 0.1, 0.03, 0.1
-"""weights in a centre's cost besides the largest share: the mean share, decades of condition, and offset"""
-LESS = 1e-9
-"""of a cost: by what a centre must be better, so that none is chosen for its round-off"""
-SMALLER, ROUNDS_OF_FITTING = 0.7, 40
+SHARPNESS, EVEN, COUPLED, AWAY = 8, 0.1, 0.03, 0.1
+"""power of the norm that stands for a centre's largest share; weights of the typical share, of decades of condition,
+and of the offset from mid-range"""
+SMALLER, SLIGHTLY, ROUNDS = 0.7, 0.95, 40
+"""times the amplitude of joints that ask for too much, and of the others, in a round of fitting"""
+OWN = 0.05
+"""of a joint's amplitude: where it asks for too much with less, others are the cause"""
+HIGHEST = 0.95
+"""of a torque limit, the most that a reference may ask"""
 
 
 class WorkableReference(NamedTuple):
@@ -58,7 +66,7 @@ def workable_reference(mechanism: Mechanism, limits: Array, seed: int) -> Workab
     room = ROOM_SHARE * np.minimum(center - lower, upper - center)
     largest = np.minimum(np.minimum(AMPLITUDE, room), SPEED_SHARE * fastest / slope)
     amplitude = largest * rng.uniform(0.5, 1.0, mechanism.dof)
-    static = _static(mechanism, center) / limits
+    static = _static(mechanism, limits, center)
     return _fitted(mechanism, limits, static, Sinusoids(center, amplitude, frequency, start_time=START_TIME))
 
 
@@ -66,19 +74,25 @@ def judged_reference(mechanism: Mechanism, limits: Array, reference: Reference) 
     """The reference given, and the shares of the torque limits that it asks for."""
     center = reference(np.zeros(1)).p[0]
     asked = _asked(mechanism, limits, reference)
-    return WorkableReference(reference, _static(mechanism, center) / limits, asked, np.ones(mechanism.dof))
+    return WorkableReference(reference, _static(mechanism, limits, center).sum(axis=0), asked, np.ones(mechanism.dof))
 
 
-def _fitted(mechanism: Mechanism, limits: Array, static: Array, drawn: Sinusoids) -> WorkableReference:
-    """The drawn reference, joints moved less until none asks for more than its share."""
-    allowed, scale = np.maximum(TORQUE_SHARE, 0.5 * (1.0 + static)), np.ones(mechanism.dof)
-    for _ in range(ROUNDS_OF_FITTING):
+def _fitted(mechanism: Mechanism, limits: Array, parts: Array, drawn: Sinusoids) -> WorkableReference:
+    """The drawn reference, joints moved less until none asks for more than its share; `parts` are of `_static`.
+
+    A joint that gravity alone asks more of is held still, and no other is moved less for its sake.
+    """
+    static = parts.sum(axis=0)
+    allowed = np.clip(0.5 * (1.0 + static), TORQUE_SHARE, HIGHEST)
+    scale = np.where(parts[0] < allowed, 1.0, 0.0)
+    for _ in range(ROUNDS):
         reference = Sinusoids(drawn.center, scale * drawn.amplitude, drawn.frequency, start_time=START_TIME)
         asked = _asked(mechanism, limits, reference)
-        over = asked > allowed
+        over = (asked > allowed) & (scale > 0.0)
         if not over.any():
             break
-        scale = scale * np.where(over, SMALLER, 0.95)
+        others = SLIGHTLY if scale[over].min() > OWN else SMALLER
+        scale = scale * np.where(over, SMALLER, others)
     return WorkableReference(reference, static, asked, scale)
 
 
@@ -92,45 +106,70 @@ def _asked(mechanism: Mechanism, limits: Array, reference: Reference) -> Array:
     return np.asarray(np.abs(mechanism.inverse_dynamics(points.p, points.v, points.a)).max(axis=0) / limits)
 
 
-def _static(mechanism: Mechanism, center: Array) -> Array:
-    """Torque (r,) of gravity, and of Coulomb friction at full, at rest."""
-    rest = np.zeros_like(center)
+def _static(mechanism: Mechanism, limits: Array, center: Array) -> Array:
+    """Shares (2, r) of the torque limits: of gravity, and of Coulomb friction at full, at rest."""
+    rest = np.zeros((1, mechanism.dof))
+    gravity = np.abs(mechanism.inverse_dynamics(center[None], rest, rest))[0]
     coulomb = np.array([joint.drive.coulomb or 0.0 for joint in mechanism.primary_joints])
-    return np.asarray(np.abs(mechanism.inverse_dynamics(center, rest, rest)) + coulomb)
+    return np.stack((gravity, coulomb)) / limits
 
 
 def _center(mechanism: Mechanism, limits: Array, rng: np.random.Generator) -> Array:
-    """Posture (r,) of the least cost: random ones first, then random ones near the best."""
+    """Posture (r,) of the least cost: the best of random ones, and from there downhill where no loop closes."""
     lower, upper = motion_ranges(mechanism)
     middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
-    spread = rng.uniform(-1.0, 1.0, (SAMPLES, mechanism.dof)) * rng.uniform(0.0, INNER, (SAMPLES, 1))
-    candidates = np.concatenate((middle[None], middle + half * spread))
-    if mechanism.continuation is not None:
-        near_home = mechanism.home + 0.3 * half * spread
-        candidates = np.concatenate((mechanism.home[None], np.clip(near_home, lower, upper)))
-        candidates = candidates[mechanism.description.within_conditions(candidates)]
-        candidates = candidates[mechanism.continuation.reachable(candidates)]
-    costs = _costs(mechanism, limits, candidates, middle, half)
-    best, least, step = candidates[costs.argmin()], costs.min(), 0.3
-    for _ in range(ROUNDS if mechanism.continuation is None else 0):
-        moved = rng.random((NEAR, mechanism.dof)) < max(0.3, 2.0 / mechanism.dof)
-        near = best + step * half * rng.normal(size=moved.shape) * moved
-        near = np.clip(near, middle - 0.9 * half, middle + 0.9 * half)
-        costs = _costs(mechanism, limits, near, middle, half)
-        if costs.min() < least - LESS:
-            best, least = near[costs.argmin()], costs.min()
-        else:
-            step *= 0.8
-    return np.asarray(best)
+    offsets = rng.uniform(-1.0, 1.0, (SAMPLES, mechanism.dof)) * rng.uniform(0.0, INNER, (SAMPLES, 1))
+    loops = mechanism.description.loops
+    closed = loops is not None and bool(loops.closures)
+    if closed:
+        first = mechanism.home
+        candidates = np.clip(first + NEAR_HOME * half * offsets, lower, upper)
+        candidates = candidates[reachable(mechanism, candidates)]
+    else:
+        first, candidates = middle, middle + half * offsets
+    best = _least(mechanism, limits, np.concatenate((first[None], candidates)), middle, half)
+    if closed:
+        return best
+    below = _downhill(mechanism, limits, best, middle, half)
+    return _least(mechanism, limits, np.stack((best, below)), middle, half)
+
+
+def _least(mechanism: Mechanism, limits: Array, postures: Array, middle: Array, half: Array) -> Array:
+    """The posture (r,) of the least cost among (n, r)."""
+    return np.asarray(postures[_costs(mechanism, limits, postures, middle, half).argmin()])
+
+
+def _downhill(mechanism: Mechanism, limits: Array, start: Array, middle: Array, half: Array) -> Array:
+    """Posture (r,) where gravity asks less, by quasi-Newton steps within OUTER of the ranges.
+
+    It is rounded, so that it does not depend on the last bits of equations in Python or in native code.
+    """
+    moves = DIFFERENCE * np.concatenate((np.zeros((1, mechanism.dof)), np.eye(mechanism.dof)))
+
+    def load(offset: Array) -> tuple[float, Array]:
+        found = _loads(mechanism, limits, middle + half * (offset + moves), middle, half)
+        return float(found[0]), (found[1:] - found[0]) / DIFFERENCE
+
+    inside = [(-OUTER, OUTER)] * mechanism.dof
+    given: dict[str, Any] = {"jac": True, "method": "L-BFGS-B", "bounds": inside, "options": {"maxiter": STEPS}}
+    found = minimize(load, (start - middle) / np.maximum(half, 1e-9), **given)
+    return np.asarray(middle + half * np.round(found.x, DIGITS))
 
 
 def _costs(mechanism: Mechanism, limits: Array, p: Array, middle: Array, half: Array) -> Array:
-    """Costs (n,) of postures (n, r): what gravity asks, how coupled the joints are, how far from mid-range."""
-    rest = np.zeros_like(p)
-    shares = np.abs(mechanism.inverse_dynamics(p, rest, rest)) / limits
+    """Costs (n,) of postures (n, r): what gravity asks, how far from mid-range, and how coupled the joints are."""
     M = mechanism.mass_matrix(p)
     root = np.sqrt(np.maximum(np.diagonal(M, axis1=1, axis2=2), 1e-300))
     least = np.linalg.eigvalsh(M / root[:, :, None] / root[:, None, :])[:, 0]
     decades = -np.log10(np.maximum(least, 1e-9))
+    return _loads(mechanism, limits, p, middle, half) + COUPLED * decades
+
+
+def _loads(mechanism: Mechanism, limits: Array, p: Array, middle: Array, half: Array) -> Array:
+    """The part of the costs (n,) that is smooth: what gravity asks, and how far postures (n, r) are from mid-range."""
+    rest = np.zeros_like(p)
+    shares = mechanism.inverse_dynamics(p, rest, rest) / limits
+    largest = (shares**SHARPNESS).sum(axis=1) ** (1.0 / SHARPNESS)
+    typical = np.sqrt((shares**2).mean(axis=1))
     away = (((p - middle) / np.maximum(half, 1e-9)) ** 2).mean(axis=1)
-    return np.asarray(shares.max(axis=1) + EVEN * shares.mean(axis=1) + COUPLED * decades + AWAY * away)
+    return np.asarray(largest + EVEN * typical + AWAY * away)

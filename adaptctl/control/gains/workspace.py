@@ -30,7 +30,7 @@ def sampled_configurations(mechanism: Mechanism, samples: int = 200, seed: int =
     With loops, those of them that the loops allow.
     """
     p = np.random.default_rng(seed).uniform(*position_range(mechanism), (samples, mechanism.dof))
-    return p[_reachable(mechanism, p)]
+    return p[reachable(mechanism, p)]
 
 
 def position_range(mechanism: Mechanism) -> tuple[Array, Array]:
@@ -45,7 +45,7 @@ def position_range(mechanism: Mechanism) -> tuple[Array, Array]:
     )
 
 
-def _reachable(mechanism: Mechanism, p: Array) -> NDArray[np.bool_]:
+def reachable(mechanism: Mechanism, p: Array) -> NDArray[np.bool_]:
     """Mask of the positions (samples, r) that the loops can reach within their conditions."""
     if mechanism.continuation is None:
         return np.ones(len(p), dtype=np.bool_)
@@ -89,7 +89,7 @@ class Workspace:
         if not (np.isfinite(margin) and margin >= 0.0):
             raise InputError(f"workspace: margin: expected at least 0 rad, got {margin}")
         path = np.atleast_2d(checked(p, mechanism.dof, "workspace: positions"))
-        path = path[_reachable(mechanism, path)]
+        path = path[reachable(mechanism, path)]
         if not len(path):
             raise InputError(f"workspace: {mechanism.name} reaches none of the positions given")
         return cls(mechanism, path, path - margin, path + margin)
@@ -137,7 +137,7 @@ class Workspace:
     def _valued(self, value: Callable[[Array], Array], p: Array) -> Array:
         """Values of positions, minus infinity where loops cannot be."""
         reached = np.full(len(p), -np.inf)
-        allowed = _reachable(self.mechanism, p)
+        allowed = reachable(self.mechanism, p)
         reached[allowed] = value(p[allowed])
         return reached
 
