@@ -24,6 +24,12 @@ def test_determinants_are_numpys(size: int) -> None:
         assert determinant(map(Column, matrix.tolist())) == pytest.approx(expected, rel=1e-10)
 
 
+@pytest.mark.parametrize("leading", [0.0, 1e-20, 3.0])
+def test_a_determinant_pivots_by_the_largest_of_its_column(leading: float) -> None:
+    rows = [[leading, 1.0, 2.0], [1.0, 0.0, 3.0], [1.0, 0.0, -1.0]]
+    assert determinant([Column(row) for row in rows]) == pytest.approx(np.linalg.det(rows), rel=1e-14)
+
+
 @pytest.mark.parametrize("name", ["semi_direct_drive", "semi_direct_drive_parallelogram"])
 def test_what_is_surely_regular_is_regular(name: str) -> None:
     continuation = arm(name).continuation
