@@ -66,6 +66,15 @@ def checked(values: ArrayLike, size: int, what: str) -> Array:
     return array
 
 
+def writable(out: Array, shape: tuple[int, ...], what: str) -> Array:
+    """The array `out`, to which a result of this shape can be written. Raises `InputError` unless it is a writable
+    array of float64 of that shape."""
+    if not isinstance(out, np.ndarray) or out.shape != shape or out.dtype != np.float64 or not out.flags.writeable:
+        kind = f"{out.dtype} of shape {out.shape}" if isinstance(out, np.ndarray) else type(out).__name__
+        raise InputError(f"{what}: out: expected an array of float64 to write to, of shape {shape}, got {kind}")
+    return out
+
+
 def per_joint(values: ArrayLike, dof: int, what: str) -> Array:
     """One number a joint (dof,), from one for all joints or one each: a read-only copy. Infinity is allowed.
 

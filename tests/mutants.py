@@ -32,6 +32,7 @@ from pathlib import Path
 from types import CodeType
 
 import pytest
+from alike_mutants import ALIKE
 from hypothesis import Phase, settings
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -74,30 +75,6 @@ OPERATORS: dict[type[ast.AST], type[ast.AST]] = {
     ast.BitAnd: ast.BitOr,
     ast.BitOr: ast.BitAnd,
 }
-
-ALIKE = {
-    "adaptctl/control/adaptation/composite_learning.py::_remember row @ along + TINY -> row @ along - TINY": (
-        "where it is no larger than TINY, what it divides is zero"
-    ),
-    "adaptctl/control/excitation/exciting_reference.py::_gram 1 -> 2": "at least two samples a product instead of one",
-    "adaptctl/control/excitation/exciting_reference.py::_gram 1 -> 2 (again 1)": "NumPy takes -2 for -1 in a shape",
-    "adaptctl/control/excitation/exciting_reference.py::_gram 1 -> 2 (again 2)": "NumPy takes -2 for -1 in a shape",
-    "adaptctl/control/excitation/exciting_reference.py::_gram "
-    "SMALL_PRODUCT // (rows * k * k) -> SMALL_PRODUCT * (rows * k * k)": "one product instead of many: slower alone",
-    "adaptctl/identifiability/fundamental_basis.py::_kept_against_the_order 1.0 -> 2.0": (
-        "diagonals of orthonormal vectors' factor are at most 1, and tolerances below"
-    ),
-    "adaptctl/identifiability/proof/exact_geometry.py::_as_in_file 0.0 -> 1.0": (
-        "an axis along z has any yaw: its sine of tilt is exactly zero"
-    ),
-    "adaptctl/identifiability/proof/field_energies.py::energy_changes 0.0 -> 1.0 (again 2)": (
-        "changes are against any fixed position of a sliding joint"
-    ),
-    "adaptctl/identifiability/regrouping.py::Regrouping.determined "
-    "self.bound <= LARGEST_CONDITION -> self.bound < LARGEST_CONDITION": "the condition is never above its bound",
-    "adaptctl/identifiability/tree/unobservable_inertia.py::<module> 5 -> 6": "A^5 is a sum of lower powers",
-}
-"""Mutants that mean the same as the code, by their keys, and why no test can tell them from it."""
 
 
 @dataclass(frozen=True)

@@ -6,38 +6,21 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from every_effect import RIGID
 from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
 
 from adaptctl.arrays import Array
 from adaptctl.control import ReferencePoint
 from adaptctl.envs import VectorTrackingEnv
-from adaptctl.simulation.effects import (
-    ActuatorLag,
-    ControlDelay,
-    Encoder,
-    FilteredDifferences,
-    Friction,
-    PayloadHeld,
-    TorqueLimit,
-    TorqueRateLimit,
-)
+from adaptctl.simulation.effects import PayloadHeld
 
 PUMA, LOOP, ANY = (f"adaptctl/{name}Tracking-v0" for name in ("Puma560", "SemiDirectDrive", ""))
 MODES = [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP]
 
 
 def effects(payload: float = 1.0) -> list[Any]:
-    """All of them, each strong enough to be felt."""
-    return [
-        ControlDelay(2),
-        TorqueLimit(60.0),
-        TorqueRateLimit(20_000.0),
-        ActuatorLag(2e-3),
-        Friction(0.5, 0.5),
-        PayloadHeld(payload, 0.02, 0.05),
-        Encoder(1e-4, 1e-5, 1e-4),
-        FilteredDifferences(100.0),
-    ]
+    """All that a plant of rigid joints has at once, with another payload (kg)."""
+    return [PayloadHeld(payload, 0.02, 0.05) if isinstance(one, PayloadHeld) else one for one in RIGID]
 
 
 def vector(name: str, arms: int, **settings: Any) -> VectorTrackingEnv:

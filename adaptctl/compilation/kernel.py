@@ -10,6 +10,7 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from adaptctl.arrays import writable
 from adaptctl.compilation.batch import ENTRY, NativeBatch, batch
 from adaptctl.compilation.builtin import Finite, Form, builtin, builtin_source, has_builtins
 from adaptctl.compilation.lanes import Lanes
@@ -109,8 +110,7 @@ class Kernel:
         if len(outs) < len(self.outputs):
             raise InputError(f"{self.name}: out: expected an array for each of {len(self.outputs)} results")
         for out, shape in zip(outs, self.outputs, strict=True):
-            if not isinstance(out, np.ndarray) or (out.shape, out.dtype) != (shape, _DOUBLE) or not out.flags.writeable:
-                raise InputError(f"{self.name}: out: expected an array of float64 to write to, of shape {shape}")
+            writable(out, shape, self.name)
         results = self.call(*arguments)
         for out, result in zip(outs, results if self._layout.container else (results,), strict=True):
             out[...] = result

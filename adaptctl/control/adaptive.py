@@ -74,7 +74,7 @@ class AdaptiveController(Controller[AdaptiveState]):
         if self.adaptation_law is None:
             return
         if not isinstance(self.adaptation, AdaptationLaw):
-            object.__setattr__(self, "adaptation", self.adaptation_law.gain)  # type: ignore[attr-defined]
+            object.__setattr__(self, "adaptation", self.adaptation_law.gain)  # type: ignore[attr-defined]  # a gain was given
         self.adaptation_law.require(self.model, np.asarray(self.initial), self.period)
 
     @cached_property

@@ -302,6 +302,11 @@ class Description:
             content.append(self.loops.plain())
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
+    @property
+    def closed(self) -> bool:
+        """True if the mechanism has closed loops; joints that follow others are none."""
+        return self.loops is not None and bool(self.loops.closures)
+
     def __eq__(self, other: object) -> bool:
         return self.sha256 == other.sha256 if isinstance(other, Description) else NotImplemented
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, checked, same_samples, stacked, stacked_rows
-from adaptctl.errors import InputError, NonFiniteError
+from adaptctl.arrays import Array, checked, same_samples, stacked, stacked_rows, writable
+from adaptctl.errors import NonFiniteError
 from adaptctl.scalars import Column, column
 
 if TYPE_CHECKING:
@@ -86,27 +86,19 @@ class ArrayEquation:
         found = self._in_python(given, samples) if kernel is None else np.asarray(kernel(*given))
         if out is None:
             return found
-        self._require(out, found.shape)[...] = found
+        writable(out, found.shape, self._name)[...] = found
         return out
 
     def _mapped(self, kernel: Kernel, given: Sequence[Array], samples: tuple[int, ...], out: Array | None) -> Array:
         """Native code at many states."""
         shape, count = kernel.outputs[0], math.prod(samples)
-        results = np.empty((*samples, *shape)) if out is None else self._require(out, (*samples, *shape))
+        results = np.empty((*samples, *shape)) if out is None else writable(out, (*samples, *shape), self._name)
         straight = results.flags.carray
         rows = [_rows(array, samples) for array in given]
         made = kernel.map(*rows, out=results.reshape(count, *shape) if straight else None)
         if not straight:
             results[...] = made.reshape(results.shape)
         return results
-
-    def _require(self, out: Array, shape: tuple[int, ...]) -> Array:
-        if not isinstance(out, np.ndarray) or out.shape != shape or out.dtype != np.float64 or not out.flags.writeable:
-            kind = f"{out.dtype} of shape {out.shape}" if isinstance(out, np.ndarray) else type(out).__name__
-            raise InputError(
-                f"{self._name}: out: expected an array of float64 to write to, of shape {shape}, got {kind}"
-            )
-        return out
 
     def _in_python(self, given: Sequence[Array], samples: tuple[int, ...]) -> Array:
         try:

@@ -26,9 +26,9 @@ class Search:
 
     @cached_property
     def inputs(self) -> list[str]:
-        """The mechanism's hashes and the settings, in JSON's types."""
+        """The mechanism's hash and the settings, in JSON's types."""
         settings = self.method, self.near, self.prove, self.samples, self.seed
-        return [self.mechanism.description.sha256, self.mechanism.geometry_sha256, *map(repr, settings)]
+        return [self.mechanism.description.sha256, *map(repr, settings)]
 
     @cached_property
     def found(self) -> CertifiedNullSpace:

@@ -119,8 +119,7 @@ def _center(mechanism: Mechanism, limits: Array, rng: np.random.Generator) -> Ar
     lower, upper = motion_ranges(mechanism)
     middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
     offsets = rng.uniform(-1.0, 1.0, (SAMPLES, mechanism.dof)) * rng.uniform(0.0, INNER, (SAMPLES, 1))
-    loops = mechanism.description.loops
-    closed = loops is not None and bool(loops.closures)
+    closed = mechanism.description.closed
     if closed:
         first = mechanism.home
         candidates = np.clip(first + NEAR_HOME * half * offsets, lower, upper)

@@ -92,7 +92,7 @@ def _kept(mechanism: Mechanism, workspace: Workspace | None, *settings: Any) -> 
     """The hold number; over all that the limits allow it is searched once, also for later processes."""
     if workspace is not None:
         return _found(workspace, *settings)
-    inputs = [mechanism.description.sha256, mechanism.geometry_sha256, *settings]
+    inputs = [mechanism.description.sha256, *settings]
     value, p, joint = kept("hold number", inputs, tuple[float, list[float], str], lambda: _plain(mechanism, *settings))
     return HoldNumber(value, frozen(np.array(p)), joint)
 

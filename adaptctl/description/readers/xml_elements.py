@@ -54,7 +54,7 @@ class _Parser:
             what = f"{MOST_ELEMENTS} elements" if self._depth <= DEEPEST else f"{DEEPEST} elements within one another"
             raise ElementError(f"<{tag}>: more than {what}, the most that are read (line {line})")
         element = self._builder.start(_qualified(tag), {_qualified(k): v for k, v in attributes.items()})
-        element.line = line  # type: ignore[attr-defined]
+        element.line = line  # type: ignore[attr-defined]  # Python's own element takes further attributes
         for key in ("name", "model"):
             name = attributes.get(key, "")
             if _CONTROL.search(name) or len(name) > LONGEST_NAME:

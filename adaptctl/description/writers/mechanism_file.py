@@ -129,7 +129,8 @@ def _closure(closure: Closure) -> Iterator[str]:
 
 
 def _table(values: object) -> str:
-    return f"{{ {', '.join(f'{_text(name)} = {_number(x)}' for name, x in dict(values).items())} }}"  # type: ignore[call-overload]
+    items = dict(values).items()  # type: ignore[call-overload]  # a mapping by its place in the file
+    return f"{{ {', '.join(f'{_text(name)} = {_number(x)}' for name, x in items)} }}"
 
 
 def _text(text: str) -> str:

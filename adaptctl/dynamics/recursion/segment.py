@@ -127,7 +127,9 @@ def _whole(outward: Array, axis: Array, inward: Array) -> tuple[Mat, Mat, Mat] |
     entries = (np.abs(outward) @ turn @ np.abs(inward)) != 0.0
     one_by_one = _cost(turn) + sum(_cost(fixed != 0.0) for fixed in (outward, inward) if np.count_nonzero(fixed) > 3)
     made = 4 * int(np.count_nonzero(entries))
-    return tuple(map(_mat, parts)) if TURNED * (one_by_one - _cost(entries)) > made else None  # type: ignore[return-value]
+    if TURNED * (one_by_one - _cost(entries)) <= made:
+        return None
+    return tuple(map(_mat, parts))  # type: ignore[return-value]  # as many as there are parts
 
 
 def _cost(entries: NDArray[np.bool_]) -> int:

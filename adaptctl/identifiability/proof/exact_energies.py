@@ -88,8 +88,7 @@ class ExactEnergies:
     @property
     def closed(self) -> bool:
         """True if the mechanism has closed loops."""
-        loops = self.mechanism.description.loops
-        return loops is not None and bool(loops.closures)
+        return self.mechanism.description.closed
 
     @cached_property
     def geometry(self) -> ExactGeometry:

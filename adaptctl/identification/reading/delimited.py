@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -38,11 +39,11 @@ def read_delimited(path: str | Path) -> LogTable:
     return table(str(path), ((name, _numbers(read.column(i))) for i, name in enumerate(names)))
 
 
-def _numbers(column: object) -> Array:
+def _numbers(column: Any) -> Array:
     """The column as floats, NaN where a cell is no number."""
     from pyarrow import ArrowInvalid, ArrowNotImplementedError, float64
 
     try:
-        return np.asarray(column.cast(float64()).to_numpy(), dtype=np.float64)  # type: ignore[attr-defined]
+        return np.asarray(column.cast(float64()).to_numpy(), dtype=np.float64)
     except (ArrowInvalid, ArrowNotImplementedError):
-        return np.full(len(column), np.nan)  # type: ignore[arg-type]
+        return np.full(len(column), np.nan)
