@@ -9,33 +9,34 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from types import FrameType
 
 
 @contextmanager
-def signalled(function: str, number: signal.Signals, after: float) -> Iterator[None]:
-    """Send this process a signal when it has computed for some time (s) since its main thread is inside a function
-    of that name."""
-    main_thread, over = threading.main_thread().ident, threading.Event()
+def signalled(function: str, number: signal.Signals, after: float = 0.0) -> Iterator[None]:
+    """Send this process a signal when the main thread calls a function of that name, or when the process has computed
+    for some time (s) since. However brief the call is, it is seen."""
+    over = threading.Event()
 
-    def inside() -> bool:
-        frame = sys._current_frames()[main_thread] if main_thread else None
-        while frame is not None and frame.f_code.co_name != function:
-            frame = frame.f_back
-        return frame is not None
-
-    def watch() -> None:
-        while not over.is_set() and not inside():
-            time.sleep(0.001)
+    def wait() -> None:
         start = time.process_time()
         while not over.is_set() and time.process_time() < start + after:
             time.sleep(0.001)
         if not over.is_set():
             os.kill(os.getpid(), number)
 
-    watcher = threading.Thread(target=watch)
-    watcher.start()
+    waiting = threading.Thread(target=wait)
+
+    def called(frame: FrameType, event: str, _: object) -> None:
+        if event == "call" and frame.f_code.co_name == function:
+            sys.setprofile(None)
+            waiting.start() if after else signal.raise_signal(number)
+
+    sys.setprofile(called)
     try:
         yield
     finally:
+        sys.setprofile(None)
         over.set()
-        watcher.join()
+        if waiting.ident:
+            waiting.join()

@@ -113,7 +113,7 @@ def test_an_interrupt_waits_for_all_threads() -> None:
     def count(n: Column) -> tuple[Column]:
         return (Column((n[0] + 1.0,)),)
 
-    arms, steps = compile_step(count, state={"n": 1}).ensemble(1024), 200_000
+    arms, steps = compile_step(count, state={"n": 1}).ensemble(1024), 2_000_000
     before, running = signal.signal(signal.SIGALRM, signal.default_int_handler), threading.active_count()
     try:
         with signalled("_take", signal.SIGALRM, after=0.001), pytest.raises(KeyboardInterrupt):

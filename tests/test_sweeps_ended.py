@@ -19,9 +19,11 @@ import pyarrow.parquet as pq
 import pytest
 
 RUNS = 12
+DURATION = "10"
+"""s a run: on any machine some are left when a worker is found."""
 TRIALS = int(os.environ.get("AT_RANDOM", "1"))
 SWEEP = [
-    *(sys.executable, "-m", "adaptctl", "sweep", "puma560-adaptive", "--duration", "0.05"),
+    *(sys.executable, "-m", "adaptctl", "sweep", "puma560-adaptive", "--duration", DURATION),
     *("--controllers", "adaptive", "--seed", f"0..{RUNS - 1}", "--shard", "1", "--jobs", "2"),
 ]
 
