@@ -79,11 +79,12 @@ class Listening(Controller[Listened]):
 
 
 class LoopSettings(NamedTuple):
-    """Gains of loops, a row each."""
+    """Gains and first estimates of loops, a row each."""
 
     bandwidth: Array
     damping: Array
     gain: Array
+    initial: Array
 
 
 def random_arm(rng: np.random.Generator) -> Mechanism:
@@ -113,6 +114,12 @@ class LoopDraws:
     references: list[adaptctl.Sinusoids]
     parameters: Array
 
+    def first(self, count: int) -> LoopDraws:
+        """The first so many of them."""
+        settings = LoopSettings(*(values[:count] for values in self.settings))
+        rest = self.before[:count], self.certified[:count], self.references[:count], self.parameters[:count]
+        return LoopDraws(settings, *rest)
+
 
 class Accepted(NamedTuple):
     """Gains that are accepted, their hold number, and the reference and workspace that they are for."""
@@ -124,8 +131,8 @@ class Accepted(NamedTuple):
 
 
 def drawn(model: ReducedModel, rng: np.random.Generator, count: int) -> LoopDraws | None:
-    """Loops whose gains are accepted, up to the limit; every fifth has those that `tune` offers. None where it offers
-    none."""
+    """Loops whose gains are accepted, up to the limit; every fifth has those that `tune` offers. Every fourth begins
+    with an identified arm's estimate, the others knowing nothing. None where `tune` offers none."""
     rows, own = [], model.mechanism.inertial_parameters
     try:
         offered = _offered(model.mechanism, int(rng.integers(2**31)))
@@ -137,15 +144,26 @@ def drawn(model: ReducedModel, rng: np.random.Generator, count: int) -> LoopDraw
         gain = adaptation_gain(model, rate=0.6 * 10.0 ** rng.uniform(-3.0, 1.0), gains=gains, **within)
         prior = adaptation_gain(model)
         prior *= numbers(model, gains, gain, reference) / numbers(model, gains, prior, reference)
-        held = wanted + estimate_hold(model, gain, np.abs(model.fundamental_parameters), gains.bandwidth, **within)
         loaded = own.copy()
         loaded[-10:] += rng.uniform(0.0, 1.0) * from_center_of_mass(
             own[-10], rng.uniform(-0.05, 0.05, 3), 1e-4 * own[-10] * np.eye(3)
         )
-        rows.append((gains.bandwidth, gains.damping, gain, prior, held < 2.0, reference, loaded))
+        by_link = (model.regrouping * loaded).reshape(len(model.columns), -1, 10).sum(axis=2)
+        initial, bound = np.zeros(len(by_link)), np.abs(by_link.sum(axis=1))
+        if k % 4 == 3:
+            initial, bound = _identified(by_link, rng, 10.0 ** rng.uniform(-2.5, -0.5))
+        held = wanted + estimate_hold(model, gain, bound, gains.bandwidth, **within)
+        rows.append((gains.bandwidth, gains.damping, gain, initial, prior, held < 2.0, reference, loaded))
     columns = list(zip(*rows, strict=True))
-    settings = LoopSettings(*map(np.array, columns[:3]))
-    return LoopDraws(settings, np.array(columns[3]), np.array(columns[4]), list(columns[5]), np.array(columns[6]))
+    settings, (before, certified) = LoopSettings(*map(np.array, columns[:4])), map(np.array, columns[4:6])
+    return LoopDraws(settings, before, certified, list(columns[6]), np.array(columns[7]))
+
+
+def _identified(by_link: Array, rng: np.random.Generator, share: float) -> tuple[Array, Array]:
+    """A first estimate (k,) of what links contribute to parameters (k, links), each link off by up to a share, and the
+    bound of its errors."""
+    off = rng.uniform(-share, share, by_link.shape[1])
+    return by_link @ (1.0 + off), share * np.abs(by_link).sum(axis=1)
 
 
 def _accepted(mechanism: Mechanism, rng: np.random.Generator) -> Accepted:
@@ -178,9 +196,9 @@ def numbers(model: ReducedModel, gains: Gains, gain: Array, reference: adaptctl.
 def outcome(model: ReducedModel, draws: LoopDraws, law: Gradient, gain: Array, duration: float) -> tuple[Array, Array]:
     """Loops (n,) that stay finite, and those that ring in the end."""
     few = np.full(model.mechanism.dof, 1e-6)
-    bare = Listening(SlotineLi(model, few, few, law, period=PERIOD))
-    rows = zip(draws.settings.bandwidth, draws.settings.damping, gain, strict=True)
-    names = "of.bandwidth", "of.damping", "of.adaptation.gain"
+    bare = Listening(SlotineLi(model, few, few, law, draws.settings.initial[0], period=PERIOD))
+    rows = zip(*draws.settings._replace(gain=gain), strict=True)
+    names = "of.bandwidth", "of.damping", "of.adaptation.gain", "of.initial"
     laws = [bare.having(bare.numbers | dict(zip(names, row, strict=True))) for row in rows]  # judged when drawn
     plant = adaptctl.Plant(model.mechanism, PERIOD, integrator=SemiImplicitEuler())
     run = simulate_many(plant, laws, draws.references, duration=duration, parameters=draws.parameters, every=1000)
@@ -201,8 +219,10 @@ class LoopCounts(NamedTuple):
     """not finite"""
     lost_certified: int = 0
     rings: int = 0
+    beside: int = 0
+    """loops that also run with the law there was before"""
     before: int = 0
-    """not finite with the law there was before"""
+    """not finite with that"""
     rang_before: int = 0
 
     def __add__(self, other: tuple[Any, ...]) -> LoopCounts:
@@ -211,8 +231,8 @@ class LoopCounts(NamedTuple):
     def __str__(self) -> str:
         return (
             f"{self.loops} loops: {self.lost} not finite, {self.rings} ring; of {self.certified} certified "
-            f"{self.lost_certified} not finite; with the trapezium on prior ranges {self.before} not finite, "
-            f"{self.rang_before} ring; gains offered for {self.offered} of {self.arms} arms"
+            f"{self.lost_certified} not finite; of {self.beside} with the trapezium on prior ranges "
+            f"{self.before} not finite, {self.rang_before} ring; gains offered for {self.offered} of {self.arms} arms"
         )
 
     @property
@@ -222,8 +242,8 @@ class LoopCounts(NamedTuple):
         return kept and self.offered >= 0.95 * self.arms
 
 
-def counted(seed: int, count: int, duration: float) -> LoopCounts:
-    """Counts of so many loops of the arm of a seed."""
+def counted(seed: int, count: int, duration: float, beside: int) -> LoopCounts:
+    """Counts of so many loops of the arm of a seed, of which the first run beside with the law there was before."""
     rng = np.random.default_rng(seed)
     arm = random_arm(rng)
     model = ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm)))
@@ -231,9 +251,10 @@ def counted(seed: int, count: int, duration: float) -> LoopCounts:
         return LoopCounts(arms=1)
     gain, safe = draws.settings.gain, draws.certified
     finite, rings = outcome(model, draws, Gradient(gain[0]), gain, duration)
-    old, old_rings = outcome(model, draws, Gradient(gain[0], 0.5, 0.0), draws.before, duration)
+    few = draws.first(beside)
+    old, old_rings = outcome(model, few, Gradient(gain[0], 0.5, 0.0), few.before, duration)
     ours = (~finite).sum(), (~finite & safe).sum(), rings.sum()
-    return LoopCounts(*map(int, (1, 1, count, safe.sum(), *ours, (~old).sum(), old_rings.sum())))
+    return LoopCounts(*map(int, (1, 1, count, safe.sum(), *ours, beside, (~old).sum(), old_rings.sum())))
 
 
 def main(arguments: list[str]) -> int:
@@ -241,6 +262,7 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     for name, default, meaning in (
         ("arms", 500, "random arms"), ("draws", 20, "loops of each"), ("first", 0, "the first arm's seed"),
+        ("beside", 4, "loops of each that also run with the law there was before"),
     ):  # fmt: skip
         parser.add_argument(f"--{name}", type=int, default=default, help=meaning)
     parser.add_argument("--duration", type=float, default=600.0, help="s of each loop")
@@ -249,7 +271,7 @@ def main(arguments: list[str]) -> int:
     try:
         for seed in range(asked.first, asked.first + asked.arms):
             started = time.process_time()
-            total += (found := counted(seed, asked.draws, asked.duration))
+            total += (found := counted(seed, asked.draws, asked.duration, asked.beside))
             print(f"arm {seed}: {found}; {time.process_time() - started:.0f} s", flush=True)
     except KeyboardInterrupt:
         print("interrupted: of the arms that were done")

@@ -135,10 +135,11 @@ def test_the_table_of_tuned_robots_counts_its_rows(tmp_path: Path) -> None:
 
 def test_loops_of_random_arms_are_counted() -> None:
     """In earnest, for a moment: gains are offered, none is lost so soon, and the promise is judged on the sums."""
-    found = stability.counted(0, 5, 0.05)
-    assert found == stability.LoopCounts(1, 1, 5, found.certified)
+    found = stability.counted(1, 8, 0.05, 2)
+    assert found == stability.LoopCounts(1, 1, 8, found.certified, beside=2)
+    assert found.certified > 0
     both = found + stability.LoopCounts(arms=1)
-    assert (both.arms, both.offered, both.loops) == (2, 1, 5)
+    assert (both.arms, both.offered, both.loops) == (2, 1, 8)
     assert found.as_promised
     assert not both.as_promised
     assert not (found + stability.LoopCounts(loops=1000, lost=2)).as_promised
