@@ -35,7 +35,7 @@ class Curve(NamedTuple):
 def friction_curves(curves: Sequence[Curve]) -> Figure:
     """Figure with a panel a joint; the shade tells how often the joint moved how fast."""
     from adaptctl.recording.drawing import sheet
-    from adaptctl.recording.palette import MUTED, run_color
+    from adaptctl.recording.palette import MUTED, TRUTH, run_color
 
     rows = -(-len(curves) // COLUMNS)
     figure = sheet(2.0 * rows + 0.4)
@@ -47,7 +47,7 @@ def friction_curves(curves: Sequence[Curve]) -> Figure:
         often.hist(speeds, bins=30, color=MUTED.hex, alpha=0.2)
         often.set_axis_off()
         excess = curve.stribeck / (1.0 + (v / curve.speed) ** 2)
-        axes.plot(v, curve.true[0] * v + curve.true[1] + excess, color=run_color(1).hex, label="true, with Stribeck's")
+        axes.plot(v, curve.true[0] * v + curve.true[1] + excess, color=TRUTH.hex, label="true, with Stribeck's")
         axes.plot(v, curve.learned[0] * v + curve.learned[1], color=run_color(0).hex, label="learned: viscous, Coulomb")
         axes.set_ylim(bottom=0.0)
         axes.set_title(f"{curve.joint} [N·m]")

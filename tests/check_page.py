@@ -24,6 +24,7 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.codegen.live_arm import LiveArm, live_arm
 from adaptctl.recording.page import rendered
+from adaptctl.recording.report import live_content
 from adaptctl.simulation import Plant
 from adaptctl.simulation.closed_loop import ClosedLoop, Sample
 from adaptctl.simulation.sampled_references import REFERENCE
@@ -83,9 +84,7 @@ def in_python(task: Task) -> Array:
 
 def page_of(live: LiveArm, label: str, script: str) -> str:
     """A page with a live arm as reports have it, and what is done to it."""
-    binary = base64.b64encode(live.binary).decode("ascii")
-    content = {"binary": binary, "facts": live.facts, "label": label}
-    body = rendered("live_page.html", live=content, title=label)
+    body = rendered("live_page.html", live=live_content(live, label), title=label)
     return body.replace("</body>", f"<script>{script}</script></body>")
 
 

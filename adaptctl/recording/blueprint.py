@@ -115,7 +115,7 @@ def _arm(shown: ScreenContents) -> rrb.View:
 def _error(shown: ScreenContents, index: int) -> rrb.View:
     return views.curves(
         f"/error/{shown.runs[index]}",
-        f"Joints' tracking errors [{shown.error_unit}] · {shown.labels[index]}",
+        f"{shown.labels[index]} · joints' tracking errors [{shown.error_unit}]",
         shown.end,
         shown.error_range,
         _room(shown.joints),

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from adaptctl.arrays import Array
 from adaptctl.recording.comparison import Comparison
 from adaptctl.recording.drawing import DOTS, WIDTH, Drawing, sheet, write_drawings
-from adaptctl.recording.palette import MUTED, PAPER, joint_color, run_color
+from adaptctl.recording.palette import INK, LIMIT, MUTED, PAPER, TRUTH, joint_color, run_color
 from adaptctl.recording.series import thinned
 from adaptctl.recording.spectrum import shares, threshold
 from adaptctl.recording.wording import number
@@ -126,7 +126,7 @@ def lyapunov(comparison: Comparison) -> Figure:
     rises = falls < 0.0
     if rises.any():
         label = f"rises, {np.count_nonzero(rises)} steps"
-        steps.semilogy(time[1:][rises], -falls[rises], ".", color=run_color(1).hex, markersize=3, label=label)
+        steps.semilogy(time[1:][rises], -falls[rises], ".", color=INK.hex, markersize=3, label=label)
         steps.legend(loc="upper right")
     else:
         steps.text(0.98, 0.94, "no step rises", transform=steps.transAxes, ha="right", va="top", weight="bold")
@@ -146,7 +146,7 @@ def torque(comparison: Comparison) -> Figure:
         limit, name = comparison.torque_limits[j], comparison.joint_names[j]
         axes.plot(time, rollout.applied[:, j], color=joint_color(j).hex, linewidth=1.3)
         for low, high in ((limit, 1.25 * limit), (-1.25 * limit, -limit)):
-            axes.axhspan(low, high, color=run_color(1).hex, alpha=0.12, linewidth=0)
+            axes.axhspan(low, high, color=LIMIT.hex, alpha=0.4, linewidth=0)
         axes.set_ylim(-1.25 * limit, 1.25 * limit)
         axes.set_xlim(0.0, comparison.subject.duration)
         share = np.abs(rollout.applied[:, j]).max() / limit
@@ -181,11 +181,11 @@ def spectrum(comparison: Comparison) -> Figure:
     axes.bar(place, values - floor, bottom=floor, color=colors, width=0.72)
     axes.set_yscale("log")
     axes.set_ylim(floor, 8.0)
-    axes.axhline(threshold(comparison.space), color=run_color(1).hex, linestyle=(0, (4, 3)), linewidth=1.3)
+    axes.axhline(threshold(comparison.space), color=INK.hex, linestyle=(0, (4, 3)), linewidth=1.3)
     if rank < len(values):
         ratio = number(float(values[rank - 1] / values[rank]), 2)
         text = f"{rank} of {len(values)} are above the gap, a ratio of {ratio}"
-        axes.text(len(values) + 0.5, threshold(comparison.space) * 3.0, text, ha="right", color=run_color(1).hex)
+        axes.text(len(values) + 0.5, threshold(comparison.space) * 3.0, text, ha="right", color=INK.hex)
     axes.set_xlim(0.3, len(values) + 0.7)
     axes.set_xlabel("number")
     axes.set_ylabel("singular value / largest")
@@ -218,7 +218,7 @@ def _small_multiples(count: int, columns: int, height: float, bottom: float) -> 
 
 def _estimate(axes: Axes, time: Array, values: Array, truth: float) -> None:
     if not np.isnan(truth):
-        axes.axhline(truth, color=run_color(1).hex, linestyle=(0, (3, 2)), linewidth=1.2)
+        axes.axhline(truth, color=TRUTH.hex, linestyle=(0, (3, 2)), linewidth=1.2)
     axes.plot(time, values, color=run_color(0).hex, linewidth=1.3)
     low, high = np.nanmin([values.min(), truth, 0.0]), np.nanmax([values.max(), truth, 0.0])
     margin = 0.12 * (high - low) or 1.0

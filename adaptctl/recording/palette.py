@@ -56,8 +56,12 @@ JOINTS = (
 )
 """One a joint; bright enough for a dark screen, dark enough for paper."""
 
-GOAL = Color(60, 200, 170)
-"""The desired arm."""
+GOAL = Color(150, 240, 205)
+"""The desired arm and its positions; paler than any joint's green."""
+LIMIT = Color(205, 208, 214)
+"""Limits of torques."""
+TRUTH = INK
+"""True values, where each has a picture of its own."""
 BODY = Color(226, 230, 238)
 """The arm's links."""
 BASE = Color(96, 104, 120)

@@ -15,7 +15,7 @@ from adaptctl.files import write_text
 from adaptctl.recording.comparison import Comparison, ControllerRun, Finding
 from adaptctl.recording.figures import drawings
 from adaptctl.recording.page import embedded, rendered
-from adaptctl.recording.palette import run_color
+from adaptctl.recording.palette import joint_color, run_color
 from adaptctl.recording.trace import parameter_unit
 from adaptctl.recording.wording import (
     CONVERGENCE,
@@ -66,7 +66,9 @@ def live_content(live: LiveArm | str, label: str) -> dict[str, Any] | None:
     """Contents of a page's live arm, in JSON's types; None without one."""
     if isinstance(live, str):
         return None
-    return {"binary": base64.b64encode(live.binary).decode("ascii"), "facts": live.facts, "label": label}
+    binary = base64.b64encode(live.binary).decode("ascii")
+    colors = [joint_color(j).hex for j in range(len(live.facts["joints"]))]
+    return {"binary": binary, "facts": live.facts, "label": label, "colors": colors}
 
 
 class Measured(NamedTuple):

@@ -8,7 +8,7 @@ import rerun as rr
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
 from adaptctl.recording.comparison import Comparison, ControllerRun
-from adaptctl.recording.palette import GOAL, Color, joint_color, run_color
+from adaptctl.recording.palette import GOAL, LIMIT, Color, joint_color, run_color
 from adaptctl.recording.scene import GOAL_LOOK, ghost_look, log_arm, log_base, log_path, log_trail, solid_look
 from adaptctl.recording.series import Style, log_levels, log_series, thinned
 from adaptctl.recording.skeleton import Skeleton
@@ -17,8 +17,6 @@ CURVE_SAMPLES, POSE_SAMPLES = 4000, 2000
 """At most as many samples are shown; the table beside the recording has them all."""
 SMALLEST_ERROR = 1e-9
 """rad or m: smaller errors are shown as this, since the axis is logarithmic"""
-LIMIT = Color(235, 87, 87)
-"""Colour of torque limits."""
 
 
 def log_scene(

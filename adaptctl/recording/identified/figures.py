@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from adaptctl.identification import Identification
 from adaptctl.recording.drawing import WIDTH, Drawing, write_drawings
-from adaptctl.recording.palette import run_color
+from adaptctl.recording.palette import MUTED, run_color
 
 LAGS = 60
 DRAWN = 3000
@@ -67,7 +67,7 @@ def _torques(found: Identification) -> Figure:
     v = found.validation
     every = slice(None, None, max(1, len(v.time) // DRAWN))
     for j, (ax,) in enumerate(axes):
-        ax.plot(v.time[every], v.measured[every, j], ".", color=run_color(1).hex, markersize=2.5, label="measured")
+        ax.plot(v.time[every], v.measured[every, j], ".", color=MUTED.hex, markersize=2.5, label="measured")
         ax.plot(v.time[every], v.predicted[every, j], color=run_color(0).hex, linewidth=1.2, label="predicted")
     axes[0][0].legend(loc="upper right", ncols=2)
     axes[-1][0].set_xlabel("time in the log, s")
@@ -93,7 +93,7 @@ def _alternatives(found: Identification) -> Figure:
     figure = Figure(figsize=(WIDTH, 0.42 * len(named) + 0.5), layout="constrained")
     ax: Any = figure.subplots()
     values = [other.rms_error for other in named.values()]
-    colors = [run_color(0).hex] + [run_color(1).hex] * (len(named) - 1)
+    colors = [run_color(0).hex] + [MUTED.hex] * (len(named) - 1)
     bars = ax.barh(list(named), values, color=colors, height=0.6)
     ax.bar_label(bars, [f"{v.rms_error:.3g} N m, {v.relative_error:.1%}" for v in named.values()], padding=3)
     ax.set_xlim(0.0, 1.35 * max(values))

@@ -83,7 +83,7 @@ def _blueprint(found: Identification) -> rrb.Blueprint:
         )
         for joint in mechanism.primary_joints
     ]
-    error = views.curves("error", "All joints: predicted minus measured", end, start=start)
+    error = views.curves("error", "All joints: predicted minus measured [N m]", end, start=start)
     p = np.concatenate([motion.position for motion in found.motions])
     viewpoint = Viewpoint.of(mechanism, skeleton(mechanism), p)
     arm, summary = views.arm(WORLD, "The log's motion", viewpoint), views.text("summary", "Summary")
