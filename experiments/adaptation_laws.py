@@ -342,7 +342,8 @@ class AdaptationLaws(RoughStart, Learning):
         off = found.of.get(f"parameter_error.{ADAPTATION_OFF}", np.nan)
         adapting = [run for run in outcome.runs if run.name != ADAPTATION_OFF]
         errors = found.span("parameter_error", adapting)
-        return f"From a parameter error of {off:.2g}, {self.duration:g} s end at {errors}." if errors else None
+        start = f"In {self.duration:g} s the parameter error, at first {off:.2g} of the parameters, comes to"
+        return f"{start} {errors}." if errors else None
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
         """Figure of the parameter errors over time."""

@@ -13,7 +13,7 @@ from adaptctl.arrays import Array
 from adaptctl.control import SlotineLi, Subspace
 from adaptctl.control.controller import Reference
 from adaptctl.design import DesignStudy, DesignTask, design_study
-from adaptctl.dynamics import load
+from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError
 from adaptctl.experiments.contest import Contender, contest
 from adaptctl.experiments.experiment import ClosedLoopExperiment, setting
@@ -166,7 +166,7 @@ class CounterweightedTracking(ClosedLoopExperiment):
         from adaptctl.recording.designed.summary import as_builtins
 
         title = self.title.format(robot=study.task.mechanism.name)
-        shown, facts = tuple(self._drawings(runs)), tuple(_facts(burdens, self.components))
+        shown, facts = tuple(self._drawings(study.task.mechanism, runs)), tuple(_facts(burdens, self.components))
         named = Named(self.name, title, "summary.json", self.seed, complete, words, facts, shown, runs)
         content = as_builtins(study) | {
             "experiment": self.name,
@@ -176,18 +176,18 @@ class CounterweightedTracking(ClosedLoopExperiment):
         }
         write_study(folder, study, content, named, progress)
 
-    def _drawings(self, runs: tuple[ControllerRun, ...]) -> Iterator[Drawing]:
+    def _drawings(self, mechanism: Mechanism, runs: tuple[ControllerRun, ...]) -> Iterator[Drawing]:
         from adaptctl.recording.drawing import Drawing
 
         yield Drawing(
             "tracking",
             "Tracking errors of all joints, averaged over 0.25 s, as described and with counterweights.",
-            partial(tracking_figure, runs),
+            partial(tracking_figure, mechanism, runs),
         )
         yield Drawing(
             "applied",
             "Applied torque of every joint, all parameters adapted, as described and with counterweights.",
-            partial(applied_figure, runs),
+            partial(applied_figure, mechanism, runs),
         )
 
 
@@ -206,11 +206,12 @@ def burden(run: ControllerRun, limits: Array) -> Burden:
     )
 
 
-def tracking_figure(runs: tuple[ControllerRun, ...]) -> Figure:
+def tracking_figure(mechanism: Mechanism, runs: tuple[ControllerRun, ...]) -> Figure:
     """Figure of all runs' errors over time."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
     from adaptctl.recording.series import thinned
+    from adaptctl.recording.units import error_unit
 
     figure = sheet(3.6)
     axes = figure.subplots()
@@ -220,19 +221,20 @@ def tracking_figure(runs: tuple[ControllerRun, ...]) -> Figure:
         errors = 1e3 * run.moving_rms_error(0.25)[every]
         axes.semilogy(run.rollout.time[every], errors, color=run_color(i % 3).hex, linestyle=dash, label=run.label)
     axes.set_xlabel("time [s]")
-    axes.set_ylabel("RMS tracking error [mrad, mm]")
+    axes.set_ylabel(f"RMS tracking error [{error_unit(mechanism)}]")
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=2)
     return figure
 
 
-def applied_figure(runs: tuple[ControllerRun, ...]) -> Figure:
+def applied_figure(mechanism: Mechanism, runs: tuple[ControllerRun, ...]) -> Figure:
     """Figure of every joint's torque in the runs that adapt all parameters."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
     from adaptctl.recording.series import thinned
+    from adaptctl.recording.units import torque_units
 
     shown = [run for run in runs if run.name.startswith(EVERY)]
-    dof = shown[0].rollout.applied.shape[1]
+    dof, units = mechanism.dof, torque_units(mechanism)
     figure = sheet(1.6 * -(-dof // 3) + 0.6)
     panels = figure.subplots(-(-dof // 3), min(3, dof), sharex=True, squeeze=False).ravel()
     for j, axes in enumerate(panels):
@@ -241,7 +243,8 @@ def applied_figure(runs: tuple[ControllerRun, ...]) -> Figure:
             every = thinned(len(run.rollout.time), 1500)
             color = run_color(1 - i).hex
             axes.plot(run.rollout.time[every], run.rollout.applied[every, j], color=color, label=run.label, lw=1.2)
-        axes.set_title(f"joint {j + 1} [N m, N]")
+        if j < dof:
+            axes.set_title(f"{mechanism.primary_joints[j].name} [{units[j]}]")
         later = [run.rollout.applied[len(run.rollout.time) // 10 :, j] for run in (shown if j < dof else [])]
         if later and (reach := 1.15 * max(float(np.abs(values).max(initial=0.0)) for values in later)) > 0.0:
             axes.set_ylim(-reach, reach)  # the first moments, off the reference, ask for far more
@@ -259,9 +262,8 @@ def _outcome_words(study: DesignStudy, burdens: dict[str, Burden], components: i
     (old, few_old), (new, few_new) = pairs
     if old and new and few_old and few_new:
         text += (
-            f" In closed loop its torques go from {100.0 * old.rms_torque:.3g} to {100.0 * new.rms_torque:.3g} % of "
-            f"the limits and the motors' work from {old.work:.3g} to {new.work:.3g} J; adapting {components} "
-            f"components, the tracking error of the last two seconds is {_error(few_new)} instead of {_error(few_old)}."
+            f" In closed loop its motors do {_change(old.work, new.work)} work. With few components adapted, the "
+            f"tracking error of the last two seconds is {_error(few_new)} instead of {_error(few_old)}."
         )
     return text
 
@@ -276,6 +278,15 @@ def _error(found: Burden) -> str:
 def _carried(study: DesignStudy) -> str:
     """Relative change of the carried energy, in words."""
     share = study.counterweights.balanced.cost("energy") / study.task.cost("energy") - 1.0
+    return _more_or_less(share)
+
+
+def _change(before: float, after: float) -> str:
+    """Relative change of what is positive, in words."""
+    return _more_or_less(after / before - 1.0) if before > 0.0 else "as much"
+
+
+def _more_or_less(share: float) -> str:
     return f"{100.0 * abs(share):.3g} % {'more' if share > 0.0 else 'less'}"
 
 
@@ -285,5 +296,5 @@ def _facts(burdens: dict[str, Burden], components: int) -> Iterator[tuple[str, s
         found = [burdens[name] for name in (f"{kind}-{BEFORE}", f"{kind}-{AFTER}") if name in burdens]
         yield f"Error, {what}", " → ".join(map(_error, found))
     first = [burdens[name] for name in (f"{EVERY}-{BEFORE}", f"{EVERY}-{AFTER}") if name in burdens]
-    yield "Torque over limits", " → ".join(f"{100.0 * b.rms_torque:.3g}" for b in first) + " %"
+    yield "Torque, of its limit (RMS)", " → ".join(f"{100.0 * b.rms_torque:.3g}" for b in first) + " %"
     yield "Motors' work", " → ".join(f"{b.work:.3g}" for b in first) + " J"

@@ -231,8 +231,8 @@ class Found:
         self.of = {finding.name: finding.value for finding in findings}
 
     def text(self, name: str, scale: float = 1.0) -> str:
-        """Text of a finding's value, scaled, with two digits; a dash where it was not measured."""
-        return wording.number(scale * self.of[name] if name in self.of else None, 2)
+        """Text of a finding's value, scaled, with three digits; a dash where it was not measured."""
+        return wording.number(scale * self.of[name] if name in self.of else None)
 
     def each(self, what: str, runs: Sequence[ControllerRun], unit: str = "", *, rising: bool = False) -> list[str]:
         """Texts of the findings `what.run` of the runs that have one, such as "0.12 s (Gradient)"."""

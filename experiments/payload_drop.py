@@ -114,9 +114,9 @@ class PayloadDrop(AdaptationLaws):
     def _event_words(self, event: str, runs: Sequence[ControllerRun], found: Found) -> str:
         key = event.replace(" ", "_")
         back = found.each(f"return_after_{key}", runs, "s", rising=True)
-        lost = found.each(f"not_back_after_{key}", runs, "times the earlier", rising=True)
+        lost = found.each(f"not_back_after_{key}", runs)
         parts = [f"below twice the earlier in {' to '.join(dict.fromkeys((back[0], back[-1])))}"] if back else []
-        parts += [f"{len(lost)} of {len(runs)} laws are not back, the farthest at {lost[-1]}"] if lost else []
+        parts += [f"{len(lost)} of {len(runs)} laws are not back"] if lost else []
         return f"Errors after the {event}: {'; '.join(parts) or 'no law came so far'}."
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:

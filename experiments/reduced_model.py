@@ -99,14 +99,11 @@ class ReducedModelTracking(Puma560Adaptive):
     def answer(self, outcome: Outcome, found: Found) -> str | None:
         """Sentence with the tracking errors by number of components."""
         least, most = min(self.components), max(self.components)
-        few, many = (
-            f"{found.text(f'final_rms_error.{ADAPTIVE}-{s}')} mrad "
-            f"({found.text(f'final_rms_error.{FIXED}-{s}')} holding their true values)"
-            for s in (least, most)
-        )
+        few, many = (found.text(f"final_rms_error.{ADAPTIVE}-{s}") for s in (least, most))
         return (
-            f"Adapting {most} components from zero, the controller ends at {many} of tracking error; adapting {least}, "
-            f"at {few}; and at {found.text(f'final_rms_error.{ADAPTATION_OFF}')} mrad knowing nothing."
+            f"Adapting {most} components from zero, the controller ends at {many} mrad of tracking error; adapting "
+            f"{least}, at {few} mrad, and holding the true values of these {least}, at "
+            f"{found.text(f'final_rms_error.{FIXED}-{least}')} mrad."
         )
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:

@@ -117,8 +117,8 @@ class Saturation(OnRealPlant):
         runs = {run.name: run for run in outcome.runs}
         frozen, never = (1e3 * (runs[name].rms_error() or np.nan) for name in (ADAPTIVE, WITHOUT_FREEZE))
         return (
-            f"Frozen while saturated, the RMS error is {frozen:.3g} mrad, {found.text('freeze_over_none')} of the "
-            f"{never:.4g} mrad of adaptation never frozen. In the last 2 s, the payload long gone, it is "
+            f"With adaptation frozen while motors saturate, the RMS error of the run is {frozen:.3g} mrad, never "
+            f"frozen {never:.4g} mrad. In the last 2 s, the payload long gone, it is "
             f"{wording.error(runs[ADAPTIVE].final_rms_error, 'mrad')}, with adaptation off "
             f"{wording.error(runs[ADAPTATION_OFF].final_rms_error, 'mrad')}."
         )

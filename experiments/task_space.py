@@ -151,7 +151,8 @@ class TaskSpaceTracking(TipPath, Learning):
         """Sentence with the tool's errors."""
         subject, off = (found.text(f"final_tool_error.{name}") for name in ("task-space", ADAPTATION_OFF))
         text = f"In the last {END:g} s the tool is off its path by {subject} mm (RMS), with adaptation off by {off} mm."
-        return f"{text} Of all controllers: {found.span('final_tool_error', outcome.runs, 'mm')}."
+        least = found.each("final_tool_error", outcome.runs, "mm", rising=True)[:1]
+        return " ".join((text, *(f"The least of all controllers is {one}." for one in least)))
 
     def leading(self, outcome: Outcome) -> Leading | None:
         """The tool's distances from its path."""

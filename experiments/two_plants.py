@@ -16,6 +16,7 @@ from adaptctl.experiments.experiment import setting
 from adaptctl.experiments.learning import ADAPTATION_OFF, ADAPTIVE, Found
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
 from adaptctl.recording import ControllerRun, Finding, Progress
+from adaptctl.recording.units import error_unit
 from adaptctl.simulation.mujoco_plant import as_mujoco
 
 if TYPE_CHECKING:
@@ -91,7 +92,7 @@ class TwoPlants(AdaptiveTracking):
     def answer(self, outcome: Outcome, found: Found) -> str | None:
         """Sentence on whether integration explains the difference."""
         coarse, fine = found.of["plants_apart"], found.of["plants_apart_fine"]
-        text = f"MuJoCo and adaptctl's plant are at most {1e3 * coarse:.2g} mrad (mm) apart"
+        text = f"MuJoCo and adaptctl's plant are at most {1e3 * coarse:.2g} {error_unit(outcome.mechanism)} apart"
         if coarse < FIRST_ORDER * fine:
             return (
                 f"{text}, and {1e3 * fine:.2g} at steps {SHORTER} times shorter: integration does not explain it, but "

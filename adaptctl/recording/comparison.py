@@ -15,6 +15,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identifiability import EssentialSpace, FundamentalBasis, ReducedModel
 from adaptctl.markup import table, titled
+from adaptctl.recording.units import error_unit, position_units, torque_units
 from adaptctl.recording.verdict import Failure
 from adaptctl.simulation.run import Rollout
 
@@ -235,17 +236,17 @@ class Comparison:
     @property
     def position_units(self) -> tuple[str, ...]:
         """Units of position (r,): rad or m."""
-        return tuple("rad" if joint.kind.turns else "m" for joint in self.mechanism.primary_joints)
+        return position_units(self.mechanism)
 
     @property
     def torque_units(self) -> tuple[str, ...]:
-        """Units of torque (r,): N m or N."""
-        return tuple("N·m" if joint.kind.turns else "N" for joint in self.mechanism.primary_joints)
+        """Units of torque (r,): N·m or N."""
+        return torque_units(self.mechanism)
 
     @property
     def error_unit(self) -> str:
         """Unit of a thousandth of a joint's position: mrad, mm, or either."""
-        return " or ".join(f"m{unit}" for unit in self.joints_by_unit)
+        return error_unit(self.mechanism)
 
     @property
     def joints_by_unit(self) -> dict[str, list[int]]:

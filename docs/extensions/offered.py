@@ -1,12 +1,12 @@
-"""``.. offered:: package`` documents what a package offers, under the package's own name for it, on one page or several.
+"""``.. offered:: package`` documents what a package offers, by the package's own name for it, on one page or several.
 
-With ``:made-in:`` it takes what these modules of the package make; with ``:not-made-in:`` all the rest. So a package with
-many names has a page a module, and each name is on one of them.
+With ``:made-in:`` it takes what these modules of the package make; with ``:not-made-in:`` all the rest. So a package
+with many names has a page a module, and each name is on one of them.
 """
 
 import inspect
 from importlib import import_module
-from typing import Any
+from typing import Any, ClassVar
 
 from docutils import nodes
 from docutils.statemachine import StringList
@@ -40,7 +40,7 @@ class Offered(SphinxDirective):
     """Put autodoc's directives where this one stands."""
 
     required_arguments = 1
-    option_spec = {"made-in": str, "not-made-in": str}
+    option_spec: ClassVar[dict[str, Any]] = {"made-in": str, "not-made-in": str}
 
     def run(self) -> list[nodes.Node]:
         """The documented names."""

@@ -10,9 +10,11 @@ from matplotlib.figure import Figure
 from adaptctl.experiments.serial_versus_graph.result import Side, SideBySide
 from adaptctl.recording.comparison import ControllerRun
 from adaptctl.recording.drawing import Drawing, sheet
-from adaptctl.recording.palette import GOAL, RUNS, Color
+from adaptctl.recording.palette import GOAL, INK, RUNS, Color
 from adaptctl.recording.series import thinned
 
+DESIRED = GOAL.faded(0.45, INK)
+"""the colour of what is desired, dark enough for paper"""
 SAMPLES = 3000
 """At most as many samples are drawn."""
 VIEWS = ((1, 2, "from the front"), (0, 2, "from the side"), (0, 1, "from above"))
@@ -77,7 +79,14 @@ def tip_path(result: SideBySide) -> Figure:
             tip = side.tips[side.comparison.subject.name]
             axes.plot(tip[:, across], tip[:, up], color=side_color(i).hex, linewidth=1.4, label=side.label)
         path = result.sides[0].desired[result.sides[0].comparison.subject.name]
-        axes.plot(path[:, across], path[:, up], color=GOAL.hex, linewidth=1.2, linestyle=(0, (4, 3)), label="desired")
+        axes.plot(
+            path[:, across],
+            path[:, up],
+            color=GOAL.faded(0.45, INK).hex,
+            linewidth=1.2,
+            linestyle=(0, (4, 3)),
+            label="desired",
+        )
         axes.set_aspect("equal", adjustable="datalim")
         axes.set_xlabel(f"{AXES[across]} [m]")
         axes.set_ylabel(f"{AXES[up]} [m]")

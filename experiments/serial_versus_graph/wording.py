@@ -37,18 +37,18 @@ def verdict(result: SideBySide) -> Verdict:
 
 
 def _answer(result: SideBySide) -> str:
-    ranks = " and ".join(f"{side.label} {side.comparison.space.rank}" for side in result.sides)
-    text = f"Independent parameters: {ranks}. "
+    learnt = " and ".join(
+        f"the {side.label} {_millimetres(side.final_tip_rms(side.comparison.subject))}" for side in result.sides
+    )
+    text = f"On the same path of the tip, from knowing nothing, {learnt} are off it in the last two seconds."
     ticks = [_flops(side.comparison.subject) for side in result.sides]
     if len(ticks) == 2 and ticks[0] and ticks[1]:
-        times = number(ticks[1] / ticks[0])
-        text += f"An adaptive tick takes {ticks[0]:,} operations and {ticks[1]:,}, {times} times as many. "
-    learnt = "; ".join(
-        f"{side.label} from {_millimetres(side.first_tip_rms(side.comparison.subject))} in the first second to "
-        f"{_millimetres(side.final_tip_rms(side.comparison.subject))} in the last two"
-        for side in result.sides
-    )
-    return f"{text}On the same path of the tip, from knowing nothing: {learnt}."
+        ranks = [side.comparison.space.rank for side in result.sides]
+        text += (
+            f" A tick of the {result.sides[1].label} takes {number(ticks[1] / ticks[0])} times the operations, for "
+            f"{ranks[1]} independent parameters instead of {ranks[0]}."
+        )
+    return text
 
 
 def facts(result: SideBySide) -> Iterator[tuple[str, str]]:

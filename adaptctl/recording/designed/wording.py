@@ -37,12 +37,12 @@ def facts(study: DesignStudy) -> Iterator[tuple[str, str]]:
     after = found.balanced
     yield "Independent parameters", f"{before.basis.rank}, {len(before.carried())} not zero"
     yield (
-        f"Components to {study.percent:g} %",
+        f"Components within {study.percent:g} % of energy",
         f"{before.components(study.percent)} → {after.components(study.percent)}",
     )
     yield "Energy carried", _fall(before.cost("energy"), after.cost("energy"), "J")
-    yield "Torque over limits", _fall(100.0 * before.cost("torque"), 100.0 * after.cost("torque"), "%")
-    yield "Coupling", _fall(before.cost("coupling"), after.cost("coupling"), "kg m²")
+    yield "Torque, of its limit (RMS)", _fall(100.0 * before.cost("torque"), 100.0 * after.cost("torque"), "%")
+    yield "Coupling (RMS off the diagonal)", _fall(before.cost("coupling"), after.cost("coupling"), "kg m²")
     yield "Counterweights", " + ".join(f"{w.mass:.3g} kg" for w in found.weights) or "none"
 
 
@@ -54,9 +54,9 @@ def quantities(task: DesignTask, percent: float) -> Iterator[tuple[str, str]]:
     """Costs of a motion, as pairs of a label and a number with its unit."""
     yield "independent parameters", f"{task.basis.rank}"
     yield "of them not zero", f"{len(task.carried())}"
-    yield f"components to {percent:g} % of energy", f"{task.components(percent)}"
+    yield f"components within {percent:g} % of energy", f"{task.components(percent)}"
     yield "energy (RMS about its mean)", f"{task.cost('energy'):.4g} J"
-    yield "torque (RMS over limits)", f"{100.0 * task.cost('torque'):.3g} %"
+    yield "torque, of its limit (RMS)", f"{100.0 * task.cost('torque'):.3g} %"
     yield "coupling (RMS off the diagonal)", f"{task.cost('coupling'):.3g} kg m²"
     for joint, torque in zip(task.mechanism.primary_joints, task.torques().tolist(), strict=True):
         yield f"{joint.name} (RMS)", f"{torque:.3g} {'N m' if joint.kind.turns else 'N'}"
@@ -64,7 +64,7 @@ def quantities(task: DesignTask, percent: float) -> Iterator[tuple[str, str]]:
 
 def change(share: float) -> str:
     """Text of a change as a percentage with its sign."""
-    return f"{100.0 * share:+.2f} %"
+    return f"{100.0 * share:+.3g} %".replace("-", "−")
 
 
 def place(x: Array) -> str:
