@@ -48,6 +48,7 @@ from adaptctl.experiments.parameter_errors import SAMPLES, ParameterErrors, para
 from adaptctl.experiments.rough_start import RoughStart
 from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
 from adaptctl.recording import Comparison, ControllerRun, Finding, Progress, Setting
+from adaptctl.recording.comparison import color_places
 
 if TYPE_CHECKING:
     import gymnasium
@@ -350,7 +351,8 @@ class AdaptationLaws(RoughStart, Learning):
         from adaptctl.recording.drawing import Drawing
 
         errors = self._errors(outcome, basis)
-        curves = [(i, run, errors.of(run)) for i, run in enumerate(outcome.runs)]
+        places = color_places(outcome.runs)
+        curves = [(places[run.name], run, errors.of(run)) for run in outcome.runs]
         drawn = [(i, run, values) for i, run, values in curves if values is not None]
         yield Drawing(
             "parameter-error",

@@ -28,6 +28,7 @@ from adaptctl.recording import (
     shown,
     wording,
 )
+from adaptctl.recording.comparison import ADAPTATION_OFF as ADAPTATION_OFF
 from adaptctl.tuning.rough_links import scaled_links
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
 
     from adaptctl.recording.drawing import Drawing
 
-ADAPTIVE, ADAPTATION_OFF = "adaptive", "adaptation-off"
+ADAPTIVE = "adaptive"
 MAPPED, FULL = "adaptive-mapped", "adaptive-full"
 OFFLINE = "Independent parameters from energies"
 

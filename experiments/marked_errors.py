@@ -21,6 +21,8 @@ class Marked(NamedTuple):
     run: ControllerRun
     error: Array
     marked: Array
+    place: int
+    """of its colour among the palette's"""
 
 
 def marked_errors(curves: Sequence[Marked], meaning: str) -> Figure:
@@ -31,8 +33,8 @@ def marked_errors(curves: Sequence[Marked], meaning: str) -> Figure:
 
     figure = sheet(3.6 + 0.22 * len(curves))
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3.0, 0.25 * len(curves) + 0.2))
-    for i, (run, error, marked) in enumerate(curves):
-        every, color = thinned(len(error), SAMPLES), run_color(i).hex
+    for i, (run, error, marked, place) in enumerate(curves):
+        every, color = thinned(len(error), SAMPLES), run_color(place).hex
         above.semilogy(run.rollout.time[every], error[every], color=color, label=run.label)
         below.broken_barh(spans(run.rollout.time, marked), (-i - 0.35, 0.7), color=color)
     above.set_ylabel("parameter error")

@@ -21,6 +21,7 @@ from adaptctl.experiments.on_real_plant import OnRealPlant
 from adaptctl.experiments.parameter_errors import SAMPLES, ParameterErrors
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
 from adaptctl.recording import ControllerRun, Failure, Finding, wording
+from adaptctl.recording.comparison import color_places
 
 if TYPE_CHECKING:
     from adaptctl.recording.drawing import Drawing
@@ -132,8 +133,8 @@ class Saturation(OnRealPlant):
         errors = ParameterErrors.along(
             ReducedModel(outcome.mechanism, basis), *(x[every] for x in (points.p, points.v, points.reference_a))
         )
-        found = ((run, errors.of(run)) for run in outcome.runs)
-        curves = [Marked(run, error, held_back(run)) for run, error in found if error is not None]
+        found, places = ((run, errors.of(run)) for run in outcome.runs), color_places(outcome.runs)
+        curves = [Marked(run, e, held_back(run), places[run.name]) for run, e in found if e is not None]
         yield Drawing(
             "saturation",
             "Parameter errors in shares of the torque of all parameters, and when limits held a torque back.",

@@ -25,6 +25,7 @@ from adaptctl.experiments.learning import ADAPTATION_OFF, Found, Learning
 from adaptctl.experiments.tip_path import ARMS, ArmWithTip, TipPath
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
 from adaptctl.recording import ControllerRun, Finding, Leading, Setting
+from adaptctl.recording.comparison import color_places
 
 if TYPE_CHECKING:
     import gymnasium
@@ -163,7 +164,8 @@ class TaskSpaceTracking(TipPath, Learning):
         """Figure of the tool's errors over time."""
         from adaptctl.recording.drawing import Drawing
 
-        curves = [(i, run, self._tool_errors(outcome.mechanism, run)) for i, run in enumerate(outcome.runs)]
+        places = color_places(outcome.runs)
+        curves = [(places[run.name], run, self._tool_errors(outcome.mechanism, run)) for run in outcome.runs]
         yield Drawing(
             "tool-error",
             "Distance of the tool from its path, one line a controller (logarithmic scale).",

@@ -11,6 +11,8 @@ from adaptctl.recording import views
 from adaptctl.recording.scene import WORLD
 from adaptctl.recording.viewpoint import Viewpoint
 
+MANY = 8
+"""controllers whose small views have no room for a legend of joints, whose colours are those of the overview"""
 LONGEST = 12
 """characters of a short name in a legend"""
 
@@ -70,7 +72,7 @@ def _overview(shown: ScreenContents) -> rrb.Container:
 
 
 def _controllers(shown: ScreenContents) -> rrb.Container:
-    errors = [_error(shown, i) for i in range(len(shown.runs))]
+    errors = [_error(shown, i, legend=len(shown.runs) <= MANY) for i in range(len(shown.runs))]
     title = f"All controllers: RMS error of all joints, powers of ten of a {shown.error_unit}"
     together = views.curves("/error_decades", title, shown.end)
     return rrb.Vertical(
@@ -112,13 +114,14 @@ def _arm(shown: ScreenContents) -> rrb.View:
     return views.arm(WORLD, "The arm · desired: green ghost · adaptation off: orange ghost", shown.viewpoint)
 
 
-def _error(shown: ScreenContents, index: int) -> rrb.View:
+def _error(shown: ScreenContents, index: int, *, legend: bool = True) -> rrb.View:
     return views.curves(
         f"/error/{shown.runs[index]}",
         f"{shown.labels[index]} · joints' tracking errors [{shown.error_unit}]",
         shown.end,
         shown.error_range,
         _room(shown.joints),
+        legend=legend,
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -26,6 +26,8 @@ SETTLED = 2.0
 """s at the end of a run over which its final error is taken."""
 BEGINNING = 1.0
 """s at the start of a run over which its first error is taken."""
+ADAPTATION_OFF = "adaptation-off"
+"""name of the run of a subject's controller with adaptation off, unless a comparison says another"""
 AT_LIMIT = 1.0 - 1e-9
 """of a torque's limit"""
 
@@ -158,6 +160,15 @@ class Leading:
         return float(np.sqrt(np.mean(np.square(self.errors[run.name][late]))))
 
 
+def color_places(runs: Sequence[ControllerRun], without_adaptation: str = ADAPTATION_OFF) -> dict[str, int]:
+    """Place of every run's colour among the palette's, by the run's name: the subject, which is the first, then the run
+    with adaptation off, then the others in their order."""
+    first, *others = [run.name for run in runs]
+    others.sort(key=lambda name: name != without_adaptation)
+    shift = 0 if first == without_adaptation or without_adaptation in others else 1
+    return {first: 0} | {name: i + 1 + shift for i, name in enumerate(others)}
+
+
 @dataclass(frozen=True, eq=False)
 class Comparison:
     """A comparison of runs on one arm, one reference and one seed; the first is the experiment's subject, which
@@ -179,7 +190,7 @@ class Comparison:
     findings: tuple[Finding, ...] = ()
     complete: bool = True
     """False when it was interrupted: what was computed is kept."""
-    without_adaptation: str = "adaptation-off"
+    without_adaptation: str = ADAPTATION_OFF
     """the name of the run with the subject's gains and adaptation off"""
     more_drawings: tuple[Drawing, ...] = ()
     """figures besides those of every comparison: what this one is about"""
@@ -211,6 +222,11 @@ class Comparison:
     def subject(self) -> ControllerRun:
         """The run of the adaptive controller that the experiment is about."""
         return self.runs[0]
+
+    @cached_property
+    def color_places(self) -> dict[str, int]:
+        """Place of every run's colour among the palette's, by the run's name."""
+        return color_places(self.runs, self.without_adaptation)
 
     @property
     def baseline(self) -> ControllerRun | None:

@@ -71,8 +71,9 @@ def tracking_error(comparison: Comparison) -> Figure:
     """Figure of all controllers' errors over time, on a logarithmic scale."""
     figure = sheet(4.2)
     axes = figure.subplots()
-    for i, run in reversed(list(enumerate(comparison.runs))):
-        every, foremost = thinned(len(run.rollout.time), SAMPLES), i == 0
+    for run in reversed(comparison.runs):
+        i = comparison.color_places[run.name]
+        every, foremost = thinned(len(run.rollout.time), SAMPLES), run is comparison.subject
         axes.semilogy(
             run.rollout.time[every],
             1e3 * run.moving_rms_error(AVERAGE)[every],

@@ -39,8 +39,18 @@ RUNS = (
     Color(200, 62, 110),
     Color(140, 110, 50),
     Color(60, 160, 190),
+    Color(122, 176, 42),
+    Color(214, 164, 20),
+    Color(96, 78, 190),
+    Color(236, 130, 180),
+    Color(20, 112, 128),
+    Color(176, 44, 36),
+    Color(130, 170, 232),
+    Color(246, 156, 124),
+    Color(70, 124, 62),
+    Color(196, 110, 222),
 )
-"""One a controller, in the order of the runs: the adaptive one is blue, the same with adaptation off orange."""
+"""One a controller: the adaptive one is blue, the same with adaptation off orange, the others follow in their order."""
 
 JOINTS = (
     Color(45, 125, 235),

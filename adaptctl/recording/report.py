@@ -46,7 +46,7 @@ def report(comparison: Comparison, figures: Mapping[str, Path]) -> str:
         incomplete=INCOMPLETE,
         convergence=CONVERGENCE if comparison.truth_known else TRUTH_UNKNOWN,
         facts=list(facts(comparison)),
-        runs=[_run_row(i, run, comparison) for i, run in enumerate(comparison.runs)],
+        runs=[_run_row(run, comparison) for run in comparison.runs],
         measured=measured(comparison),
         findings=[(f.meaning, number(f.value), _typeset(f.unit)) for f in others],
         parameters=list(_parameter_rows(comparison)),
@@ -101,10 +101,10 @@ def _owner(finding: Finding) -> str:
     return finding.name.partition(".")[2]
 
 
-def _run_row(index: int, run: ControllerRun, comparison: Comparison) -> dict[str, Any]:
+def _run_row(run: ControllerRun, comparison: Comparison) -> dict[str, Any]:
     cost = run.cost
     return {
-        "color": run_color(index).hex,
+        "color": run_color(comparison.color_places[run.name]).hex,
         "label": run.label,
         "knows": run.knows,
         "first": first_error(comparison, run),

@@ -54,9 +54,9 @@ def write_recording(path: str | Path, comparison: Comparison) -> None:
 
 def _log_tracking(recording: rr.RecordingStream, comparison: Comparison) -> None:
     names, rollout = comparison.joint_names, comparison.subject.rollout
-    for i, run in enumerate(comparison.runs):
+    for run in comparison.runs:
         log_joint_errors(recording, f"error/{run.name}", run, names)
-        style = Style((run.label,), (run_color(i),), width=2.0)
+        style = Style((run.label,), (run_color(comparison.color_places[run.name]),), width=2.0)
         log_decades(recording, f"error_decades/{run.name}", run, run.moving_rms_error(AVERAGE), style)
     every = thinned(len(rollout.time), CURVE_SAMPLES)
     for j, name in enumerate(names):
@@ -68,8 +68,8 @@ def _log_tracking(recording: rr.RecordingStream, comparison: Comparison) -> None
 def _log_leading(recording: rr.RecordingStream, comparison: Comparison) -> None:
     if (leading := comparison.leading) is None:
         return
-    for i, run in enumerate(comparison.runs):
-        style = Style((run.label,), (run_color(i),), width=2.0)
+    for run in comparison.runs:
+        style = Style((run.label,), (run_color(comparison.color_places[run.name]),), width=2.0)
         log_decades(recording, f"leading/{run.name}", run, leading.errors[run.name], style)
 
 

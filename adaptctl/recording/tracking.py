@@ -40,7 +40,7 @@ def log_scene(
     log_path(recording, f"{within}path/desired", goal, GOAL)
     _log_moving(recording, within, mechanism, parts, comparison.subject, color, ghost=False)
     if (baseline := comparison.baseline) is not None:
-        other = run_color(comparison.runs.index(baseline))
+        other = run_color(comparison.color_places[baseline.name])
         _log_moving(recording, within, mechanism, parts, baseline, other, ghost=True)
 
 

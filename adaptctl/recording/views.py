@@ -71,17 +71,20 @@ def curves(
     bounds: tuple[float, float] | None = None,
     room: float = SHORT,
     start: float = 0.0,
+    *,
+    legend: bool = True,
 ) -> rrb.View:
-    """View of curves from `start` until `end` (s), on a fixed range if one is given; the legend comes after them.
+    """View of curves from `start` until `end` (s), on a fixed range if one is given; the legend, if any, comes after
+    them.
 
     Without an end, of what goes on, all that there is is shown.
     """
     return rrb.TimeSeriesView(
         origin=origin,
         name=name,
-        axis_x=None if end is None else rrb.TimeAxis(view_range=_range(start, end + room * (end - start))),
+        axis_x=None if end is None else rrb.TimeAxis(view_range=_range(start, end + legend * room * (end - start))),
         axis_y=rrb.ScalarAxis(range=bounds) if bounds else None,
-        plot_legend=rrb.Corner2D.RightTop,
+        plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop, visible=legend),
     )
 
 

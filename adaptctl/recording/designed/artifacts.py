@@ -28,6 +28,7 @@ from adaptctl.recording.series import Style, log_series, thinned
 from adaptctl.recording.skeleton import skeleton
 from adaptctl.recording.stream import log_markdown, log_picture, saved_stream
 from adaptctl.recording.tracking import CURVE_SAMPLES, log_decades
+from adaptctl.recording.units import error_unit
 from adaptctl.recording.viewpoint import Viewpoint, floor_height
 
 PACKAGE = "adaptctl.recording.designed"
@@ -35,6 +36,16 @@ TURN, FRAMES, SHOWN = 6.0, 121, 600
 """s that the arm moves where nothing was run, positions of it then, and at most of a run"""
 AVERAGE = 0.25
 """s over which errors and torques are averaged"""
+TITLES = {
+    "arm": "What a mass does anywhere on the arm",
+    "links": "What a mass does on every link",
+    "torques": "Torques without the counterweights and with them",
+    "components": "Energy error by the number of components kept",
+    "bodies": "What a gripper, a camera and a motor cost",
+    "tracking": "Tracking errors of all joints",
+    "applied": "Torques of all joints, all parameters adapted",
+}
+"""of figures, in the viewer"""
 
 
 @dataclass(frozen=True)
@@ -120,16 +131,17 @@ def write_recording(path: Path, study: DesignStudy, named: Named, figures: Mappi
 
 def _layout(study: DesignStudy, named: Named, figures: Mapping[str, Path], eye: Viewpoint) -> rrb.Blueprint:
     label = f"What {study.body.mass:g} kg costs: blue relieves, red costs · yellow: counterweights"
-    pictures = {name: views.picture(f"figures/{name}", name) for name in figures}
+    pictures = [views.picture(f"figures/{name}", TITLES.get(name, name.capitalize())) for name in figures]
     right: list[rrb.View] = [views.text("summary", "Summary")]
     if named.runs:
-        end, error = named.runs[0].duration, "Tracking error of all joints (RMS), powers of ten of a mrad or mm"
+        unit = error_unit(study.task.mechanism)
+        end, error = named.runs[0].duration, f"Tracking error of all joints (RMS), powers of ten of a {unit}"
         right.append(views.curves("/error", error, end))
         right.append(views.curves("/torque", "Torque of all joints (RMS over 0.25 s, N m)", end))
     else:
-        right.append(views.picture("figures/links", "links"))
+        right.append(views.picture("figures/links", TITLES["links"]))
     overview = rrb.Horizontal(views.arm(WORLD, label, eye), rrb.Vertical(*right), name="Overview")
-    return views.tabs(overview, rrb.Grid(*pictures.values(), name="Figures"))
+    return views.tabs(overview, rrb.Grid(*pictures, name="Figures"))
 
 
 def _log_run(recording: rr.RecordingStream, index: int, run: ControllerRun) -> None:

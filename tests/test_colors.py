@@ -1,0 +1,51 @@
+"""Colours mean the same in recordings, figures and reports."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import combinations
+
+import pytest
+from comparisons import comparison
+
+from adaptctl.dynamics import load
+from adaptctl.experiments.adaptation_laws import LAWS
+from adaptctl.recording import Comparison
+from adaptctl.recording.comparison import color_places
+from adaptctl.recording.palette import GOAL, JOINTS, LIMIT, RUNS, Color, run_color
+from adaptctl.recording.report import report
+
+
+@pytest.fixture(scope="module")
+def two() -> Comparison:
+    return comparison(load("docs/examples/two_link.toml"), samples=1200)
+
+
+def apart(one: Color, other: Color) -> float:
+    return float(sum((a - b) ** 2 for a, b in zip(one, other, strict=True)) ** 0.5)
+
+
+def test_adaptation_off_is_orange_wherever_it_stands(two: Comparison) -> None:
+    learning, off = two.runs
+    others = tuple(replace(learning, name=f"other-{i}", label=f"Other {i}") for i in range(9))
+    for runs in ((learning, off, *others), (learning, *others, off)):
+        places = replace(two, runs=runs).color_places
+        assert places["adaptive"] == 0
+        assert places["adaptation-off"] == 1
+        assert [places[run.name] for run in others] == list(range(2, 11))
+    assert color_places((learning, *others))["other-0"] == 2  # orange stays what it is
+    assert color_places((off, *others)) == {"adaptation-off": 0} | {run.name: i for i, run in enumerate(others, 1)}
+
+
+def test_a_report_shows_each_run_in_its_own_colour(two: Comparison) -> None:
+    learning, off = two.runs
+    other = replace(learning, name="other", label="Another law")
+    page = report(replace(two, runs=(learning, other, off)), {})
+    for place, label in enumerate(("Slotine-Li, &lt;learning&gt;", "Slotine-Li, adaptation off", "Another law")):
+        assert f'style="background: {run_color(place).hex}"></i>{label}' in page
+
+
+def test_so_many_controllers_as_are_compared_can_be_told_apart() -> None:
+    assert len(RUNS) >= len(LAWS)
+    for palette in (RUNS, (*JOINTS, GOAL, LIMIT)):
+        assert min(apart(a, b) for a, b in combinations(palette, 2)) > 30.0
