@@ -82,18 +82,20 @@ class StableBandwidth(AdaptationLaws):
             plant = self._plant(outcome.mechanism, stiffness)
             for name in (*self.laws, ADAPTATION_OFF):
                 found = self._largest(plant, basis, name)
-                where = "the rigid arm" if stiffness == RIGID else f"springs of {stiffness:g} N m/rad"
+                where = "the rigid arm" if stiffness == RIGID else f"springs of {stiffness:g} N·m/rad"
                 meaning = f"{labels.get(name, name)}: largest stable bandwidth on {where}, of those tried, 0.5 to 1024"
                 yield Finding(f"stable_bandwidth.{name}.{_stiffness_text(stiffness)}", found, "1/s", meaning)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
         """Sentence with the largest stable bandwidths of the subject."""
-        each = (*self.stiffness, RIGID)
-        values = [
-            f"{found.text(f'stable_bandwidth.{self.laws[0]}.{_stiffness_text(k)}')} 1/s at {_stiffness_text(k)}"
-            for k in each
-        ]
-        return f"{outcome.runs[0].label} is stable up to {', '.join(values)} (stiffness in N m/rad)."
+        stiffest, softest = max(self.stiffness), min(self.stiffness)
+        rigid, stiff, soft = (
+            found.text(f"stable_bandwidth.{self.laws[0]}.{_stiffness_text(k)}") for k in (RIGID, stiffest, softest)
+        )
+        return (
+            f"{outcome.runs[0].label} is stable up to {rigid} 1/s on the rigid arm, {stiff} 1/s with springs of "
+            f"{stiffest:,.6g} N·m/rad in its joints and {soft} 1/s with springs of {softest:,.6g}."
+        )
 
     def compare(self, progress: Progress) -> Comparison:
         """The comparison of runs and trials, with a figure of the bandwidths found."""

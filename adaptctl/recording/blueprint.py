@@ -26,7 +26,9 @@ class ScreenContents:
     error_range: tuple[float, float]
     """the errors shown, in that unit"""
     links: tuple[str, ...]
-    """entities of the links that have estimates"""
+    """entities of the links and joints that have estimates"""
+    link_units: tuple[str, ...]
+    """units of those estimates, one text a link or joint: ``kg·m, kg·m²``"""
     joints: tuple[str, ...]
     """entities of the joints"""
     position_units: tuple[str, ...]
@@ -98,8 +100,8 @@ def _torques(shown: ScreenContents) -> rrb.Container:
 
 def _parameters(shown: ScreenContents) -> rrb.Container:
     links = [
-        views.curves(f"/estimate/{name}", f"{name}: estimates · {shown.truth} [kg, kg m, kg m²]", shown.end)
-        for name in shown.links
+        views.curves(f"/estimate/{name}", f"{name}: estimates · {shown.truth} [{units}]", shown.end)
+        for name, units in zip(shown.links, shown.link_units, strict=True)
     ]
     return rrb.Grid(*links, grid_columns=3 if len(links) > 2 else 1, name="Parameters")
 

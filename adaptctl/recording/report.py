@@ -17,6 +17,7 @@ from adaptctl.recording.figures import drawings
 from adaptctl.recording.page import embedded, rendered
 from adaptctl.recording.palette import joint_color, run_color
 from adaptctl.recording.trace import parameter_unit
+from adaptctl.recording.units import typeset
 from adaptctl.recording.wording import (
     CONVERGENCE,
     INCOMPLETE,
@@ -48,7 +49,7 @@ def report(comparison: Comparison, figures: Mapping[str, Path]) -> str:
         facts=list(facts(comparison)),
         runs=[_run_row(run, comparison) for run in comparison.runs],
         measured=measured(comparison),
-        findings=[(f.meaning, number(f.value), _typeset(f.unit)) for f in others],
+        findings=[(f.meaning, number(f.value), typeset(f.unit)) for f in others],
         parameters=list(_parameter_rows(comparison)),
         friction=len(comparison.mechanism.parameter_names) - len(comparison.space.parameter_names),
         kinds=PARAMETERS,
@@ -92,7 +93,7 @@ def measured(comparison: Comparison) -> list[Measured]:
 
 def _column(what: str, found: Mapping[str, Finding], names: list[str]) -> Measured:
     first = next(iter(found.values()))
-    unit = "" if first.unit == "1" else f" [{_typeset(first.unit)}]"
+    unit = "" if first.unit == "1" else f" [{typeset(first.unit)}]"
     values = [number(found[name].value) if name in found else "–" for name in names]
     return Measured(what.replace("_", " ") + unit, first.meaning.partition(": ")[2], values)
 
@@ -123,13 +124,8 @@ def _parameter_rows(comparison: Comparison) -> list[tuple[str, str, str, str, st
         return []
     rows = zip(comparison.model.names, comparison.true_parameters, final, strict=True)
     return [
-        (name, _typeset(parameter_unit(name)), _fixed(true), _fixed(est), _fixed(est - true))
-        for name, true, est in rows
+        (name, typeset(parameter_unit(name)), _fixed(true), _fixed(est), _fixed(est - true)) for name, true, est in rows
     ]
-
-
-def _typeset(unit: str) -> str:
-    return unit.replace(" ", "·").replace("^2", "²")
 
 
 def _fixed(value: float) -> str:

@@ -16,6 +16,7 @@ from adaptctl.recording.series import Style, log_levels, log_series, thinned
 from adaptctl.recording.skeleton import skeleton
 from adaptctl.recording.spectrum import log_spectrum
 from adaptctl.recording.stream import log_markdown, saved_stream
+from adaptctl.recording.trace import parameter_unit
 from adaptctl.recording.tracking import (
     CURVE_SAMPLES,
     log_curve,
@@ -25,6 +26,7 @@ from adaptctl.recording.tracking import (
     log_scene,
     log_torque_shares,
 )
+from adaptctl.recording.units import typeset
 from adaptctl.recording.viewpoint import Viewpoint, floor_height
 from adaptctl.recording.wording import lyapunov_words
 
@@ -117,17 +119,24 @@ def _links(comparison: Comparison) -> list[str]:
     return list(dict.fromkeys(name.rpartition(".")[0] for name in comparison.model.names))
 
 
+def _units(comparison: Comparison, link: str) -> str:
+    """Units of a link's or joint's parameters."""
+    own = (name for name in comparison.model.names if name.rpartition(".")[0] == link)
+    return ", ".join(dict.fromkeys(typeset(parameter_unit(name)) for name in own))
+
+
 def _contents(comparison: Comparison) -> ScreenContents:
     parts = skeleton(comparison.mechanism)
     shown, leading, rise = _shown(comparison), comparison.leading, comparison.subject.lyapunov_max_increase
     errors = np.concatenate([run.rollout.error for run in shown[:2]])
     margin = 0.06 * float(np.ptp(errors)) + 1e-9
-    has_estimates = comparison.subject.rollout.estimate.shape[1] > 0
+    links = _links(comparison) if comparison.subject.rollout.estimate.shape[1] else []
     return ScreenContents(
         viewpoint=Viewpoint.of(comparison.mechanism, parts, comparison.subject.rollout.reference_p),
         error_unit=comparison.error_unit,
         error_range=(1e3 * (float(errors.min()) - margin), 1e3 * (float(errors.max()) + margin)),
-        links=tuple(entity(link) for link in _links(comparison)) if has_estimates else (),
+        links=tuple(map(entity, links)),
+        link_units=tuple(_units(comparison, link) for link in links),
         joints=tuple(entity(name) for name in comparison.joint_names),
         position_units=comparison.position_units,
         torque_units=comparison.torque_units,

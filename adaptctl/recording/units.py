@@ -18,3 +18,8 @@ def torque_units(mechanism: Mechanism) -> tuple[str, ...]:
 def error_unit(mechanism: Mechanism) -> str:
     """Unit of a thousandth of a primary joint's position: mrad, mm, or either."""
     return " or ".join(f"m{unit}" for unit in sorted(set(position_units(mechanism)), reverse=True))
+
+
+def typeset(unit: str) -> str:
+    """Text of a unit as pages show it: ``kg m^2`` is ``kg·m²``."""
+    return unit.replace(" ", "·").replace("^2", "²").replace("^1/2", "^½")

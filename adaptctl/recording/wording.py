@@ -105,7 +105,7 @@ def facts(comparison: Comparison) -> Iterator[tuple[str, str]]:
     if subject.lyapunov_max_increase is not None:
         yield "Lyapunov function", lyapunov_words(subject.lyapunov_max_increase)
     peak = float(comparison.peak_torque_shares.max())
-    yield "Peak torque", f"{100 * peak:.0f} % of the limit"
+    yield "Peak torque", f"{number(100.0 * peak)} % of the limit"
     yield "Steps at a torque limit", f"{comparison.limited_steps(subject):,} of {len(subject.rollout.time):,}"
     yield "Parameters", parameters(comparison)
     if (factor := realtime_factor(subject)) is not None:

@@ -16,7 +16,7 @@ from adaptctl.files import write_json, write_text
 from adaptctl.recording import views
 from adaptctl.recording.drawing import WIDTH, Drawing, write_drawings
 from adaptctl.recording.page import embedded, rendered
-from adaptctl.recording.palette import run_color
+from adaptctl.recording.palette import MUTED, run_color
 from adaptctl.recording.scene import entity
 from adaptctl.recording.series import Style, log_series
 from adaptctl.recording.stream import log_markdown, saved_stream
@@ -110,7 +110,7 @@ class Amplification:
             for j, name in enumerate(curves.joints):
                 values = np.stack([curves.measured[:, j], curves.momentum[:, j], curves.energy[:, j]], axis=-1)
                 labels = ("measured", "filtered dynamics", "energy differences")
-                style = Style(labels, [run_color(i) for i in range(3)])
+                style = Style(labels, [MUTED, run_color(0), run_color(1)])
                 log_series(recording, entity(name), curves.time, values, style)
 
     def _drawings(self) -> Iterator[Drawing]:
