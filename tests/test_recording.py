@@ -26,6 +26,7 @@ from adaptctl.identifiability import essential_space
 from adaptctl.recording import Comparison, write_artifacts
 from adaptctl.recording import shown as result_of
 from adaptctl.recording.blueprint import _room
+from adaptctl.recording.rerun_recording import _contents
 from adaptctl.recording.scene import log_base
 from adaptctl.recording.skeleton import Solid, skeleton
 from adaptctl.recording.views import LONG, SHORT
@@ -268,6 +269,10 @@ def test_estimates_of_friction_are_shown_with_the_others(tmp_path: Path) -> None
     _, truth = series(out / "recording.rrd", "/estimate/shoulder/truth")
     assert list(truth[0]) == [2.0, 0.5]
     assert "estimate.shoulder.viscous" in pq.read_table(out / "trace.parquet").column_names
+    contents = _contents(comparison_with_friction)
+    units = dict(zip(contents.links, contents.link_units, strict=True))
+    assert units["shoulder"] == "N·m·s, N·m"
+    assert units["lower"].startswith("kg·m")
 
 
 def test_interrupted_comparison_says_so_everywhere(tmp_path: Path) -> None:
