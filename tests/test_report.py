@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from comparisons import comparison
 
 from adaptctl.dynamics import load
 from adaptctl.recording import Comparison, write_artifacts
+from adaptctl.recording.report import report
 from adaptctl.recording.wording import outcome_words
 
 
@@ -104,3 +106,13 @@ def luminance(color: str) -> float:
     parts = [int(digits[i : i + 2], 16) / 255 for i in (0, 2, 4)]
     linear = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts]
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def test_only_what_learns_and_what_does_not_are_coloured(folder: Path, shown: Comparison) -> None:
+    """Blue and orange mean the subject and the same with adaptation off; other numbers have no colour."""
+    html = (folder / "report.html").read_text()
+    tiles = dict(re.findall(r'<div class="tile([^"]*)"><span>([^<]*)', html))
+    assert tiles[" subject"] == "RMS error, last 2 s"
+    assert tiles[" off"] == "… with adaptation off"
+    bare = report(replace(shown, runs=shown.runs[:1]), {})
+    assert {kind for kind, _ in re.findall(r'<div class="tile([^"]*)"><span>([^<]*)', bare)} == {""}

@@ -112,7 +112,7 @@ def _run_row(run: ControllerRun, comparison: Comparison) -> dict[str, Any]:
         "final": final_error(comparison, run),
         "clipped": comparison.limited_steps(run),
         "called": f"{1e6 * cost.called:.1f} µs" if cost else "–",
-        "native": f"{1e9 * cost.native:.0f} ns" if cost and cost.native else "–",
+        "native": f"{1e9 * cost.native:,.0f} ns" if cost and cost.native else "–",
         "flops": f"{cost.flops:,}" if cost and cost.flops is not None else "–",
         "outcome": outcome(run),
     }

@@ -22,4 +22,6 @@ def error_unit(mechanism: Mechanism) -> str:
 
 def typeset(unit: str) -> str:
     """Text of a unit as pages show it: ``kg m^2`` is ``kg·m²``."""
+    if unit == "us":
+        return "µs"
     return unit.replace(" ", "·").replace("^2", "²").replace("^1/2", "^½")

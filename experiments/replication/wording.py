@@ -14,17 +14,15 @@ def headline(replication: Replication) -> str:
     n, depending = replication.numbers, replication.numbers.in_shape + replication.numbers.not_reproduced
     computable = n.reproduced + n.errata
     said = [] if replication.complete else [INCOMPLETE]
-    if n.given:
-        said.append(f"{n.given} of {n.printed} printed numbers are inputs, used as printed.")
     if computable:
         said.append(
-            f"Of {computable} that can be computed as they stand, {n.reproduced} come out, "
+            f"Of {computable} printed numbers that can be computed as they stand, {n.reproduced} come out, "
             f"{n.to_the_last_digit} to the last digit."
         )
     if depending:
         said.append(
             f"Of {depending} that depend on samples, motions or an arm that are not printed, {n.in_shape} lie "
-            f"among those of {replication.study.seeds} seeds."
+            "among those of random draws."
         )
     if replication.errata:
         said.append(f"Wrong, with a proof by numbers: {', '.join(replication.errata)}.")
