@@ -1,10 +1,11 @@
 """Time of a fresh process to the first tick of an adaptive controller for the PUMA.
 
-    python benchmarks/start_up.py [REPETITIONS]
+    python -m benchmarks.start_up [REPETITIONS] [--publish]
 
 The tick is compiled then and there (cold), or an earlier process has left it in the cache. Each time is the median over
 processes that take turns; the processor's time is what a machine with nothing else to do would take. OpenBLAS, which
 NumPy brings, has one thread: the others would only wait here, but in a loop, which counts as the processor's time.
+With `--publish` they are kept in start_up.json, and docs/compilation.md shows them.
 """
 
 from __future__ import annotations
@@ -15,8 +16,10 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
+NUMBERS = Path(__file__).with_name("start_up.json")
+PUBLISH = "python -m benchmarks.start_up --publish"
 Split: TypeAlias = dict[str, tuple[float, float]]
 """Seconds of each stage: on the clock, and of the processor."""
 
@@ -94,11 +97,35 @@ def measured(repetitions: int) -> tuple[Split, Split]:
     return median(cold), median(cached)
 
 
+def shown(kept: dict[str, Any]) -> str:
+    """What a page shows of the times that were kept, in Markdown: the processor's, in milliseconds."""
+    cold, cached = kept["cold"], kept["cached"]
+    rows = [f"| {stage} | {1e3 * cold[stage][1]:.0f} | {1e3 * cached[stage][1]:.0f} |" for stage in cold]
+    head = ["| ms of the processor | cold | cached |", "|---|---|---|"]
+    where = f"Measured by `{PUBLISH}` on {kept['machine']}, under a load of {kept['load']}."
+    return f"{where}\n\n" + "\n".join((*head, *rows)) + "\n"
+
+
+def publish(cold: Split, cached: Split) -> None:
+    """Keep the times, and put their table into the page."""
+    from benchmarks.machine import Machine
+    from benchmarks.published import inserted
+
+    about = {"schema": "adaptctl/start-up/1", "machine": str(Machine.here()), "load": round(os.getloadavg()[0], 1)}
+    kept = {**about, "cold": cold, "cached": cached}
+    NUMBERS.write_text(json.dumps(kept, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    page = NUMBERS.parent.parent / "docs" / "compilation.md"
+    page.write_text(inserted(page.read_text(encoding="utf-8"), shown(json.loads(json.dumps(kept))), PUBLISH), "utf-8")
+
+
 def main() -> None:
     if sys.argv[1:] == ["--split"]:
         print(json.dumps(split()))
         return
-    cold, cached = measured(int(sys.argv[1]) if sys.argv[1:] else 7)
+    asked = [int(word) for word in sys.argv[1:] if word != "--publish"]
+    cold, cached = measured(*asked or [7])
+    if "--publish" in sys.argv:
+        publish(cold, cached)
     print(f"{'ms':24}{'cold':>8}{'(processor)':>13}{'cached':>10}{'(processor)':>13}")
     for stage in cold:
         times = [1e3 * seconds for seconds in (*cold[stage], *cached[stage])]

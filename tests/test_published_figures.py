@@ -12,6 +12,7 @@ import pytest
 
 from adaptctl.dynamics import load
 from adaptctl.identifiability import essential_space, fundamental_basis
+from benchmarks import start_up
 from benchmarks.findings import Agreement, Finding, Measurement, Speedup
 from benchmarks.interleaved import Spread
 from benchmarks.machine import Machine
@@ -66,6 +67,12 @@ def test_the_page_of_invariants_shows_its_data() -> None:
         assert figure["figure"] <= figure.get("at_most", float("inf"))
         assert figure["figure"] >= figure.get("at_least", 0.0)
         assert (TESTS / asked_in(figure["name"])).is_file()
+
+
+def test_the_table_of_the_first_tick_shows_its_data() -> None:
+    kept = json.loads(start_up.NUMBERS.read_text(encoding="utf-8"))
+    assert start_up.shown(kept) in (ROOT / "docs" / "compilation.md").read_text(encoding="utf-8")
+    assert kept["cached"]["together"][1] < kept["cold"]["together"][1]
 
 
 def test_figures_of_a_run_come_into_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

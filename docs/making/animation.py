@@ -15,7 +15,7 @@ from adaptctl.envs.rendering.render import Renderer
 from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
 
 DURATION, FRAMES_A_SECOND = 6.0, 10
-WIDTH, HEIGHT, CURVES = 320, 300, 84
+WIDTH, HEIGHT, CURVES = 380, 300, 84
 """pixels: of each arm's picture, and of the curves below"""
 LEARNS, OFF, INK, PAPER = (27, 108, 214), (232, 110, 28), (28, 34, 48), (255, 255, 255)
 TITLES = ("learning", "adaptation off")
