@@ -98,7 +98,7 @@ def measured(repetitions: int) -> tuple[Split, Split]:
 
 
 def shown(kept: dict[str, Any]) -> str:
-    """What a page shows of the times that were kept, in Markdown: the processor's, in milliseconds."""
+    """Text of a page on the times that were kept, in Markdown: the processor's, in milliseconds."""
     cold, cached = kept["cold"], kept["cached"]
     rows = [f"| {stage} | {1e3 * cold[stage][1]:.0f} | {1e3 * cached[stage][1]:.0f} |" for stage in cold]
     head = ["| ms of the processor | cold | cached |", "|---|---|---|"]

@@ -17,12 +17,12 @@ from adaptctl.description.readers import robot_checks, xml_elements
 from adaptctl.description.transforms import snapping
 from adaptctl.dynamics.loops import continuation
 from adaptctl.dynamics.recursion import drive
+from adaptctl.experiments.contest import MANY
 from adaptctl.identifiability import certificate, right_angles
 from adaptctl.identification import choice
 from adaptctl.identification.identify import HELD_OUT
 from adaptctl.simulation import stiffness
 from adaptctl.tuning import carried_gains, initial_error, motion_range, search, verification, workable_reference
-from experiments.contest import MANY
 
 ROOT = Path(__file__).parent.parent
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

@@ -226,3 +226,11 @@ def test_licences_that_ask_for_something_are_named_in_the_documentation() -> Non
     assert len(locked()) > 50
     for name, licence in noted().items():
         assert f"| `{name}` |" in page, f"{name}: {licence}"
+
+
+def test_experiments_and_environments_are_imported_from_the_package() -> None:
+    """A source distribution has no folders of these names beside the package."""
+    for path in [*(ROOT / "tests").glob("*.py"), *(ROOT / "benchmarks").rglob("*.py"), *(ROOT / "docs").rglob("*.py")]:
+        assert not re.search(r"^\s*(?:from|import) (?:envs|experiments)\b", path.read_text(encoding="utf-8"), re.M), (
+            path
+        )

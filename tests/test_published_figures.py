@@ -11,6 +11,7 @@ from xml.etree import ElementTree
 import pytest
 
 from adaptctl.dynamics import load
+from adaptctl.experiments.adaptation_laws import AdaptationLaws
 from adaptctl.identifiability import essential_space, fundamental_basis
 from benchmarks import start_up
 from benchmarks.findings import Agreement, Finding, Measurement, Speedup
@@ -19,7 +20,6 @@ from benchmarks.machine import Machine
 from benchmarks.published import NUMBERS, PLOT, agreements, comparisons, measurements
 from docs.making.null_directions import write_null_directions
 from docs.making.verification import KEPT, PAGE, TESTS, asked_in, publish, shown
-from experiments.adaptation_laws import AdaptationLaws
 
 ROOT = Path(__file__).resolve().parent.parent
 KINDS: dict[str, type[Any]] = {"speedup": Speedup, "measurement": Measurement, "agreement": Agreement}
