@@ -6,24 +6,29 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from adaptctl.codegen import export
 from adaptctl.codegen.exporting import Exported
 from adaptctl.control import Controller
 from adaptctl.dynamics import load
 from adaptctl.errors import InputError
+from adaptctl.experiments.build_grid import build_grid
 from adaptctl.experiments.experiment import Experiment, setting, stated
 from adaptctl.files import write_json, write_text
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.recording import Progress, Result
-from adaptctl.recording.page import rendered
+from adaptctl.recording.page import embedded, rendered
 from adaptctl.recording.verdict import Failure, Verdict
 from adaptctl.tuning import tune
 from adaptctl.tuning.named_laws import LAWS, guarded, named_law
+
+if TYPE_CHECKING:
+    from adaptctl.recording.drawing import Drawing
 
 COMPILERS = {
     "cc": ("cc",),
@@ -90,13 +95,20 @@ class ExportCheck(Experiment):
         headline = verdict.before(answer)
 
         def write(folder: Path, _progress: Progress) -> None:
+            from adaptctl.recording.drawing import write_drawings
+
             title, passed = self.title.format(robot=self.robot), verdict.passed
             write_json(
                 folder / "summary.json",
                 {"schema": "adaptctl/export-check/1", "experiment": self.name, "robot": self.robot, "seed": self.seed,
                  "complete": complete, "passed": passed, "missing": missing, "builds": [asdict(b) for b in builds]},
             )  # fmt: skip
-            content: dict[str, Any] = {"facts": facts, "title": title, "verdict": headline, "builds": builds}
+            (folder / "figures").mkdir(exist_ok=True)
+            drawings = list(drawn(builds))
+            figures = embedded(drawings, write_drawings(folder / "figures", drawings))
+            content: dict[str, Any] = {
+                "facts": facts, "title": title, "verdict": headline, "builds": builds, "figures": figures,
+            }  # fmt: skip
             page = rendered("export_check.html", settings=list(stated(self)), flags=" ".join(FLAGS), **content)
             write_text(folder / "report.html", page)
 
@@ -117,6 +129,14 @@ class ExportCheck(Experiment):
                 for compiler in compilers:
                     yield built(done, law, scalar, compiler)
         progress("Exporting and compiling", 1.0)
+
+
+def drawn(builds: Sequence[Build]) -> Iterator[Drawing]:
+    """Figure of which builds agree."""
+    from adaptctl.recording.drawing import Drawing
+
+    caption = "Laws, and the compilers and kinds of number with which they repeat what Python did."
+    yield Drawing("builds", caption, partial(build_grid, builds))
 
 
 def found_compilers() -> list[str]:

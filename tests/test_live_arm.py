@@ -21,7 +21,8 @@ from adaptctl.codegen.live_arm import LiveArm, live_arm
 from adaptctl.control import Controller, Sinusoids, Spline
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
-from adaptctl.experiments.export_check import ExportCheck, found_compilers
+from adaptctl.experiments.build_grid import build_grid
+from adaptctl.experiments.export_check import Build, ExportCheck, found_compilers
 from adaptctl.recording.report import report
 from adaptctl.simulation import Plant
 from adaptctl.simulation.closed_loop import ClosedLoop, Sample
@@ -129,3 +130,13 @@ def test_the_home_page_holds_a_learning_arm_and_fetches_nothing(monkeypatch: pyt
     for what in ('role="status"', "aria-pressed", "aria-label", "<noscript>"):
         assert what in section
     assert "http" not in section
+
+
+def test_an_export_check_shows_which_builds_agree() -> None:
+    laws, kinds = ("slotine-li", "natural"), (("cc", "double"), ("cc", "float"), ("tcc", "double"))
+    builds = [Build(law, scalar, compiler, law != "natural", "said") for law in laws for compiler, scalar in kinds]
+    axes = build_grid(builds).axes[0]
+    assert [label.get_text() for label in axes.get_yticklabels()] == list(laws)
+    assert [label.get_text() for label in axes.get_xticklabels()] == ["cc, double", "cc, float", "tcc, double"]
+    assert [text.get_text() for text in axes.texts] == ["agrees"] * 3 + ["differs"] * 3
+    assert len({line.get_color() for line in axes.lines}) == 2

@@ -12,9 +12,11 @@ import pytest
 from comparisons import comparison
 
 from adaptctl.dynamics import load
+from adaptctl.experiments import EXPERIMENTS
 from adaptctl.recording import Comparison, write_artifacts
 from adaptctl.recording.report import report
 from adaptctl.recording.wording import outcome_words
+from docs.making.gallery import PAGE, PICTURES, outcome_of
 
 
 @pytest.fixture(scope="module")
@@ -116,3 +118,18 @@ def test_only_what_learns_and_what_does_not_are_coloured(folder: Path, shown: Co
     assert tiles[" off"] == "… with adaptation off"
     bare = report(replace(shown, runs=shown.runs[:1]), {})
     assert {kind for kind, _ in re.findall(r'<div class="tile([^"]*)"><span>([^<]*)', bare)} == {""}
+
+
+def test_the_gallery_tells_what_a_report_says_first(folder: Path, shown: Comparison, tmp_path: Path) -> None:
+    assert outcome_of(folder / "report.html") == outcome_words(shown)
+    assert outcome_of(tmp_path / "nothing.html") == ""
+
+
+def test_the_gallery_has_every_experiment_with_picture_command_and_outcome() -> None:
+    parts = PAGE.read_text(encoding="utf-8").split("\n## ")[1:]
+    assert [part.partition("\n")[0] for part in parts] == [entry.name for entry in EXPERIMENTS]
+    for entry, part in zip(EXPERIMENTS, parts, strict=True):
+        assert (PICTURES / f"{entry.name}.png").is_file()
+        assert f"](images/gallery/{entry.name}.png)" in part
+        assert f"adaptctl experiment run {entry.name}\n" in part
+        assert re.search(rf"{re.escape(entry.summary)}\. \S.*\.\n", part), entry.name

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import os
+import re
 import sys
 import time
 from collections.abc import Iterator
+from html import unescape
 from pathlib import Path
 from subprocess import run
 
@@ -80,23 +81,17 @@ def _screenshot(recording: Path, target: Path, seconds: float = 8.0) -> bool:
 
 
 def _part(entry: Entry, folder: Path) -> str:
-    """Section of an experiment, in Markdown."""
-    outcome = _outcome(folder / "summary.json")
+    """Section of an experiment, in Markdown: its question and its outcome, its picture, its command."""
+    outcome = outcome_of(folder / "report.html")
     shown = PICTURES / f"{entry.name}.png"
     picture = f"![What {entry.name} shows](images/gallery/{entry.name}.png)\n\n" if shown.is_file() else ""
     command = f"```console\nadaptctl experiment run {entry.name}\n```\n"
-    return f"## {entry.name}\n\n{picture}{entry.summary}.{outcome}\n\n{command}"
+    return f"## {entry.name}\n\n{picture}{entry.summary}. {outcome}\n\n{command}"
 
 
-def _outcome(summary: Path) -> str:
-    """Sentence on the error at the end, where the experiment tells one."""
-    if not summary.is_file():
+def outcome_of(report: Path) -> str:
+    """Sentences of a report on what came out; none where there is no report."""
+    if not report.is_file():
         return ""
-    found = json.loads(summary.read_text(encoding="utf-8"))
-    final, off = (found.get(name) for name in ("final_rms_error", "final_rms_error_adaptation_off"))
-    if not final or not off:
-        return ""
-    return (
-        f" It ends at {1e3 * final:.3g} thousandths of a rad or m of tracking error, with adaptation off at "
-        f"{1e3 * off:.3g}."
-    )
+    lead = re.search(r'<p class="lead">(.*?)</p>', report.read_text(encoding="utf-8"), re.DOTALL)
+    return " ".join(unescape(lead[1]).split()) if lead else ""

@@ -38,9 +38,9 @@ def verdict(result: SideBySide) -> Verdict:
 
 def _answer(result: SideBySide) -> str:
     learnt = " and ".join(
-        f"the {side.label} {_millimetres(side.final_tip_rms(side.comparison.subject))}" for side in result.sides
+        f"{_millimetres(side.final_tip_rms(side.comparison.subject))} ({side.label})" for side in result.sides
     )
-    text = f"On the same path of the tip, from knowing nothing, {learnt} are off it in the last two seconds."
+    text = f"From knowing nothing, the tip ends {learnt} off the path that both follow."
     ticks = [_flops(side.comparison.subject) for side in result.sides]
     if len(ticks) == 2 and ticks[0] and ticks[1]:
         ranks = [side.comparison.space.rank for side in result.sides]
