@@ -129,7 +129,7 @@ def test_the_gallery_has_every_experiment_with_picture_command_and_outcome() -> 
     parts = PAGE.read_text(encoding="utf-8").split("\n## ")[1:]
     assert [part.partition("\n")[0] for part in parts] == [entry.name for entry in EXPERIMENTS]
     for entry, part in zip(EXPERIMENTS, parts, strict=True):
-        assert (PICTURES / f"{entry.name}.png").is_file()
-        assert f"](images/gallery/{entry.name}.png)" in part
+        assert (PICTURES / f"{entry.name}.webp").is_file()
+        assert f"](images/gallery/{entry.name}.webp)" in part
         assert f"adaptctl experiment run {entry.name}\n" in part
         assert re.search(rf"{re.escape(entry.summary)}\. \S.*\.\n", part), entry.name

@@ -17,7 +17,7 @@ from adaptctl.experiments import EXPERIMENTS, Entry
 
 DOCS = Path(__file__).resolve().parent.parent
 PICTURES, PAGE = DOCS / "images" / "gallery", DOCS / "gallery.md"
-WIDTH = 720
+WIDTH = 960
 """pixels of a picture"""
 FIRST = {"task-space": "tool-error", "serial-versus-graph": "tip-error", "sheu-walker-1991": "figure-3"}
 """Figures that show what the experiment is about, where it is not the tracking error."""
@@ -45,7 +45,7 @@ def make(results: Path) -> list[str]:
 
 def _picture(name: str, folder: Path) -> Iterator[str]:
     """Write the picture of an experiment: its recording in the viewer, or a figure; yields what is missing."""
-    target = PICTURES / f"{name}.png"
+    target = PICTURES / f"{name}.webp"
     if os.environ.get("GALLERY_VIEWER", "on") == "off" or not _screenshot(folder / "recording.rrd", target):
         yield f"{name}: no viewer showed it (no Vulkan, or a busy machine?), so a figure of the report is shown"
         figures = sorted((folder / "figures").glob("*.png"))
@@ -59,7 +59,7 @@ def _shrink(source: Path, target: Path) -> None:
     with Image.open(source) as picture:
         small = picture.convert("RGB")
     small.thumbnail((WIDTH, WIDTH), Image.Resampling.LANCZOS)
-    small.quantize(96).save(target, optimize=True)
+    small.save(target, "WEBP", quality=72, method=6)
 
 
 def _screenshot(recording: Path, target: Path, seconds: float = 8.0) -> bool:
@@ -83,8 +83,8 @@ def _screenshot(recording: Path, target: Path, seconds: float = 8.0) -> bool:
 def _part(entry: Entry, folder: Path) -> str:
     """Section of an experiment, in Markdown: its question and its outcome, its picture, its command."""
     outcome = outcome_of(folder / "report.html")
-    shown = PICTURES / f"{entry.name}.png"
-    picture = f"![What {entry.name} shows](images/gallery/{entry.name}.png)\n\n" if shown.is_file() else ""
+    shown = PICTURES / f"{entry.name}.webp"
+    picture = f"![What {entry.name} shows](images/gallery/{entry.name}.webp)\n\n" if shown.is_file() else ""
     command = f"```console\nadaptctl experiment run {entry.name}\n```\n"
     return f"## {entry.name}\n\n{picture}{entry.summary}. {outcome}\n\n{command}"
 

@@ -46,7 +46,7 @@ def verdict(found: Identification) -> str:
     """The outcome of an identification in a sentence."""
     validation = found.validation
     return (
-        f"Predicts the torques of {validation.origin} to {validation.rms_error:.3g} N m over all joints, "
+        f"Predicts the torques of {validation.origin}, to {validation.rms_error:.3g} N m over all joints, "
         f"{validation.relative_error:.1%} of what was measured."
     )
 
