@@ -34,6 +34,9 @@ def sweep(
         Literal["grid", "latin-hypercube", "sobol"] | None, Parameter(group=WHAT, help="How settings are combined.")
     ] = None,
     samples: Annotated[int, Parameter(group=WHAT, help="Runs to draw, where they are not a grid.")] = 0,
+    precision: Annotated[
+        Literal["double", "single"], Parameter(group=WHAT, help="Of runs that are computed together; single is faster.")
+    ] = "double",
     search: Annotated[int, Parameter(group=WHAT, help="Search with so many runs instead (extra `search`).")] = 0,
     minimise: Annotated[str, Parameter(group=WHAT, help="The column that a search makes small.")] = "rms_error_last",
     yes: Annotated[bool, Parameter(group=WHAT, help="Begin, however many runs there are.")] = False,
@@ -60,6 +63,7 @@ def sweep(
         raise InputError(f"shard: expected from 1 to 100000 runs, got {shard}")
     names = tuple(name.strip() for name in controllers.split(",") if name.strip())
     options = {"controllers": names, "sampling": "sobol" if search else sampling, "samples": search or samples}
+    options |= {} if precision == "double" else {"precision": precision}
     study = SweepStudy.named(target, settings, **options)
     if search:
         return _search(study, minimise, search, out)
