@@ -62,8 +62,8 @@ def sweep(
     if not 1 <= shard <= 100_000:
         raise InputError(f"shard: expected from 1 to 100000 runs, got {shard}")
     names = tuple(name.strip() for name in controllers.split(",") if name.strip())
-    options = {"controllers": names, "sampling": "sobol" if search else sampling, "samples": search or samples}
-    options |= {} if precision == "double" else {"precision": precision}
+    options: dict[str, Any] = {"controllers": names, "sampling": "sobol" if search else sampling, "samples": search or samples}
+    options |= {"precision": precision} if precision != "double" else {}
     study = SweepStudy.named(target, settings, **options)
     if search:
         return _search(study, minimise, search, out)
