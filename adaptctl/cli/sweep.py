@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, Parameter
 
@@ -62,7 +62,11 @@ def sweep(
     if not 1 <= shard <= 100_000:
         raise InputError(f"shard: expected from 1 to 100000 runs, got {shard}")
     names = tuple(name.strip() for name in controllers.split(",") if name.strip())
-    options: dict[str, Any] = {"controllers": names, "sampling": "sobol" if search else sampling, "samples": search or samples}
+    options: dict[str, Any] = {
+        "controllers": names,
+        "sampling": "sobol" if search else sampling,
+        "samples": search or samples,
+    }
     options |= {"precision": precision} if precision != "double" else {}
     study = SweepStudy.named(target, settings, **options)
     if search:
