@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from adaptctl.codegen import exporting, live_arm, loop_precision
+from adaptctl.codegen import exporting, live_arm
 from adaptctl.compilation import limits, object_cache, pieces, result_cache, sine
 from adaptctl.control import ringing
 from adaptctl.control.gains import hold
 from adaptctl.description import pose
 from adaptctl.description.readers import robot_checks, xml_elements
 from adaptctl.description.transforms import snapping
-from adaptctl.dynamics.loops import continuation
+from adaptctl.dynamics.loops import continuation, single_precision
 from adaptctl.dynamics.recursion import drive
 from adaptctl.experiments.contest import MANY
 from adaptctl.identifiability import certificate, right_angles
@@ -53,7 +53,7 @@ STATED = [
     ("compilation", f"up to $2^{{{sine.FARTHEST.hex().rpartition('p+')[2]}}}$ rad"),
     ("compilation", f"{object_cache.LIMIT // 2**20} MiB are kept"),
     ("compilation", f"A process keeps its first {result_cache.MOST}."),
-    ("export", f"more than {power(loop_precision.OPEN)} m or rad"),
+    ("export", f"more than {power(single_precision.OPEN)} m or rad"),
     ("export", f"it is refused above {exporting.MOST_STACK // 1024} kB"),
     ("export", f"whose loop takes more than {live_arm.MOST // 1000} kB"),
     ("discrete_adaptation", f"below $-{-ringing.ALARM}$ for {ringing.LASTING} ticks it marks `ringing`"),
