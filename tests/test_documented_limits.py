@@ -50,7 +50,7 @@ STATED = [
     ("concepts", f"Mechanisms of more than {limits.LARGEST_COMPILED} links run the same equations in Python"),
     ("compilation", f"routines of more than {pieces.LONGEST:,} operations are compiled in pieces"),
     ("compilation", f"Above {limits.LARGEST_COMPILED} links nothing is compiled"),
-    ("compilation", f"up to $2^{{{sine.FARTHEST.hex().rpartition('p+')[2]}}}$ rad"),
+    ("compilation", f"up to $2^{{{sine.DOUBLE.farthest.hex().rpartition('p+')[2]}}}$ rad"),
     ("compilation", f"{object_cache.LIMIT // 2**20} MiB are kept"),
     ("compilation", f"A process keeps its first {result_cache.MOST}."),
     ("export", f"more than {power(single_precision.OPEN)} m or rad"),
