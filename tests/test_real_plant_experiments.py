@@ -134,6 +134,6 @@ def test_a_run_becomes_a_folder(tmp_path: Path) -> None:
     assert trace.schema.field("mark.payload").metadata[b"unit"] == b"kg"
     assert set(trace["mark.frozen"].to_numpy()) <= {0.0, 1.0}
     page = (out / "report.html").read_text()
-    assert "Frozen while saturated, the RMS error is" in page
+    assert "With adaptation frozen while motors saturate, the RMS error of the run is" in page
     assert "when limits held a torque back" in page  # its own figure
     assert "<th" in page.partition("rms error after")[0].rpartition("<tr>")[2]  # a column of one table
