@@ -70,8 +70,11 @@ def _operands(part: Iterable[Expression]) -> set[Expression]:
 
 
 def _places(homes: dict[int, int], needed: Sequence[set[int]]) -> dict[int, int]:
-    """Index in memory of every value that passes between pieces; an index is used again after its value's last use."""
-    last = {i: k for k, wanted in enumerate(needed) for i in wanted}
+    """Index in memory of every value that passes between pieces; an index is used again after its value's last use.
+
+    In an order of their own, so that the same routine is the same text, and is compiled once for all processes.
+    """
+    last = {i: k for k, wanted in enumerate(needed) for i in sorted(wanted)}
     places: dict[int, int] = {}
     free: list[int] = []
     count = 0
