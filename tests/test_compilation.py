@@ -316,12 +316,8 @@ def test_long_code_is_compiled_in_time_that_grows_with_its_length() -> None:
     assert max(function.count("\n") for function in text.split("\ndefine ")) < 3 * pieces.PIECE
 
 
-def test_long_code_is_the_same_text_each_time_so_that_it_is_compiled_once() -> None:
-    """Wherever in memory its expressions are: they differ from trace to trace."""
-
-    def equation(x: Column) -> Column:
-        for k in range(100):
-            x = x * (1.0 + k) + Column((*x.of[1:], x[0])) * x[k % 100]
-        return x
-
-    assert len({program(trace(equation, {"x": 100}), Lanes())[0] for _ in range(4)}) == 1
+def test_places_do_not_depend_on_the_order_in_which_values_were_found() -> None:
+    """A set of expressions has the order of their addresses: other text in each process would be compiled anew."""
+    one, other = {0, 8}, {8, 0}
+    assert list(one) != list(other)
+    assert pieces._places({0: 0, 8: 0}, [set(), one]) == pieces._places({0: 0, 8: 0}, [set(), other])
