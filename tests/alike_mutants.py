@@ -3,6 +3,13 @@
 from __future__ import annotations
 
 ALIKE = {
+    "adaptctl/control/adaptation/concurrent_learning.py::ConcurrentLearning._equations 1 -> 2 (again 1)": (
+        "of a sample that is too long no more is taken than there are columns"
+    ),
+    "adaptctl/identifiability/priority.py::suggestion 1 -> 2": "of two that are close the first is taken, the closest",
+    "adaptctl/identifiability/tree/unobservable_inertia.py::_functionals_at_zero 0 -> 1 (again 1)": (
+        "a row of zeros spans what no row spans"
+    ),
     "adaptctl/control/adaptation/composite_learning.py::_remember row @ along + TINY -> row @ along - TINY": (
         "where it is no larger than TINY, what it divides is zero"
     ),

@@ -32,7 +32,7 @@ from adaptctl.identifiability.proof.simplest import AS_GIVEN, AS_MEANT, simplest
 from adaptctl.identifiability.proof.turns import turns_of
 from adaptctl.identifiability.sampling import characteristic_length
 from adaptctl.identifiability.tree.unobservable_inertia import inertial_transfers
-from adaptctl.scalars import Column, Mat, cos, sin
+from adaptctl.scalars import Column, Mat, Vec, column, cos, sin
 from benchmarks.rank_oracle import Case, bent, five_bar, independent, tree
 
 seeds = st.integers(0, 2**32 - 1)
@@ -347,9 +347,23 @@ def test_links_described_from_frame_to_frame_move_like_the_files(seed: int, link
     reading = Reading(float, characteristic_length(mechanism))
     geometry = ExactGeometry.by_frames(mechanism.description, reading)
     again = replace(mechanism.equations, segments=geometry.links, gravity=geometry.gravity)  # type: ignore[type-var]
-    p, v = np.random.default_rng(seed).uniform(-1.0, 1.0, (2, links)).tolist()
-    E, same = (np.array([*of.energy_regressor(Column(p), Column(v))]) for of in (mechanism.equations, again))
+    p, v = np.random.default_rng(seed).uniform(-1.0, 1.0, (2, links))
+    q = p + np.array(geometry.shifts)
+    E = np.array([*mechanism.equations.energy_regressor(column(p), column(v))])
+    same = np.array([*again.energy_regressor(column(q), column(v))])
     np.testing.assert_allclose(same, E, atol=1e-9 * max(np.abs(E).max(), 1.0))
+
+
+def test_a_frame_that_is_not_turned_is_no_factor() -> None:
+    """Between frames that are parallel in the file nothing is multiplied, and the turned one keeps its rotation."""
+    quarter = Pose(rotation_about(np.array([0.0, 0.0, 1.0]), np.pi / 2), np.zeros(3))
+    frames = [Pose(np.eye(3), np.array([0.3, 0.0, 0.1])), quarter, Pose.identity()]
+    links = [Link(f"link{i}", i - 1, Joint(f"joint{i}"), near, frames[0], np.ones(10)) for i, near in enumerate(frames)]
+    geometry = ExactGeometry.by_frames(Description("three", tuple(links)), Reading(float, 1.0))
+    assert [segment.inward is None for segment in geometry.links] == [True, False, True]
+    assert all(segment.outward is None for segment in geometry.links)
+    assert geometry.links[1].inward is not None
+    assert [*(geometry.links[1].inward @ Vec(0.0, 1.0, 0.0))] == [1.0, 0.0, 0.0]
 
 
 @pytest.mark.parametrize("seed", range(4))

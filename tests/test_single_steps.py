@@ -9,7 +9,14 @@ import pytest
 from sampled_loops import arm, gains, posture, reduced
 
 from adaptctl.arrays import Array
-from adaptctl.control import Composite, ConcurrentLearning, ReleasedGradient, SlotineLi, TaskSpaceSlotineLi
+from adaptctl.control import (
+    BoundedGainForgetting,
+    Composite,
+    ConcurrentLearning,
+    ReleasedGradient,
+    SlotineLi,
+    TaskSpaceSlotineLi,
+)
 from adaptctl.control.adaptation.composite_learning import _remember
 from adaptctl.control.adaptation.concurrent_learning import _solve
 from adaptctl.control.adaptation.law import Period
@@ -21,7 +28,7 @@ from adaptctl.control.adaptation.least_squares import (
     symmetric_trace,
     upper_rows,
 )
-from adaptctl.control.adaptation.prediction import momentum_columns
+from adaptctl.control.adaptation.prediction import TorqueFilter, momentum_columns
 from adaptctl.control.controller import ReferencePoint
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column, column
@@ -92,6 +99,33 @@ def test_concurrent_learning_keeps_what_is_newer_than_1_per_second(novelty: floa
     scaled = replace(law, gain=np.full(K, novelty / (rows @ rows)))
     _, found = scaled.law(model, column(initial), period, as_columns(memory))
     assert found.learned[0] == kept
+
+
+def test_least_squares_with_bounded_gain_solve_all_equations_at_once_and_then_forget() -> None:
+    """P^-1 grows by T W'R W and the estimate goes by P W'R T (F[tau] - W estimate), with the new P; then P forgets."""
+    model, (p, v), rng = reduced(ARM), (posture(arm(ARM)), np.linspace(0.5, 1.5, 3)), np.random.default_rng(2)
+    gain, weight, T = rng.uniform(0.5, 2.0, K), rng.uniform(5.0, 50.0, 3), 1e-3
+    law = BoundedGainForgetting(gain, weight, forgetting=3.0, bound=1.5)
+    torque, at_rest = column(rng.normal(size=3)), Column.zeros(3)
+    period = Period(lambda s: Column.zeros(K), at_rest, at_rest, torque, column(p), column(v), T, T, column(np.ones(3)))
+    memory = as_columns(law.start(model, np.zeros(K), p, 0.0 * v, T))
+    root = rng.normal(size=(K, K)) / np.sqrt(K)
+    memory = memory._replace(covariance=column((0.5 * np.eye(K) + root @ root.T)[np.triu_indices(K)]))  # type: ignore[attr-defined]
+    estimate, P = rng.normal(size=K), law.covariance(memory)  # type: ignore[arg-type]
+    rows, wanted, _ = TorqueFilter(law.cutoff, T).predicted(model, period, memory.filtered)  # type: ignore[attr-defined]
+    W, R = np.array([row.of for row in rows]), np.diag(weight)
+    after = np.linalg.inv(np.linalg.inv(P) + T * W.T @ R @ W)
+    expected = estimate + T * after @ W.T @ R @ (np.array(wanted.of) - W @ estimate)
+    rate = 3.0 * (1.0 - np.trace(after / gain[:, None]) / (1.5 * K))
+    found, left = law.law(model, column(estimate), period, memory)  # type: ignore[arg-type]
+    np.testing.assert_allclose(found.of, expected, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(law.covariance(left), (1.0 + T * rate) * after, rtol=1e-9, atol=1e-9)
+
+
+def test_the_first_covariance_is_the_gain() -> None:
+    law = BoundedGainForgetting(np.linspace(0.1, 3.0, K))
+    memory = law.start(reduced(ARM), np.zeros(K), posture(arm(ARM)), np.zeros(3), 1e-3)
+    np.testing.assert_allclose(law.covariance(memory), np.diag(law.gain), rtol=1e-15)
 
 
 def as_columns(memory: object) -> object:
