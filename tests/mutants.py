@@ -77,9 +77,7 @@ def main() -> None:
     parser.add_argument("--list", action="store_true", help="list the sample, and run nothing")
     parser.add_argument("--only", type=int, nargs="*", help="numbers of the sample to run, anew")
     parser.add_argument("--recorded", type=int, default=8, help="seconds of a test file that are recorded at most")
-    parser.add_argument(
-        "--tests", nargs="*", help="test files to choose from; all that import the library unless given"
-    )
+    parser.add_argument("--tests", nargs="*", help="test files to choose from; all unless given")
     asked = parser.parse_args()
     os.chdir(ROOT)
     everything = every_mutant()

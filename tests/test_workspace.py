@@ -22,7 +22,7 @@ def two_peaks(size: float) -> tuple[Workspace, Worst]:
     """A workspace of this size, all but two of whose samples lie on the lower of two peaks; and the greatest found."""
     rng = np.random.default_rng(0)
     about = LOW + 0.02 * rng.normal(size=(10 * STARTS, 3))
-    samples = size * np.vstack((about, [HIGH + [0.0, 0.25, 0.0], np.zeros(3)]))
+    samples = size * np.vstack((about, [[0.9, 0.95, 0.9], [0.0, 0.0, 0.0]]))
     workspace = Workspace(random_chain(0, 3), samples, np.zeros_like(samples), np.full_like(samples, size))
     return workspace, workspace.highest(lambda p: peak(p / size, LOW, 1.0) + peak(p / size, HIGH, 2.0))
 
