@@ -28,7 +28,7 @@ from adaptctl.control.adaptation.least_squares import (
     symmetric_trace,
     upper_rows,
 )
-from adaptctl.control.adaptation.prediction import TorqueFilter, momentum_columns
+from adaptctl.control.adaptation.prediction import TorqueFilter, momentum_columns, require_cutoff
 from adaptctl.control.controller import ReferencePoint
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column, column
@@ -144,6 +144,13 @@ def test_composite_refuses_weights_that_are_not_positive_or_not_one_a_joint(weig
 def test_composite_refuses_a_negative_weight_at_once() -> None:
     with pytest.raises(InputError, match="composite: weight: expected"):
         Composite(np.ones(K), np.array([1.0, -1.0, 1.0]))
+
+
+def test_a_filter_may_be_as_fast_as_its_refusal_says() -> None:
+    """A cutoff of one over the period: exactly 1000 1/s for 1 ms, and no more."""
+    require_cutoff(1000.0, 1e-3)
+    with pytest.raises(InputError, match=r"1001 1/s is too fast .* use at most 1000 1/s"):
+        require_cutoff(1001.0, 1e-3)
 
 
 def test_a_released_gradient_begins_with_one_normaliser_of_1() -> None:

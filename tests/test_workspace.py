@@ -8,7 +8,7 @@ from random_trees import random_chain
 
 from adaptctl.arrays import Array
 from adaptctl.control import Workspace
-from adaptctl.control.gains.workspace import STARTS, Worst
+from adaptctl.control.gains.workspace import STARTS, Worst, sampled_configurations
 
 LOW, HIGH = np.array([0.2, 0.2, 0.2]), np.array([0.9, 0.8, 0.9])
 
@@ -39,3 +39,24 @@ def test_the_worst_position_scales_with_the_unit_of_the_joints() -> None:
     (_, one), (_, other) = two_peaks(1.0), two_peaks(2.0**-10)
     np.testing.assert_array_equal(other.p, 2.0**-10 * one.p)
     assert other.value == one.value
+
+
+@pytest.mark.parametrize(("size", "value"), [(1.0, np.inf), (0.0, 3.0)])
+def test_nothing_is_searched_where_nothing_is_greater_or_there_is_no_room(size: float, value: float) -> None:
+    """An infinite value at a sample, or bounds of no width: the values of the samples are all that is looked at."""
+    looked: list[int] = []
+
+    def valued(p: Array) -> Array:
+        looked.append(len(p))
+        return np.full(len(p), value)
+
+    samples = np.full((9, 3), 0.5 * size)
+    workspace = Workspace(random_chain(0, 3), samples, np.zeros_like(samples), np.full_like(samples, size))
+    assert workspace.highest(valued).value == value
+    assert looked == [9]
+
+
+def test_a_workspace_of_all_limits_has_the_samples_that_any_search_has() -> None:
+    mechanism = random_chain(0, 3)
+    found = Workspace.within_limits(mechanism)
+    np.testing.assert_array_equal(found.samples, sampled_configurations(mechanism))
