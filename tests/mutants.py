@@ -25,7 +25,7 @@ from pathlib import Path
 
 from alike_mutants import ALIKE
 from mutant_choice import PACKAGES, ROOT, Recorded, chosen, record, recorded, test_files
-from mutant_processes import OfEachTest, forked, run, warm
+from mutant_processes import Only, forked, run, warm
 from mutant_sites import Mutant, mutated, sites
 
 BUILD = ROOT / "build" / "mutants"
@@ -48,7 +48,7 @@ def meet(mutant: Mutant, test_file: str, cases: list[str]) -> int:
     def changed(path: Path) -> ast.Module | None:
         return tree if path == target else None
 
-    return run(test_file, changed, [OfEachTest(cases)], mutant.key)
+    return run(test_file, changed, [Only(cases)], mutant.key)
 
 
 def every_mutant() -> list[Mutant]:
