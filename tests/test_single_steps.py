@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from adaptctl.control import (
     BoundedGainForgetting,
     Composite,
     ConcurrentLearning,
+    CushionedFloor,
     ReleasedGradient,
     SlotineLi,
     TaskSpaceSlotineLi,
@@ -101,25 +103,67 @@ def test_concurrent_learning_keeps_what_is_newer_than_1_per_second(novelty: floa
     assert found.learned[0] == kept
 
 
-def test_least_squares_with_bounded_gain_solve_all_equations_at_once_and_then_forget() -> None:
-    """P^-1 grows by T W'R W and the estimate goes by P W'R T (F[tau] - W estimate), with the new P; then P forgets."""
-    model, (p, v), rng = reduced(ARM), (posture(arm(ARM)), np.linspace(0.5, 1.5, 3)), np.random.default_rng(2)
-    gain, weight, T = rng.uniform(0.5, 2.0, K), rng.uniform(5.0, 50.0, 3), 1e-3
-    law = BoundedGainForgetting(gain, weight, forgetting=3.0, bound=1.5)
-    torque, at_rest = column(rng.normal(size=3)), Column.zeros(3)
-    period = Period(lambda s: Column.zeros(K), at_rest, at_rest, torque, column(p), column(v), T, T, column(np.ones(3)))
-    memory = as_columns(law.start(model, np.zeros(K), p, 0.0 * v, T))
+class OnePeriod(NamedTuple):
+    """A period after rest in which all is learned: the linear equation W x = tau, and Y' times the integral of s."""
+
+    period: Period
+    memory: Any
+    W: Array
+    torque: Array
+    descent: Array
+
+
+def one_period(law: BoundedGainForgetting | CushionedFloor, T: float, rng: np.random.Generator) -> OnePeriod:
+    model, (p, v), Y = reduced(ARM), (posture(arm(ARM)), np.linspace(0.5, 1.5, 3)), rng.normal(size=(3, K))
+    before, after, torque = rng.normal(size=(3, 3))
+    moved = map(column, (before, after, torque, p, v))
+    period = Period(lambda s: column(Y.T @ np.array(s.of)), *moved, T, T, column(np.ones(3)))
+    memory: Any = as_columns(law.start(model, np.zeros(K), p, 0.0 * v, T))
+    rows, wanted, _ = TorqueFilter(law.cutoff, T).predicted(model, period, memory.filtered)
+    W = np.array([row.of for row in rows])
+    return OnePeriod(period, memory, W, np.array(wanted.of), 0.5 * T * Y.T @ (before + after))
+
+
+def positive(rng: np.random.Generator) -> Array:
+    """A positive definite matrix (k, k)."""
     root = rng.normal(size=(K, K)) / np.sqrt(K)
-    memory = memory._replace(covariance=column((0.5 * np.eye(K) + root @ root.T)[np.triu_indices(K)]))  # type: ignore[attr-defined]
-    estimate, P = rng.normal(size=K), law.covariance(memory)  # type: ignore[arg-type]
-    rows, wanted, _ = TorqueFilter(law.cutoff, T).predicted(model, period, memory.filtered)  # type: ignore[attr-defined]
-    W, R = np.array([row.of for row in rows]), np.diag(weight)
+    return 0.5 * np.eye(K) + root @ root.T
+
+
+def test_least_squares_with_bounded_gain_solve_all_equations_at_once_and_then_forget() -> None:
+    """P^-1 grows by T W'R W, and the estimate goes by P Y's with the old P and P W'R T (tau - W estimate) with the new
+    one; then P forgets."""
+    rng, T = np.random.default_rng(2), 1e-3
+    gain, R = rng.uniform(0.5, 2.0, K), np.diag(rng.uniform(5.0, 50.0, 3))
+    law = BoundedGainForgetting(gain, np.diag(R), forgetting=3.0, bound=1.5)
+    period, memory, W, torque, descent = one_period(law, T, rng)
+    memory = memory._replace(covariance=column(positive(rng)[np.triu_indices(K)]))
+    estimate, P = rng.normal(size=K), law.covariance(memory)
     after = np.linalg.inv(np.linalg.inv(P) + T * W.T @ R @ W)
-    expected = estimate + T * after @ W.T @ R @ (np.array(wanted.of) - W @ estimate)
+    moved = estimate - P @ descent
+    expected = moved + T * after @ W.T @ R @ (torque - W @ moved)
     rate = 3.0 * (1.0 - np.trace(after / gain[:, None]) / (1.5 * K))
-    found, left = law.law(model, column(estimate), period, memory)  # type: ignore[arg-type]
+    found, left = law.law(reduced(ARM), column(estimate), period, memory)
     np.testing.assert_allclose(found.of, expected, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(law.covariance(left), (1.0 + T * rate) * after, rtol=1e-9, atol=1e-9)
+
+
+def test_a_cushioned_floor_forgets_towards_the_gain_and_descends_with_the_new_covariance() -> None:
+    """(1 + T lambda) P^-1 = P^-1 + T lambda Gamma^-1, then T W'R W more; and a step by P along Y's and W'R eps."""
+    rng, T = np.random.default_rng(3), 1e-3
+    gain, R = rng.uniform(0.5, 2.0, K), np.diag(rng.uniform(5.0, 50.0, 3))
+    law = CushionedFloor(gain, np.diag(R), forgetting=30.0)
+    period, memory, W, torque, descent = one_period(law, T, rng)
+    memory = memory._replace(information=column(positive(rng)[np.triu_indices(K)]))
+    estimate, share = rng.normal(size=K), 30.0 * T
+    floor = np.diag(1.0 / gain)
+    before = from_triangle(memory.information.of, K) / np.sqrt(np.outer(gain, gain))
+    after = (before + share * floor) / (1.0 + share) + T * W.T @ R @ W
+    expected = estimate - np.linalg.solve(after, descent + T * W.T @ R @ (W @ estimate - torque))
+    found, left = law.law(reduced(ARM), column(estimate), period, memory)
+    np.testing.assert_allclose(found.of, expected, rtol=1e-9, atol=1e-9)
+    kept = from_triangle(left.information.of, K) / np.sqrt(np.outer(gain, gain))
+    np.testing.assert_allclose(kept, after, rtol=1e-9, atol=1e-9)
 
 
 def test_the_first_covariance_is_the_gain() -> None:
