@@ -147,8 +147,9 @@ def recorded() -> list[Recorded]:
 
 
 def chosen(mutant: Mutant, files: list[Recorded], budget: float) -> list[tuple[Recorded, list[str]]]:
-    """Test files that a mutant meets, and their cases, for about `budget` s: its own file, then those that name its
-    class or function, those that import its module, and the rest; of these quick ones first that enter little else."""
+    """Test files that a mutant meets, and their cases, until `budget` s are taken: its own file, then those that name
+    its class or function, those that import its module, those that import of its folder, and the rest; of these quick
+    ones first that enter little else."""
     function = f"{mutant.path}::{mutant.function}"
     if not any(function in file.entered for file in files):  # statements of modules and classes run at the import
         function = ""
@@ -156,10 +157,9 @@ def chosen(mutant: Mutant, files: list[Recorded], budget: float) -> list[tuple[R
     concerned.sort(key=lambda pair: (*distance(pair[0], mutant), pair[0].seconds(pair[1]) * len(pair[0].entered)))
     found, left = [], budget
     for file, cases in concerned:
-        seconds = file.seconds(cases)
-        if not found or seconds <= left:
+        if left > 0.0:
             found.append((file, cases))
-            left -= seconds
+            left -= file.seconds(cases)
     return found
 
 
@@ -168,7 +168,8 @@ def distance(file: Recorded, mutant: Mutant) -> tuple[bool, ...]:
     text, module = (ROOT / file.name).read_text(), Path(mutant.path).with_suffix("")
     names = [part for part in mutant.function.split(".") if not part.startswith(("<", "__"))]
     named = any(re.search(rf"\b{name}\b", text) for name in names)
-    return file.name != f"tests/test_{module.name}.py", not named, ".".join(module.parts) not in text
+    imported = (".".join(place.parts) in text for place in (module, module.parent))
+    return file.name != f"tests/test_{module.name}.py", not named, *(not known for known in imported)
 
 
 def enters(file: Recorded, function: str, path: str) -> bool:
