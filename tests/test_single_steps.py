@@ -15,13 +15,14 @@ from adaptctl.control import (
     Composite,
     ConcurrentLearning,
     CushionedFloor,
+    Gradient,
     ReleasedGradient,
     SlotineLi,
     TaskSpaceSlotineLi,
 )
 from adaptctl.control.adaptation.composite_learning import _remember
 from adaptctl.control.adaptation.concurrent_learning import _solve
-from adaptctl.control.adaptation.law import Period
+from adaptctl.control.adaptation.law import NoMemory, Period
 from adaptctl.control.adaptation.least_squares import (
     first_triangle,
     from_triangle,
@@ -164,6 +165,21 @@ def test_a_cushioned_floor_forgets_towards_the_gain_and_descends_with_the_new_co
     np.testing.assert_allclose(found.of, expected, rtol=1e-9, atol=1e-9)
     kept = from_triangle(left.information.of, K) / np.sqrt(np.outer(gain, gain))
     np.testing.assert_allclose(kept, after, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("theta", [0.0, 0.5, 1.0])
+def test_a_step_down_the_gradient_is_worth_half_of_what_the_damping_takes_out_at_most(theta: float) -> None:
+    """T x'Gamma x n goes to s'Ks/2 as the gain grows, and to T x'Gamma x as it falls; s is `theta` of the way along."""
+    rng, T = np.random.default_rng(4), 1e-3
+    Y, (before, after) = rng.normal(size=(3, K)), rng.normal(size=(2, 3))
+    s, damping = before + theta * (after - before), np.array([1.0, 2.0, 3.0])
+    still = Column.zeros(3)
+    moved = (column(before), column(after), still, still, still)
+    period = Period(lambda s: column(Y.T @ np.array(s.of)), *moved, T, T, column(damping))
+    x, power = Y.T @ s, s @ (damping * s)
+    for size, worth in ((1e12, 0.5 * power), (1e-9, 1e-9 * T * x @ x)):
+        estimate, _ = Gradient(np.full(K, size), theta=theta).law(reduced(ARM), Column.zeros(K), period, NoMemory())
+        assert -x @ np.array(estimate.of) == pytest.approx(worth, rel=1e-6)
 
 
 def test_the_first_covariance_is_the_gain() -> None:
