@@ -18,6 +18,13 @@ ALIKE = {
     "adaptctl/control/excitation/exciting_reference.py::_gram 1 -> 2 (again 2)": "NumPy takes -2 for -1 in a shape",
     "adaptctl/control/excitation/exciting_reference.py::_gram "
     "SMALL_PRODUCT // (rows * k * k) -> SMALL_PRODUCT * (rows * k * k)": "one product instead of many: slower alone",
+    "adaptctl/control/controller.py::_columns 1 -> 2": "NumPy takes -2 for -1 in a shape",
+    "adaptctl/dynamics/loops/continuation.py::Continuation.follow -1 -> +1 (again 5)": (
+        "of two axes the last is the one after the first"
+    ),
+    "adaptctl/dynamics/tree_equations.py::TreeEquations._is_long 0 -> 1": (
+        "articulated bodies and the mass matrix give the same accelerations"
+    ),
     "adaptctl/identifiability/fundamental_basis.py::_kept_against_the_order 1.0 -> 2.0": (
         "diagonals of orthonormal vectors' factor are at most 1, and tolerances below"
     ),
