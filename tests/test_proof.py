@@ -100,6 +100,14 @@ def test_turns_are_on_the_circle_and_near(angle: float) -> None:
         )
 
 
+def test_an_entry_up_to_the_precision_is_a_zero_of_a_rotation() -> None:
+    """Two turns where the least entry is as small as the precision, and three, which keep no zero, where it is not."""
+    rotation = rotation_about(np.array([0.6, 0.0, 0.8]), 0.9) @ rotation_about(np.array([0.0, 1.0, 0.0]), 0.3)
+    least = float(np.abs(rotation).min())
+    for share, turns in ((1.0, 2), (0.99, 3)):
+        assert len(turns_of(Mat.of(rotation.tolist()), AS_GIVEN._replace(angle=share * least))) == turns
+
+
 @given(st.lists(st.tuples(st.integers(0, 2), st.integers(-2, 2) | st.floats(-7.0, 7.0)), min_size=1, max_size=3))
 def test_turns_keep_the_zeros_of_rotations(turns: list[tuple[int, float]]) -> None:
     """Whole numbers are quarter turns."""
