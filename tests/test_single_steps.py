@@ -13,6 +13,7 @@ from adaptctl.arrays import Array
 from adaptctl.control import (
     BoundedGainForgetting,
     Composite,
+    CompositeLearning,
     ConcurrentLearning,
     CushionedFloor,
     Gradient,
@@ -114,7 +115,9 @@ class OnePeriod(NamedTuple):
     descent: Array
 
 
-def one_period(law: BoundedGainForgetting | CushionedFloor, T: float, rng: np.random.Generator) -> OnePeriod:
+def one_period(
+    law: BoundedGainForgetting | CushionedFloor | CompositeLearning, T: float, rng: np.random.Generator
+) -> OnePeriod:
     model, (p, v), Y = reduced(ARM), (posture(arm(ARM)), np.linspace(0.5, 1.5, 3)), rng.normal(size=(3, K))
     before, after, torque = rng.normal(size=(3, 3))
     moved = map(column, (before, after, torque, p, v))
@@ -165,6 +168,29 @@ def test_a_cushioned_floor_forgets_towards_the_gain_and_descends_with_the_new_co
     np.testing.assert_allclose(found.of, expected, rtol=1e-9, atol=1e-9)
     kept = from_triangle(left.information.of, K) / np.sqrt(np.outer(gain, gain))
     np.testing.assert_allclose(kept, after, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("excess", [0.0, 2.5])
+def test_composite_learning_forgets_learns_and_recalls_in_one_step(excess: float) -> None:
+    """With Gamma = 1: Q and z fade by 1/(1 + T lambda excess) where more power than the alarm's is missed, forget
+    lambda T/(1 + lambda T) along each row in turn and learn it; the step is (1 + Q)^-1 times all slopes."""
+    rng, T, forgetting, recall = np.random.default_rng(5), 1e-3, 40.0, 3.0
+    law = CompositeLearning(np.ones(K), np.diag(R := np.diag(rng.uniform(5.0, 50.0, 3))), forgetting=forgetting)
+    period, memory, W, torque, descent = one_period(law, T, rng)
+    estimate, Q, z = rng.normal(size=K), positive(rng), rng.normal(size=K)
+    miss = W @ estimate - torque
+    law = replace(law, recall=recall, alarm=float(miss @ R @ miss) / (1.0 + excess))
+    memory = memory._replace(information=column(Q[np.triu_indices(K)]), known=column(z))
+    Q, z = (x / (1.0 + forgetting * T * excess) for x in (Q, z))
+    for row, measured, weight in zip(W, torque, np.diag(R), strict=True):
+        along, share = Q @ row / (row @ Q @ row), forgetting * T / (1.0 + forgetting * T)
+        z = z - share * (row @ z) * along + T * weight * measured * row
+        Q = Q - share * (row @ Q @ row) * np.outer(along, along) + T * weight * np.outer(row, row)
+    slope = descent + T * W.T @ R @ miss + recall * T * (Q @ estimate - z)
+    found, left = law.law(reduced(ARM), column(estimate), period, memory)
+    np.testing.assert_allclose(found.of, estimate - np.linalg.solve(np.eye(K) + Q, slope), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(from_triangle(np.array(left.information.of), K), Q, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(left.known.of, z, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("theta", [0.0, 0.5, 1.0])
