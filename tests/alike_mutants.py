@@ -22,6 +22,10 @@ ALIKE = {
     "adaptctl/dynamics/loops/continuation.py::Continuation.follow -1 -> +1 (again 5)": (
         "of two axes the last is the one after the first"
     ),
+    "adaptctl/dynamics/recursion/segment.py::_whole "
+    "np.abs(outward) @ turn @ np.abs(inward) != 0.0 -> np.abs(outward) @ turn @ np.abs(inward) == 0.0": (
+        "three turns one by one and as one are the same rotation: their cost alone decides"
+    ),
     "adaptctl/dynamics/tree_equations.py::TreeEquations._is_long 0 -> 1": (
         "articulated bodies and the mass matrix give the same accelerations"
     ),
