@@ -19,6 +19,11 @@ ALIKE = {
     "adaptctl/control/excitation/exciting_reference.py::_gram "
     "SMALL_PRODUCT // (rows * k * k) -> SMALL_PRODUCT * (rows * k * k)": "one product instead of many: slower alone",
     "adaptctl/control/controller.py::_columns 1 -> 2": "NumPy takes -2 for -1 in a shape",
+    "adaptctl/control/gains/error_feedback.py::ErrorFeedback.is_cascade "
+    "1.0 - 1.0 / self.damping_ratio ** 2 >= -ROUNDING - self.bandwidth * self.period -> "
+    "1.0 - 1.0 / self.damping_ratio ** 2 > -ROUNDING - self.bandwidth * self.period": (
+        "no ratio is meant to be at the allowance for round-off exactly"
+    ),
     "adaptctl/dynamics/loops/continuation.py::Continuation.follow -1 -> +1 (again 5)": (
         "of two axes the last is the one after the first"
     ),
