@@ -1,4 +1,4 @@
-"""Mutants of the sample that no test can tell from the code."""
+"""Mutants of samples that no test can tell from the code."""
 
 from __future__ import annotations
 

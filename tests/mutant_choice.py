@@ -135,7 +135,9 @@ def record(name: str, limit: int) -> None:
     target.unlink(missing_ok=True)
     recorder = Recorder(name, target, limit)
     code = forked(partial(run, name, recorder.reporting, [recorder], f"recorded {name}"), 5 * limit)
-    print(f"recorded {name}{'' if code == 0 else ': left out, since it fails as it is'}", flush=True)
+    print(
+        f"recorded {name}{'' if code == 0 else ': left out, it fails or takes too long without a mutant'}", flush=True
+    )
     if code != 0:
         target.unlink(missing_ok=True)
     done.write_text(digest)

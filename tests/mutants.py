@@ -4,8 +4,8 @@
 
 A mutant is one small change of the code: another operator, comparison, number or sign, or a check left out. It dies
 when a test fails. A first run of each test file tells which functions it enters and how long its tests take; a mutant
-then meets test files that enter its function, its own file and quick ones first, until one fails or `budget` seconds of
-them have passed. A sample is drawn by seed among all mutants, and results are written to `build/mutants/` one by one,
+then meets test files that enter its function, its own and quick ones first, until one fails or `budget` seconds have
+passed. A sample is drawn by seed among all mutants, and results are written to `build/mutants/` one by one,
 so that a run that was cut short goes on.
 
 Each test file runs in a fork of a process that has imported what is slow to import, and the changed module is compiled
@@ -76,7 +76,7 @@ def main() -> None:
     parser.add_argument("--budget", type=float, default=40.0, help="seconds of tests that a mutant meets at most")
     parser.add_argument("--list", action="store_true", help="list the sample, and run nothing")
     parser.add_argument("--only", type=int, nargs="*", help="numbers of the sample to run, anew")
-    parser.add_argument("--recorded", type=int, default=8, help="seconds of a test file that are recorded at most")
+    parser.add_argument("--recorded", type=int, default=15, help="seconds of a test file that are recorded at most")
     parser.add_argument("--tests", nargs="*", help="test files to choose from; all unless given")
     asked = parser.parse_args()
     os.chdir(ROOT)
