@@ -19,6 +19,7 @@ from adaptctl.control import (
     Gradient,
     ReleasedGradient,
     SlotineLi,
+    Subspace,
     TaskSpaceSlotineLi,
 )
 from adaptctl.control.adaptation.composite_learning import _remember
@@ -191,6 +192,20 @@ def test_composite_learning_forgets_learns_and_recalls_in_one_step(excess: float
     np.testing.assert_allclose(found.of, estimate - np.linalg.solve(np.eye(K) + Q, slope), rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(from_triangle(np.array(left.information.of), K), Q, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(left.known.of, z, rtol=1e-9, atol=1e-9)
+
+
+def test_a_subspace_counts_the_errors_along_its_directions_over_their_gains() -> None:
+    """An error W c + rest, W'rest = 0, has c'Gamma^-1 c/2; a step goes by W Gamma W' times the descent."""
+    rng, model = np.random.default_rng(6), reduced(ARM)
+    W, gain, c = rng.normal(size=(K, 4)), rng.uniform(0.2, 5.0, 4), rng.normal(size=4)
+    law = Subspace(gain, W)
+    rest = np.linalg.qr(W, mode="complete")[0][:, 4:] @ rng.normal(size=K - 4)
+    true = rng.normal(size=K)
+    term = law.lyapunov_term(model, column(true + W @ c + rest), column(true))
+    assert term == pytest.approx(0.5 * c @ (c / gain), rel=1e-9)
+    period, _, _, _, descent = one_period(CushionedFloor(np.ones(K)), 1e-3, rng)
+    found, _ = law.law(model, column(true), period, NoMemory())
+    np.testing.assert_allclose(found.of, true - W @ (gain * (W.T @ descent)), rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize("theta", [0.0, 0.5, 1.0])
