@@ -1,6 +1,6 @@
 """Processor time of sweeps of PUMA runs, beside the same runs one by one.
 
-    python -m benchmarks.sweeps [1000 10000 100000]
+    python -m benchmarks.sweeps [--single] [1000 10000 100000]
 
 Runs of 10 s with learning, Runge-Kutta's method, and a bandwidth, a rate and a payload of their own, on two local
 workers. The peers are a loop through Gymnasium, and a loop of a few lines over the experiment on Dask; they do a few of
@@ -19,6 +19,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from adaptctl.compilation.lanes import Precision
 from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
 from adaptctl.simulation import rollout
 from adaptctl.sweeps.cluster import Cluster
@@ -33,17 +34,22 @@ FEW = 4
 WORKERS = 2
 
 
-def study(runs: int) -> SweepStudy:
-    """The study of so many runs, drawn evenly."""
+def study(runs: int, precision: Precision = "double") -> SweepStudy:
+    """The study of so many runs, drawn evenly, in a precision."""
     ranges = {"bandwidth": "4..10", "rate": "0.2..1.5", "payload": "0..3", "duration": "10"}
-    options = {"controllers": (CONTROLLER,), "sampling": "latin-hypercube", "samples": runs}
+    options: dict[str, Any] = {
+        "controllers": (CONTROLLER,),
+        "sampling": "latin-hypercube",
+        "samples": runs,
+        "precision": precision,
+    }
     return SweepStudy.named("puma560-adaptive", ranges, **options)
 
 
-def swept(runs: int) -> list[Row]:
+def swept(runs: int, precision: Precision) -> list[Row]:
     """The rows by `adaptctl sweep`."""
     with tempfile.TemporaryDirectory() as out:
-        folder = Folder.opened(Path(out) / "sweep", study(runs), 256, [])
+        folder = Folder.opened(Path(out) / "sweep", study(runs, precision), 256, [])
         return list(sweep(folder, Cluster(jobs=WORKERS)).to_pylist())
 
 
@@ -92,7 +98,7 @@ def _largest() -> float:
     return max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)) / 1024
 
 
-def main(counts: list[int]) -> int:
+def main(counts: list[int], precision: Precision) -> int:
     """Print a line for each number of runs and for each peer; 1 where they disagree."""
     warnings.simplefilter("ignore")
     some = list(study(FEW).runs())
@@ -108,8 +114,8 @@ def main(counts: list[int]) -> int:
         )
 
     for count in counts:
-        with processor(line("adaptctl sweep", count)):
-            done = swept(count)
+        with processor(line(f"adaptctl sweep, {precision}", count)):
+            done = swept(count, precision)
         print(f"    rows: {len(done)}, of which {sum(row['status'] == 'done' for row in done)} done", flush=True)
     with processor(line("one by one through Gymnasium", FEW)):
         alone = [through_gymnasium(one) for one in some]
@@ -121,4 +127,5 @@ def main(counts: list[int]) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main([int(x) for x in sys.argv[1:]] or [1000]))
+    given = [x for x in sys.argv[1:] if x != "--single"]
+    sys.exit(main([int(x) for x in given] or [1000], "single" if len(given) < len(sys.argv) - 1 else "double"))

@@ -23,11 +23,11 @@ from adaptctl.codegen.c_number import CNumber
 from adaptctl.codegen.c_package import CPackage
 from adaptctl.codegen.exporting import Exported
 from adaptctl.codegen.interface import Interface
-from adaptctl.codegen.loop_precision import require_single_precision
 from adaptctl.codegen.recorded import default_reference, record
 from adaptctl.codegen.vouching import vouched
 from adaptctl.control import AdaptationLaw, ComputedTorque, Controller, Guarded, ReferencePoint, SlotineLi
 from adaptctl.control.memory import leaves
+from adaptctl.dynamics.loops.single_precision import require_single_precision
 from adaptctl.errors import FileError, InputError
 
 ALL = [*LAWS, *REDUCED]
@@ -311,9 +311,9 @@ def test_much_stack_is_refused_unless_asked_for(tmp_path: Path) -> None:
 
 def test_loops_that_single_precision_cannot_close_are_refused(tmp_path: Path) -> None:
     loop: Any = law_named("loop")
-    require_single_precision(loop.model.mechanism)
+    require_single_precision(loop.model.mechanism, "scalar")
     far = adaptctl.load(write_scaled(tmp_path, 1e4))
-    with pytest.raises(InputError, match=r"stay open by .* export it in double"):
+    with pytest.raises(InputError, match=r"stay open by .* use double"):
         adaptctl.export(ComputedTorque(far, np.full(3, 8.0)), tmp_path / "out", scalar="float", unguarded=True)
 
 

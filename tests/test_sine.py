@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from adaptctl.compilation import compile_function, compile_step
 from adaptctl.compilation.processor import Processor
-from adaptctl.compilation.sine import FARTHEST
+from adaptctl.compilation.sine import DOUBLE
 from adaptctl.scalars import Column, cos, sin
 
 Array = NDArray[np.float64]
@@ -150,13 +150,13 @@ def test_as_many_joints_as_there_are(joints: int) -> None:
 
 def test_up_to_the_limit(pair: Pair) -> None:
     rng = np.random.default_rng(1)
-    angles = np.concatenate([rng.uniform(-FARTHEST, FARTHEST, 1000), [FARTHEST, -FARTHEST]])
+    angles = np.concatenate([rng.uniform(-DOUBLE.farthest, DOUBLE.farthest, 1000), [DOUBLE.farthest, -DOUBLE.farthest]])
     assert worst(pair, angles) < 2.0
 
 
 @pytest.mark.parametrize("lanes", [1, 4, 8])
 def test_farther_angles_are_the_c_librarys_whatever_is_beside_them(lanes: int) -> None:
-    angles = np.array([np.nextafter(FARTHEST, np.inf), -1e7, 1e10, -1e22, 1.7e308, 0.5, -3.0, 2.0**60])
+    angles = np.array([np.nextafter(DOUBLE.farthest, np.inf), -1e7, 1e10, -1e22, 1.7e308, 0.5, -3.0, 2.0**60])
     sines, cosines = compiled(lanes)(angles)
     np.testing.assert_allclose(sines, [math.sin(x) for x in angles.tolist()], rtol=4.5e-16, atol=0.0)
     np.testing.assert_allclose(cosines, [math.cos(x) for x in angles.tolist()], rtol=4.5e-16, atol=0.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, Parameter
 
@@ -34,6 +34,9 @@ def sweep(
         Literal["grid", "latin-hypercube", "sobol"] | None, Parameter(group=WHAT, help="How settings are combined.")
     ] = None,
     samples: Annotated[int, Parameter(group=WHAT, help="Runs to draw, where they are not a grid.")] = 0,
+    precision: Annotated[
+        Literal["double", "single"], Parameter(group=WHAT, help="Of runs that are computed together; single is faster.")
+    ] = "double",
     search: Annotated[int, Parameter(group=WHAT, help="Search with so many runs instead (extra `search`).")] = 0,
     minimise: Annotated[str, Parameter(group=WHAT, help="The column that a search makes small.")] = "rms_error_last",
     yes: Annotated[bool, Parameter(group=WHAT, help="Begin, however many runs there are.")] = False,
@@ -59,7 +62,12 @@ def sweep(
     if not 1 <= shard <= 100_000:
         raise InputError(f"shard: expected from 1 to 100000 runs, got {shard}")
     names = tuple(name.strip() for name in controllers.split(",") if name.strip())
-    options = {"controllers": names, "sampling": "sobol" if search else sampling, "samples": search or samples}
+    options: dict[str, Any] = {
+        "controllers": names,
+        "sampling": "sobol" if search else sampling,
+        "samples": search or samples,
+    }
+    options |= {"precision": precision} if precision != "double" else {}
     study = SweepStudy.named(target, settings, **options)
     if search:
         return _search(study, minimise, search, out)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-import numpy as np
+from adaptctl.compilation.lanes import Precision, single
 
 Kind: TypeAlias = Literal["double", "float"]
 
@@ -18,6 +18,11 @@ class CNumber:
 
     kind: Kind
     names: Mapping[float, str]
+
+    @property
+    def precision(self) -> Precision:
+        """The numbers' precision."""
+        return "double" if self.kind == "double" else "single"
 
     @property
     def size(self) -> int:
@@ -31,11 +36,7 @@ class CNumber:
 
     def rounded(self, x: float) -> float:
         """The number of this kind that stands for x: what is finite and not 0 stays so."""
-        if self.kind == "double" or not math.isfinite(x) or x == 0.0:
-            return x
-        limits = np.finfo(np.float32)
-        within = min(max(abs(x), float(limits.tiny)), float(limits.max))
-        return math.copysign(float(np.float32(within)), x)
+        return x if self.kind == "double" else single(x)
 
     def constant(self, x: float) -> str:
         """The C text of a number, without the name of what it stands for: hexadecimal unless it is short, since not

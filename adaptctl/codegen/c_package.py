@@ -17,12 +17,12 @@ from adaptctl.codegen.c_program import CProgram, Signature, helpers
 from adaptctl.codegen.c_sine import sine_source
 from adaptctl.codegen.gain_rules import GainRule, gain_rules
 from adaptctl.codegen.interface import GIVEN, Field, Interface
-from adaptctl.codegen.loop_precision import OPEN
 from adaptctl.codegen.recorded import RecordedTick
 from adaptctl.codegen.starting import start_of
 from adaptctl.codegen.statuses import status_bits
 from adaptctl.compilation.graph import Op
 from adaptctl.dynamics.loops.continuation import LOST
+from adaptctl.dynamics.loops.single_precision import OPEN
 from adaptctl.version import __version__
 
 SPDX = "BSD-3-Clause"

@@ -14,9 +14,9 @@ import numpy as np
 
 from adaptctl.codegen.c_number import Kind
 from adaptctl.codegen.interface import Interface, require_controller
-from adaptctl.codegen.loop_precision import require_single_precision
 from adaptctl.codegen.recorded import default_reference, record
 from adaptctl.control import Controller, Reference
+from adaptctl.dynamics.loops.single_precision import require_single_precision
 from adaptctl.errors import FileError, InputError, printable
 from adaptctl.files import hashed, write_json
 from adaptctl.folders import replacing_folder
@@ -142,7 +142,7 @@ def export(
     if target.exists():
         raise FileError(f"{directory}: exists already; choose a folder that does not")
     if scalar == "float" and interface.mechanism is not None:
-        require_single_precision(interface.mechanism)
+        require_single_precision(interface.mechanism, "scalar")
     followed = default_reference(interface) if reference is None else reference
     outcome = None
     if check:

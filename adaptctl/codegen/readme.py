@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from adaptctl.codegen.c_package import CPackage
-from adaptctl.codegen.c_sine import SINGLE_FARTHEST
-from adaptctl.compilation.sine import FARTHEST
+from adaptctl.compilation.sine import DOUBLE, SINGLE
 
 
 def readme(package: CPackage) -> str:
@@ -14,5 +13,5 @@ def readme(package: CPackage) -> str:
         flops=package.interface.law.operations.flops,
         state_bytes=package.state_bytes,
         stack=package.stack,
-        far=f"{FARTHEST if package.kind == 'double' else SINGLE_FARTHEST:.0f}",
+        far=f"{(DOUBLE if package.kind == 'double' else SINGLE).farthest:.0f}",
     )

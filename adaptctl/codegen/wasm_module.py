@@ -11,7 +11,7 @@ from adaptctl.codegen.wasm_function import Called, WasmCode
 from adaptctl.compilation.graph import Expression, Op
 from adaptctl.compilation.layout import numbered
 from adaptctl.compilation.routine import Routine, trace
-from adaptctl.compilation.sine import FARTHEST, reduced
+from adaptctl.compilation.sine import DOUBLE
 
 FIRST = 64
 """Bytes at the beginning of memory that nothing uses."""
@@ -92,7 +92,7 @@ class WasmModule:
     def _sincos(self) -> int:
         """The function from an angle to its sine and cosine, NaN where it is too far: the operations of native code."""
         if self._turning is None:
-            routine = trace(lambda x: reduced(x[0]), {"x": 1})
+            routine = trace(lambda x: DOUBLE.reduced(x[0]), {"x": 1})
             angle = GET + b"\x00"
             code = WasmCode(routine.body, routine.outputs, lambda _part, _k: angle, parameters=1)
             for x in routine.body:
@@ -100,7 +100,7 @@ class WasmModule:
             sine, cosine = (code.keep(code.operand(value), F64) for value in routine.outputs[:2])
             quarter = code.keep(code.operand(routine.outputs[2]) + b"\xbd", I64)
             odd = quarter + _integer(1) + b"\x83\xa7"  # i32.wrap(k & 1)
-            near = angle + b"\x99" + wasm.constant(FARTHEST) + b"\x65"
+            near = angle + b"\x99" + wasm.constant(DOUBLE.farthest) + b"\x65"
             after = quarter + _integer(1) + b"\x7c"
             turned = [(cosine + sine + odd + SELECT, quarter), (sine + cosine + odd + SELECT, after)]
             for value, sign in turned:

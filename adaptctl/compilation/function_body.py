@@ -39,16 +39,16 @@ class FunctionBody:
         for k, angle in enumerate(angles):
             x, before = self._operand(angle), several
             several = f"{x}.beside"
-            self._add(f"{several} = insertelement {value} {before}, double {x}, i32 {k}")
+            self._add(f"{several} = insertelement {value} {before}, {wide.scalar} {x}, i32 {k}")
         pairs = f"{several}.sincos"
         self._add(f"{pairs} = call {{{value}, {value}}} @sincos.{wide.count}({value} {several})")
         for part in ANGLES.values():
             self._add(f"{pairs}.{part} = extractvalue {{{value}, {value}}} {pairs}, {part}")
         for k, angle in enumerate(angles):
-            x, pair = f"%x{angle.index}", "{double, double}"
+            x, pair = f"%x{angle.index}", f"{{{wide.scalar}, {wide.scalar}}}"
             for part, before, after in ((0, "undef", f"{x}.sine"), (1, f"{x}.sine", f"{x}.sincos")):
                 self._add(f"{x}.{part} = extractelement {value} {pairs}.{part}, i32 {k}")
-                self._add(f"{after} = insertvalue {pair} {before}, double {x}.{part}, {part}")
+                self._add(f"{after} = insertvalue {pair} {before}, {wide.scalar} {x}.{part}, {part}")
             self._loaded.add(f"{x}.sincos")
 
     def _evaluate(self, x: str, op: Op, operands: Sequence[str]) -> None:
@@ -72,7 +72,7 @@ class FunctionBody:
         """Write the store of a number into the k-th place after a pointer."""
         name, kind = f"{pointer}.{k}", self._lanes.value
         self._add(f"{name} = getelementptr {kind}, ptr {pointer}, i64 {k}")
-        self._add(f"store {kind} {self._operand(value)}, ptr {name}, align 8")
+        self._add(f"store {kind} {self._operand(value)}, ptr {name}, align {self._lanes.size}")
 
     def _add(self, line: str) -> None:
         self.lines.append(line)
@@ -84,7 +84,7 @@ class FunctionBody:
         if place is not None and name not in self._loaded:
             self._loaded.add(name)
             self._add(f"{name}.at = getelementptr {self._lanes.value}, ptr {place[0]}, i64 {place[1]}")
-            self._add(f"{name} = load {self._lanes.value}, ptr {name}.at, align 8")
+            self._add(f"{name} = load {self._lanes.value}, ptr {name}.at, align {self._lanes.size}")
         return name
 
     def _call(self, x: str, routine: Routine, operands: Iterable[Expression | float]) -> None:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from itertools import accumulate
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +16,7 @@ from adaptctl.errors import InputError
 Array = NDArray[np.float64]
 
 _CACHE_LINE = 64
+_DOUBLE = np.dtype(np.float64)
 
 
 class LaneArray:
@@ -23,12 +25,19 @@ class LaneArray:
     `blocks` (..., ceil(members / lanes), scalars, lanes) is the memory itself: member m is in lane m % lanes of block
     m // lanes, at `address`. Reading a column gives a copy (..., members, n); assigning takes what broadcasts to that.
     A leading axis, if any, is of steps in time, `stride` numbers apart. Lanes left over in the last block repeat the
-    last member.
+    last member. The memory is of numbers of a `dtype`; what is read is float64 always.
     """
 
-    def __init__(self, columns: Mapping[str, int], members: int, lanes: int = 1, steps: tuple[int, ...] = ()) -> None:
+    def __init__(
+        self,
+        columns: Mapping[str, int],
+        members: int,
+        lanes: int = 1,
+        steps: tuple[int, ...] = (),
+        dtype: np.dtype[Any] = _DOUBLE,
+    ) -> None:
         self.columns, self.members, self.lanes = MappingProxyType(dict(columns)), members, lanes
-        self.blocks = _aligned((*steps, -(-members // lanes), sum(columns.values()), lanes))
+        self.blocks = _aligned((*steps, -(-members // lanes), sum(columns.values()), lanes), dtype)
         self.address, self.stride = self.blocks.ctypes.data, math.prod(self.blocks.shape[1:])
         ends = accumulate(columns.values())
         self._places = {name: slice(end - n, end) for (name, n), end in zip(columns.items(), ends, strict=True)}
@@ -36,7 +45,7 @@ class LaneArray:
     def __getitem__(self, name: str) -> Array:
         part = self.blocks[..., self._place(name), :].swapaxes(-1, -2)
         *steps, blocks, lanes, n = part.shape
-        return part.copy().reshape(*steps, blocks * lanes, n)[..., : self.members, :]
+        return part.astype(np.float64).reshape(*steps, blocks * lanes, n)[..., : self.members, :]
 
     def __setitem__(self, name: str, values: ArrayLike) -> None:
         part = self.blocks[..., self._place(name), :].swapaxes(-1, -2)
@@ -73,15 +82,16 @@ class LaneArray:
 
     def _rows(self, name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
         try:
-            numbers = np.asarray(values).astype(np.float64, casting="same_kind", copy=False)
+            with np.errstate(over="ignore"):  # infinity, in single precision
+                numbers = np.asarray(values).astype(self.blocks.dtype, casting="same_kind", copy=False)
             return numbers if numbers.shape == shape else np.broadcast_to(numbers, shape)
         except (TypeError, ValueError) as error:
             raise InputError(f"{name!r}: expected real numbers that broadcast to shape {shape} ({error})") from error
 
 
-def _aligned(shape: tuple[int, ...]) -> Array:
+def _aligned(shape: tuple[int, ...], dtype: np.dtype[Any]) -> Array:
     """Zeros that begin on a cache line."""
-    size = math.prod(shape)
-    memory = np.zeros(8 * size + _CACHE_LINE, dtype=np.uint8)
+    size = dtype.itemsize * math.prod(shape)
+    memory = np.zeros(size + _CACHE_LINE, dtype=np.uint8)
     skip = -memory.ctypes.data % _CACHE_LINE
-    return memory[skip : skip + 8 * size].view(np.float64).reshape(shape)
+    return memory[skip : skip + size].view(dtype).reshape(shape)

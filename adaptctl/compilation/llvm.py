@@ -16,7 +16,7 @@ from adaptctl.compilation.lanes import Lanes
 from adaptctl.compilation.layout import numbered
 from adaptctl.compilation.pieces import Piece, pieces
 from adaptctl.compilation.routine import Routine, trace
-from adaptctl.compilation.sine import FARTHEST, reduced
+from adaptctl.compilation.sine import sine_for
 
 _WIDE = (2, 4, 8)
 """Numbers of arguments whose sines are computed at once, where numbers are not side by side anyway."""
@@ -105,13 +105,14 @@ def _turned_together(piece: Piece, lanes: Lanes) -> list[tuple[list[Expression],
     if lanes.count > 1 or len(angles) < 2:
         return []
     groups = [angles[k : k + _WIDE[-1]] for k in range(0, len(angles), _WIDE[-1])]
-    return [(group, Lanes(next(wide for wide in _WIDE if wide >= len(group)))) for group in groups]
+    return [(group, Lanes(next(wide for wide in _WIDE if wide >= len(group)), lanes.precision)) for group in groups]
 
 
 def _sincos(lanes: Lanes, tag: str = "") -> str:
     """The functions that compute sines and cosines, their names ending in a tag."""
-    near = trace(lambda x: reduced(x[0]), {"x": 1})
-    whole = {"zero": 0, "one": 1, "second": 62, "last": 63, "sign": -(2**63)}
+    sine, last = sine_for(lanes.precision), 8 * lanes.size - 1
+    near = trace(lambda x: sine.reduced(x[0]), {"x": 1})
+    whole = {"zero": 0, "one": 1, "second": last - 1, "last": last, "sign": -(2**last)}
     numbers = {name: lanes.whole(k) for name, k in whole.items()}
-    text = lanes.filled("sincos", farthest=lanes.constant(FARTHEST), tag=tag, **numbers)
+    text = lanes.filled("sincos", farthest=lanes.constant(sine.farthest), tag=tag, **numbers)
     return f"{_piece(near, Piece(near.body, {}, {}), f'sincos.near{tag}', {}, lanes, inlining='alwaysinline')}\n{text}"

@@ -32,9 +32,9 @@ work:
   %shared.skip = mul i64 %step, %shared.stride
   %driven.skip = mul i64 %step, %driven.stride
   %out.skip = mul i64 %step, %out.stride
-  %shared.at = getelementptr double, ptr %shared, i64 %shared.skip
-  %driven.at = getelementptr double, ptr %driven.first, i64 %driven.skip
-  %out.at = getelementptr double, ptr %out.first, i64 %out.skip
+  %shared.at = getelementptr $scalar, ptr %shared, i64 %shared.skip
+  %driven.at = getelementptr $scalar, ptr %driven.first, i64 %driven.skip
+  %out.at = getelementptr $scalar, ptr %out.first, i64 %out.skip
   $places
   call void @$routine($pointers)
   %step.next = add i64 %step, 1

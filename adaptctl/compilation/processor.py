@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import llvmlite.binding as llvm
 
+from adaptctl.compilation.lanes import Precision
 from adaptctl.errors import InputError
 
 _WIDEST = {"avx512f": 8, "avx": 4, "sse2": 2, "neon": 2}
@@ -53,6 +54,10 @@ class Processor:
         """Number of doubles in one instruction: 8, 4 or 2, and 1 where the processor is not known."""
         has = self.features.split(",")
         return next((lanes for feature, lanes in _WIDEST.items() if f"+{feature}" in has), 1)
+
+    def lanes_of(self, precision: Precision) -> int:
+        """Number of numbers of a precision in one instruction."""
+        return self.lanes if precision == "double" or self.lanes == 1 else 2 * self.lanes
 
     def machine(self) -> llvm.TargetMachine:
         """LLVM's target machine, which makes code for this processor, to be run in this process."""

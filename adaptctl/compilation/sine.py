@@ -3,42 +3,68 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
+from adaptctl.compilation.lanes import Precision
 from adaptctl.scalars.elementary import polynomial
 
-FARTHEST = 2.0**20
-"""rad; up to here `reduced` holds."""
 
-_SHIFT = 1.5 * 2.0**52
-"""With this added, a number has no bits for less than 1, so that the sum is the nearest whole number's."""
+@dataclass(frozen=True)
+class Sine:
+    """Numbers from which sine and cosine follow in one precision: within 2 ulp in double, in single within 2 ulp of
+    1."""
 
-_QUARTER = (1.57079632673412561417e00, 6.07710050630396597660e-11, 2.02226624879595063154e-21)
-"""pi/2 is their sum, to 150 bits."""
+    farthest: float
+    """rad; up to here `reduced` holds"""
+    shift: float
+    """With this added, a number has no bits for less than 1, so that the sum is the nearest whole number's."""
+    quarter: tuple[float, float, float]
+    """pi/2 is their sum; the first two have so few bits that k times them is exact, fused or not."""
+    sine: tuple[float, ...]
+    """(sin r - r) / r^3 in powers of r^2"""
+    cosine: tuple[float, ...]
+    """(cos r - 1 + r^2/2) / r^4 in powers of r^2"""
 
-_SINE = (
-    -1.66666666666666324348e-01, 8.33333333332248946124e-03, -1.98412698298579493134e-04,
-    2.75573137070700676789e-06, -2.50507602534068634195e-08, 1.58969099521155010221e-10,
+    def reduced(self, x: Any) -> tuple[Any, Any, Any]:
+        """Sine and cosine of the rest r of |x| up to `farthest` (rad), x being k quarter turns and r; after them
+        k + `shift`, whose last bits are those of the whole number k.
+
+        r is in [-pi/4, pi/4]; the quarter is subtracted in three parts (Cody and Waite 1980).
+        """
+        first, second, third = self.quarter
+        shifted = x * (2.0 / math.pi) + self.shift
+        k = shifted - self.shift
+        r = ((x - k * first) - k * second) - k * third
+        z = r * r
+        return r + r * z * polynomial(self.sine, z), (1.0 - 0.5 * z) + z * z * polynomial(self.cosine, z), shifted
+
+
+DOUBLE = Sine(
+    2.0**20,
+    1.5 * 2.0**52,
+    (1.57079632673412561417e00, 6.07710050630396597660e-11, 2.02226624879595063154e-21),
+    (
+        -1.66666666666666324348e-01, 8.33333333332248946124e-03, -1.98412698298579493134e-04,
+        2.75573137070700676789e-06, -2.50507602534068634195e-08, 1.58969099521155010221e-10,
+    ),
+    (
+        4.16666666666666019037e-02, -1.38888888888741095749e-03, 2.48015872894767294178e-05,
+        -2.75573143513906633035e-07, 2.08757232129817482790e-09, -1.13596475577881948265e-11,
+    ),
 )  # fmt: skip
-"""(sin r - r) / r^3 in powers of r^2"""
+"""fdlibm's polynomials; pi/2 to 150 bits, 33 in each of its first two parts"""
 
-_COSINE = (
-    4.16666666666666019037e-02, -1.38888888888741095749e-03, 2.48015872894767294178e-05,
-    -2.75573143513906633035e-07, 2.08757232129817482790e-09, -1.13596475577881948265e-11,
-)  # fmt: skip
-"""(cos r - 1 + r^2/2) / r^4 in powers of r^2"""
+SINGLE = Sine(
+    2.0**13,
+    1.5 * 2.0**23,
+    (1.5703125, 4.837512969970703125e-4, 7.54978995489188216e-8),
+    (-1.6666654611e-1, 8.3321608736e-3, -1.9515295891e-4),
+    (4.166664568298827e-2, -1.388731625493765e-3, 2.443315711809948e-5),
+)
+"""Cephes' polynomials and parts of pi/2"""
 
 
-def reduced(x: Any) -> tuple[Any, Any, Any]:
-    """Sine and cosine, within 2 ulp, of the rest r of |x| up to FARTHEST (rad), x being k quarter turns and r; after
-    them k + 1.5 * 2^52, whose last bits are those of the whole number k.
-
-    r is in [-pi/4, pi/4]. The quarter is subtracted in three parts; the first two have 33 bits, so that k times them is
-    exact, fused or not (Cody and Waite 1980). The polynomials are fdlibm's.
-    """
-    first, second, third = _QUARTER
-    shifted = x * (2.0 / math.pi) + _SHIFT
-    k = shifted - _SHIFT
-    r = ((x - k * first) - k * second) - k * third
-    z = r * r
-    return r + r * z * polynomial(_SINE, z), (1.0 - 0.5 * z) + z * z * polynomial(_COSINE, z), shifted
+def sine_for(precision: Precision) -> Sine:
+    """The numbers for sine and cosine in a precision."""
+    return DOUBLE if precision == "double" else SINGLE

@@ -11,7 +11,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from adaptctl.compilation.lane_array import Array, LaneArray
-from adaptctl.compilation.lanes import Lanes
+from adaptctl.compilation.lanes import Lanes, Precision
 from adaptctl.compilation.llvm import program
 from adaptctl.compilation.loop import ENTRY, NativeLoop, Source, loop
 from adaptctl.compilation.native import load
@@ -33,9 +33,10 @@ def compile_step(
     lanes: int | None = None,
     name: str = "",
     processor: Processor | None = None,
+    precision: Precision = "double",
 ) -> Stepper:
     """Native code that takes `step` again and again, for `lanes` members at once: as many as suit the processor, which
-    is this one, unless given.
+    is this one, unless given. In single precision twice as many fit a register.
 
     `step` is called once with Columns by keyword: `state`, which each member has and each step replaces; `held`, which
     each member has and keeps; `shared`, other in each step and the same for all members; `driven`, other in each step
@@ -47,19 +48,21 @@ def compile_step(
     if len(arguments) < sum(map(len, columns.values())):
         raise InputError("state, held, shared and driven: expected different names")
     target = processor or Processor.host()
-    return Stepper(trace(step, arguments, name=name), columns, Lanes(lanes or target.lanes), target)
+    several = Lanes(lanes or target.lanes_of(precision), precision)
+    return Stepper(trace(step, arguments, name=name), columns, several, target)
 
 
 class Stepper:
     """A compiled step, made by `compile_step`.
 
     `columns` has the names and lengths of what it takes, by source, and `outputs` the shapes of what it returns
-    after the new state; `lanes` members are worked on at once; `operations` is what a step of one
-    member costs.
+    after the new state; `lanes` members are worked on at once, in numbers of a `precision` and `dtype`; `operations` is
+    what a step of one member costs.
     """
 
     def __init__(self, routine: Routine, columns: Mapping[Source, Columns], lanes: Lanes, processor: Processor) -> None:
         self.name, self.operations, self.lanes = routine.name, routine.operations, lanes.count
+        self.precision, self.dtype = lanes.precision, lanes.dtype
         self.columns = MappingProxyType({source: MappingProxyType(dict(part)) for source, part in columns.items()})
         state = columns[Source.STATE]
         self.outputs = routine.layout.shapes[len(state) :]
@@ -131,7 +134,7 @@ class Ensemble:
             raise InputError(f"record: expected steps from 0 to {len(room.blocks)}, got {first} to {first + steps}")
         shared, driven = self._signals(steps, signals)
         strides, arrays = (shared.stride, driven.stride, room.stride), (self.state, self.held, shared, driven, room)
-        self._run(1, steps, strides, arrays, room.address + 8 * first * room.stride)
+        self._run(1, steps, strides, arrays, room.address + room.blocks.itemsize * first * room.stride)
 
     def _record(self, steps: int) -> LaneArray:
         """Room for the outputs of all steps, that of the last run if it fits: memory is slow when it is new."""
@@ -165,17 +168,18 @@ class Ensemble:
             raise InputError(f"signals: expected {', '.join(expected) or 'none'}, got {', '.join(signals) or 'none'}")
         if not expected:
             return self._nothing, self._nothing
-        rows, driven = LaneArray(columns[Source.SHARED], steps), self._array(columns[Source.DRIVEN], steps)
+        rows = LaneArray(columns[Source.SHARED], steps, dtype=self.stepper.dtype)
+        driven = self._array(columns[Source.DRIVEN], steps)
         for name, values in signals.items():
             (rows if name in rows.columns else driven)[name] = values
         if lanes == 1:
             return rows, driven
-        shared = LaneArray(columns[Source.SHARED], lanes, lanes, (steps,))
+        shared = LaneArray(columns[Source.SHARED], lanes, lanes, (steps,), self.stepper.dtype)
         shared.blocks[:, 0] = rows.blocks
         return shared, driven
 
     def _array(self, columns: Columns, *steps: int) -> LaneArray:
-        return LaneArray(columns, self.members, self.stepper.lanes, steps)
+        return LaneArray(columns, self.members, self.stepper.lanes, steps, self.stepper.dtype)
 
 
 def _wait_for(threads: Sequence[Thread]) -> None:

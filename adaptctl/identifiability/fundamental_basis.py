@@ -130,7 +130,7 @@ def fundamental_basis(
     """The fundamental basis of an essential space, by removing parameters in the order of a priority (default: Table
     4's rule).
 
-    With `prove`, the kept parameters are also found on the exact geometry of the space's proof.
+    Where the space has a proof, the kept parameters are also found on its exact geometry; with `prove` it must have one.
     Raises `RankError` when both differ although every choice is clear, and when the removed parameters determine the
     kept ones too poorly (condition above 1e4 among scaled parameters): the priority then removes parameters that very
     nearly depend on each other.
@@ -176,7 +176,7 @@ def _chosen(space: EssentialSpace, order: Sequence[int], tolerance: float, prove
 def _kept_against_the_order(
     space: EssentialSpace, found: Regrouping, order: Sequence[int], prove: bool, tolerance: float
 ) -> tuple[int, ...]:
-    """Kept parameters that the order removes on exact geometry, looked for if asked or where that is nearly special.
+    """Kept parameters that the order removes on exact geometry, looked for wherever there is a proof of the rank.
 
     Raises `RankError` where more than the tolerance is left of every row that exact geometry removes: floats should
     have removed them too.
@@ -185,7 +185,7 @@ def _kept_against_the_order(
         if prove:
             raise InputError(f"{space.mechanism_name}: to prove the basis, prove the essential space (prove=True)")
         return ()
-    if not (prove or space.proof.strict) or space.proof.keeps(found.kept, order):
+    if space.proof.keeps(found.kept, order):
         return ()
     exact = set(space.proof.kept(order))
     rows = space.scaled_null_basis[[j for j in order if j not in exact]]

@@ -9,6 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from adaptctl.arrays import Array
+from adaptctl.compilation.lanes import Precision
+from adaptctl.control.adaptation.gain import Descent
 from adaptctl.control.controller import GAINS, ReferencePoint
 from adaptctl.control.lyapunov import has_sliding_variable
 from adaptctl.control.slotine_li import SlotineLi
@@ -18,6 +20,9 @@ from adaptctl.simulation.error_sums import LARGEST
 
 TRUTH = "truth"
 """Name of the column of the true values of the parameters that are adapted."""
+METRIC = "metric"
+"""Name of the column of Gamma^-1, where Gamma is no diagonal: its upper triangle, row by row, with half its diagonal.
+To solve with Gamma in each control period takes four times as long as the rest of it."""
 
 
 class LyapunovRise(NamedTuple):
@@ -30,24 +35,28 @@ class LyapunovRise(NamedTuple):
     """(1,) J, its largest rise from one tick to the next, 0 where it never rose"""
 
 
-def rise_sizes(loop: ClosedLoop) -> dict[str, int]:
-    """Lengths of the columns of a Lyapunov function's rise, by name."""
-    known = 0 if watched(loop) is None else 1
+def rise_sizes(law: SlotineLi | None) -> dict[str, int]:
+    """Lengths of the columns of a Lyapunov function's rise, by name; `law` is what `watched` found."""
+    known = 0 if law is None else 1
     return LyapunovRise(known, known)._asdict()
 
 
-def truth_size(loop: ClosedLoop) -> dict[str, int]:
-    """Length of the column of true parameters that stays, by its name."""
-    law = watched(loop)
-    return {} if law is None else {TRUTH: len(law.model.names)}
+def truth_sizes(law: SlotineLi | None) -> dict[str, int]:
+    """Lengths of the columns that stay, by name: true parameters and, where Gamma is no diagonal, its inverse."""
+    if law is None:
+        return {}
+    k = len(law.model.names)
+    return {TRUTH: k} | ({METRIC: k * (k + 1) // 2} if _whole_gain(law) is not None else {})
 
 
 @lru_cache(maxsize=8)  # asked for by every herd of arms
-def watched(loop: ClosedLoop) -> SlotineLi | None:
+def watched(loop: ClosedLoop, precision: Precision) -> SlotineLi | None:
     """The controller, if its V follows from the joints, the estimate and the true parameters alone: Slotine and Li's,
     with an adaptation law whose term depends on no more, on rigid joints of the model's own geometry, and on links that
-    carry the same all the time."""
+    carry the same all the time. In single precision its rises would be those of round-off."""
     law, plant = loop.controller, loop.plant
+    if precision == "single":
+        return None
     if not isinstance(law, SlotineLi) or not has_sliding_variable(law) or plant.loads or plant.is_elastic:
         return None
     if law.model.mechanism.equations != plant.mechanism.equations or plant.mechanism.equations.has_known_share:
@@ -57,13 +66,25 @@ def watched(loop: ClosedLoop) -> SlotineLi | None:
     return law if known else None
 
 
-def first_rise(loop: ClosedLoop, parameters: Array) -> tuple[dict[str, Any], dict[str, Array]]:
+def first_rise(
+    law: SlotineLi | None, parameters: Array, gains: Mapping[str, Array]
+) -> tuple[dict[str, Any], dict[str, Array]]:
     """The columns before the first tick, by name, with a V from which nothing rises; and those that stay, of arms whose
-    parameters are (M, P)."""
-    law = watched(loop)
+    parameters are (M, P) and whose gains (M, ...) are as given by name, or the law's."""
     if law is None:
         return {}, {}
-    return LyapunovRise(LARGEST, 0.0)._asdict(), {TRUTH: parameters @ law.model.regrouping.T}
+    # Not by BLAS, whose second thread takes longer to begin than so few products.
+    stays = {TRUTH: np.einsum("mp,kp->mk", parameters, law.model.regrouping)}
+    if (own := _whole_gain(law)) is not None:
+        inverse = np.linalg.inv(gains.get("adaptation.gain", own)) * (1.0 - 0.5 * np.eye(len(own)))
+        stays[METRIC] = inverse[(..., *np.triu_indices(len(own)))]
+    return LyapunovRise(LARGEST, 0.0)._asdict(), stays
+
+
+def _whole_gain(law: SlotineLi) -> Array | None:
+    """Gamma (k, k) of a law of gradient descent; None where it is a diagonal, and for other laws."""
+    own = law.adaptation_law
+    return own.gain if isinstance(own, Descent) and own.gain.ndim == 2 else None
 
 
 def risen(
@@ -89,4 +110,13 @@ def _lyapunov(loop: ClosedLoop, sample: Sample, point: ReferencePoint, columns: 
     kinetic: Scalar = Column(moving[j] for j in law.model.columns) @ true
     if law.adaptation_law is None:
         return kinetic
+    if METRIC in columns:
+        return kinetic + _half_square(columns[METRIC], sample.estimate - true)
     return kinetic + law.adaptation_law.lyapunov_term(law.model, sample.estimate, true)
+
+
+def _half_square(triangle: Column, error: Column) -> Scalar:
+    """error' A error / 2 of a symmetric A, from its upper triangle, row by row, with half its diagonal."""
+    rest = iter(triangle)
+    rows = (Column(next(rest) for _ in error.of[i:]) @ Column(error.of[i:]) for i in range(len(error)))
+    return Column(rows) @ error

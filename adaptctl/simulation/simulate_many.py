@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -15,28 +14,26 @@ from numpy.typing import ArrayLike, NDArray
 from adaptctl.arrays import Array, checked, frozen, per_joint
 from adaptctl.caching import sent_as_made
 from adaptctl.compilation import Stepper, compile_step
+from adaptctl.compilation.lanes import Precision
 from adaptctl.compilation.limits import LARGEST_COMPILED
-from adaptctl.compilation.loop import Source
 from adaptctl.control.controller import Controller, Reference
 from adaptctl.control.memory import leaves, like
 from adaptctl.control.reference_check import warn_of_derivatives
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column
 from adaptctl.simulation.closed_loop import ClosedLoop
-from adaptctl.simulation.error_sums import LARGEST, SETTLED, ErrorSums, judged_by, sum_sizes, summary, summed
+from adaptctl.simulation.error_sums import SETTLED, ErrorSums, judged_by, sum_sizes, summary, summed
 from adaptctl.simulation.gains_of_many import GainsOfMany, alike
-from adaptctl.simulation.lyapunov_rise import first_rise, rise_sizes, risen, truth_size
+from adaptctl.simulation.herd import Herd
+from adaptctl.simulation.lyapunov_rise import rise_sizes, risen, truth_sizes, watched
 from adaptctl.simulation.noise import Noise
 from adaptctl.simulation.plant import Plant
 from adaptctl.simulation.references_of_many import ReferenceForm, ReferencesOfMany
 from adaptctl.simulation.sampled_references import REFERENCE
+from adaptctl.simulation.single_precision import require_single
 
-MEMORY = 2**23
-"""Bytes that a native call may read and write besides the arms' states."""
 HERD = 512
 """Arms that take a stretch of time together, one herd after the other: what they read and write fits the caches."""
-STRETCH = 2000
-"""Control periods in one native call, at most: in between progress is reported, and Ctrl-C handled."""
 RECORDED = ("p", "v", "reference_p", "reference_v", "torque", "applied", "estimate")
 
 
@@ -119,6 +116,7 @@ def simulate_many(
     beyond: ArrayLike = np.inf,
     threads: int = 1,
     progress: Callable[[float], object] | None = None,
+    precision: Precision = "double",
 ) -> Rollouts:
     """The runs of one controller on one plant, of `duration` s each, that differ in what is given as a row each.
 
@@ -135,11 +133,12 @@ def simulate_many(
     Every `every`-th control period is recorded, the first one included: memory goes with T M over it; None records
     nothing but the errors' summaries, which are of all control periods: `within` (rad or m, a number or (r,)) is what
     `return_time` is about, and `beyond` where a run counts as diverged, besides where it is not finite. `threads` share
-    the arms. `progress` is called in between with the share done, and Ctrl-C keeps what was computed. Nothing ends a
+    the arms. In single `precision` twice as many arms fit a register; V's rise is not known then, for it would be
+    round-off's. `progress` is called in between with the share done, and Ctrl-C keeps what was computed. Nothing ends a
     run early. Raises `InputError` where arguments do not fit together, and for more than LARGEST_COMPILED links.
     """
     law, own = alike(controller)
-    run = _Runs(ClosedLoop(plant, law), reference, duration, every, threads)
+    run = _Runs(ClosedLoop(plant, law), reference, duration, every, threads, precision)
     bounds = {"within": per_joint(within, plant.dof, "within"), "beyond": per_joint(beyond, plant.dof, "beyond")}
     run.begin(members, seed, memory, GainsOfMany.of(law, gains or {}, own), bounds, parameters=parameters, p=p, v=v)
     complete, started = False, perf_counter()
@@ -155,26 +154,28 @@ def simulate_many(
 
 
 @lru_cache(maxsize=8)
-def _compiled(loop: ClosedLoop, form: ReferenceForm) -> Stepper:
+def _compiled(loop: ClosedLoop, form: ReferenceForm, precision: Precision) -> Stepper:
     """A control period of arms in lanes, with the errors summed up."""
+    law = watched(loop, precision)
 
     def step(clock: Column, **columns: Column) -> tuple[Any, ...]:
         point = form.point(columns)
         passed_on, sample = loop.equation(**columns | dict(zip(REFERENCE, point, strict=True)))
         p = loop.plant.primary(sample.q)
         sums = summed(clock[0], p - point.p, columns)
-        watched = risen(loop, sample, point, sums.joint[0] < 0.5, columns)
+        rise = risen(loop, sample, point, sums.joint[0] < 0.5, columns)
         done = sample.torque, sample.applied, sample.estimate
-        return (*passed_on, Column((clock[0] + 1.0,)), *sums, *watched, p, sample.v, point.p, point.v, *done)
+        return (*passed_on, Column((clock[0] + 1.0,)), *sums, *rise, p, sample.v, point.p, point.v, *done)
 
     r = loop.controller.dof
     return compile_step(
         step,
-        state=loop.state | {"clock": 1} | sum_sizes(r) | rise_sizes(loop),
-        held=loop.held | form.held | judged_by(r) | truth_size(loop),
+        state=loop.state | {"clock": 1} | sum_sizes(r) | rise_sizes(law),
+        held=loop.held | form.held | judged_by(r) | truth_sizes(law),
         shared=form.shared,
         driven=form.driven | loop.noise,
         name=type(loop.controller).__name__,
+        precision=precision,
     )
 
 
@@ -188,14 +189,17 @@ class _Runs:
         duration: float,
         every: int | None,
         threads: int,
+        precision: Precision,
     ) -> None:
-        self.loop, self.period, self.threads = loop, loop.plant.control_period, threads
+        self.loop, self.period, self.threads, self.precision = loop, loop.plant.control_period, threads, precision
         if not (np.isfinite(duration) and duration >= self.period):
             raise InputError(f"duration: expected at least a control period of {self.period:g} s, got {duration}")
         for name, number in (("every", 1 if every is None else every), ("threads", threads)):
             _require_count(name, number)
         _require_compilable(loop)
         self.steps, self.every = round(duration / self.period), every
+        if precision == "single":
+            require_single(loop, self.steps)
         self.references = ReferencesOfMany.of(reference, loop.controller.reference_size)
         self.final = max(0, self.steps - round(SETTLED / self.period))
         first = reference[0] if isinstance(reference, Sequence) else reference
@@ -234,9 +238,10 @@ class _Runs:
         self.herds = []
         for k, first in enumerate(range(0, count, HERD)):
             arms = slice(first, min(first + HERD, count))
-            herd = _Herd(loop, self.references.of_arms(arms), self.parameters[arms], noise[k], arms)
+            stepper = _compiled(loop, self.references.form, self.precision)
+            herd = Herd(loop, stepper, self.references.of_arms(arms), self.parameters[arms], noise[k], arms)
             herd.begin(p[arms], v[arms], memory if memory is None else _of_arms(memory, arms), tuned)
-            herd.judge(bounds, self.final)
+            herd.judge(bounds, self.final, tuned)
             self.herds.append(herd)
         shapes = self.herds[0].arms.stepper.outputs
         self.records = tuple(np.empty((self._samples(self.steps), count, *shape)) for shape in shapes)
@@ -303,51 +308,6 @@ class _Runs:
             wall_time=wall_time,
             complete=complete,
         )
-
-
-class _Herd:
-    """Arms that take a stretch of time together."""
-
-    def __init__(
-        self, loop: ClosedLoop, references: ReferencesOfMany, parameters: Array, noise: Noise, members: slice
-    ) -> None:
-        self.loop, self.references, self.parameters = loop, references, parameters
-        self.noise, self.members = noise, members
-        self.arms = _compiled(loop, references.form).ensemble(len(parameters))
-
-    def begin(self, p: Array, v: Array, memory: Any, tuned: GainsOfMany) -> None:
-        """Put the arms at positions and velocities (M, r), with a memory, or that of new controllers."""
-        loop, own = self.loop, tuned.of_arms(self.members)
-        state = loop.plant.init(p, v, loop.plant.parameters(self.parameters, 0.0), self.noise.drawn(1)[0])
-        begun = loop.controller.init(state.measured_p, state.measured_v, own) if memory is None else memory
-        loop.begin(self.arms, state, begun)
-        for name in loop.controller.gain_sizes if own else ():
-            self.arms.held[name] = tuned.packed(self.members)
-        for name, values in {"parameters": self.parameters, **self.references.held}.items():
-            self.arms.held[name] = values
-
-    def judge(self, bounds: Mapping[str, Array], final: int) -> None:
-        """Set what errors are judged by."""
-        for name, bound in bounds.items():
-            self.arms.held[name] = np.minimum(bound, LARGEST)
-        self.arms.held["final"] = float(final)
-        begun, true = first_rise(self.loop, self.parameters)
-        for columns, values in ((self.arms.state, begun), (self.arms.held, true)):
-            for name, numbers in values.items():
-                columns[name] = numbers
-
-    def longest(self, *, record: bool) -> int:
-        """Control periods in a native call, by the memory that it needs."""
-        shapes, columns = self.arms.stepper.outputs, self.arms.stepper.columns
-        numbers = sum(columns[Source.DRIVEN].values()) + (sum(map(math.prod, shapes)) if record else 0)
-        return max(1, min(STRETCH, MEMORY // (8 * self.arms.members * numbers) if numbers else STRETCH))
-
-    def taken(self, time: Array, *, record: bool, threads: int) -> tuple[Array, ...]:
-        """The control periods at these times."""
-        if self.loop.plant.loads:
-            self.arms.held["parameters"] = self.loop.plant.parameters(self.parameters, time[0])
-        signals = {**self.references.signals(time), "noise": self.noise.drawn(len(time))}
-        return self.arms.run(len(time), signals, record=record, threads=threads)
 
 
 def _of_arms(memory: Any, arms: slice) -> Any:

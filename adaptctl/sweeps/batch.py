@@ -8,9 +8,10 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
+from adaptctl.compilation.lanes import Precision
 from adaptctl.control.references import Sinusoids
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.errors import AdaptctlError, NotFoundError
+from adaptctl.errors import AdaptctlError, InputError, NotFoundError
 from adaptctl.experiments.contest import Contender
 from adaptctl.experiments.experiment import Experiment
 from adaptctl.experiments.learning import Learning
@@ -29,11 +30,13 @@ class BatchedRun(NamedTuple):
     begun: BegunEpisode
 
 
-def batched(experiments: Sequence[Experiment], controllers: Sequence[str]) -> RunOutcomes:
+def batched(
+    experiments: Sequence[Experiment], controllers: Sequence[str], precision: Precision = "double"
+) -> RunOutcomes:
     """Outcomes, by their number, of those experiments that can run together in one batch.
 
     These are comparisons on an ideal plant, whose references are sinusoids; their runs are those of each experiment by
-    itself, to round-off. Others are left out.
+    itself, to round-off, which is `precision`'s. Others are left out.
     """
     if not all(isinstance(one, Learning) for one in experiments):
         return {}
@@ -54,7 +57,7 @@ def batched(experiments: Sequence[Experiment], controllers: Sequence[str]) -> Ru
             groups.setdefault(_group(trial, contender), []).append((k, c))
     found: dict[tuple[int, int], RunOutcome] = {}
     for places in groups.values():
-        found |= _together(trials, places)
+        found |= _tried(trials, places, precision)
     for k, trial in trials.items():
         outcomes[k] = [(one.name, found[k, c]) for c, one in enumerate(trial.contenders)]
     return outcomes
@@ -130,8 +133,22 @@ def _group(trial: BatchedRun, contender: Contender) -> Any:
     return contender.controller.structure, episode.plant.structure, episode.steps, bound.tobytes(), waves
 
 
-def _together(trials: Mapping[int, BatchedRun], places: Sequence[tuple[int, int]]) -> dict[tuple[int, int], RunOutcome]:
-    """RunOutcomes of trials' contenders that can run together."""
+def _tried(
+    trials: Mapping[int, BatchedRun], places: Sequence[tuple[int, int]], precision: Precision
+) -> dict[tuple[int, int], RunOutcome]:
+    """Outcomes of trials' contenders that can run together; failed ones where single precision cannot bear them."""
+    try:
+        return _together(trials, places, precision)
+    except InputError as error:
+        if precision == "double":
+            raise
+        return dict.fromkeys(places, RunOutcome.failed(" ".join(str(error).split())))
+
+
+def _together(
+    trials: Mapping[int, BatchedRun], places: Sequence[tuple[int, int]], precision: Precision
+) -> dict[tuple[int, int], RunOutcome]:
+    """Outcomes of trials' contenders that can run together."""
     chosen = [trials[k].contenders[c].controller for k, c in places]
     begun = [trials[k].begun for k, _ in places]
     episodes, plant = [one.episode for one in begun], begun[0].episode.plant
@@ -145,5 +162,6 @@ def _together(trials: Mapping[int, BatchedRun], places: Sequence[tuple[int, int]
         v=np.stack([one.state.v for one in episodes]),
         every=None,
         beyond=begun[0].error_bound,
+        precision=precision,
     )
     return dict(zip(places, RunOutcome.each_of(runs), strict=True))

@@ -91,7 +91,9 @@ class Folder:
 
     def _shard(self, runs: Sequence[Mapping[str, Any]]) -> Shard:
         plain = [{name: list(x) if isinstance(x, tuple) else x for name, x in run.items()} for run in runs]
-        return Shard(hashed([self.study.experiment, sorted(self.study.controllers), plain])[:32], tuple(runs))
+        decides = [self.study.experiment, sorted(self.study.controllers), plain]
+        precision = [self.study.precision] if self.study.precision != "double" else []
+        return Shard(hashed(decides + precision)[:32], tuple(runs))
 
     def place(self, shard: Shard) -> Path:
         """The file of a shard."""
@@ -128,6 +130,7 @@ def table(study: SweepStudy, rows: Sequence[Mapping[str, Any]], runs: int) -> pa
     columns = columns_of(study.kind)
     fields = [pa.field(name, kinds[kind], metadata={"meaning": meaning}) for name, (kind, meaning) in columns.items()]
     about = {"schema": SCHEMA, "experiment": study.experiment, "version": __version__, "runs": str(runs)}
+    about |= {"precision": study.precision}
     arrays = [pa.array([row[name] for row in rows], field.type) for name, field in zip(columns, fields, strict=True)]
     return pa.Table.from_arrays(arrays, schema=pa.schema(fields, metadata=about))
 

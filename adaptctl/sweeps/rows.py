@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from adaptctl.compilation.lanes import Precision
 from adaptctl.errors import (
     AdaptctlError,
     NotCompiledWarning,
@@ -30,19 +31,27 @@ TIMES = ("wall_time", "host")
 """Columns that differ from one computer, and one time, to another."""
 
 
-def rows_of(experiment: str, runs: Sequence[Mapping[str, Any]], controllers: Sequence[str] = ()) -> list[Row]:
-    """The rows of runs, in their order. A run that fails is a row with its reason; nothing but Ctrl-C is raised."""
+def rows_of(
+    experiment: str,
+    runs: Sequence[Mapping[str, Any]],
+    controllers: Sequence[str] = (),
+    precision: Precision = "double",
+) -> list[Row]:
+    """The rows of runs, in their order; `precision` is that of runs that are computed together. A run that fails is a
+    row with its reason; nothing but Ctrl-C is raised."""
     with warnings.catch_warnings():
         for category in (PhysicalConsistencyWarning, SimplificationWarning, NotCompiledWarning):
             warnings.simplefilter("ignore", category)  # an experiment by itself tells them, and not a thousand times
-        return _rows(experiment, runs, controllers)
+        return _rows(experiment, runs, controllers, precision)
 
 
-def _rows(experiment: str, runs: Sequence[Mapping[str, Any]], controllers: Sequence[str]) -> list[Row]:
+def _rows(
+    experiment: str, runs: Sequence[Mapping[str, Any]], controllers: Sequence[str], precision: Precision
+) -> list[Row]:
     kind, started = kind_of(experiment), time.perf_counter()
     made: list[CheckedSettings | str] = [_checked(kind, settings) for settings in runs]
     valid = {k: one for k, one in enumerate(made) if isinstance(one, CheckedSettings)}
-    found = dict(zip(valid, _outcomes(kind, list(valid.values()), controllers), strict=True))
+    found = dict(zip(valid, _outcomes(kind, list(valid.values()), controllers, precision), strict=True))
     about = {
         "version": __version__,
         "wall_time": (time.perf_counter() - started) / max(1, len(runs)),
@@ -57,11 +66,13 @@ def _rows(experiment: str, runs: Sequence[Mapping[str, Any]], controllers: Seque
     return rows
 
 
-def _outcomes(kind: type[CheckedSettings], chosen: Sequence[Any], controllers: Sequence[str]) -> list[list[Named]]:
+def _outcomes(
+    kind: type[CheckedSettings], chosen: Sequence[Any], controllers: Sequence[str], precision: Precision
+) -> list[list[Named]]:
     """Outcomes of each run, each with the controller's name."""
     if issubclass(kind, SweepMeasurement):
         return [[("", outcome)] for outcome in kind.outcomes(chosen)]
-    together = batched(chosen, controllers)
+    together = batched(chosen, controllers, precision)
     return [together[k] if k in together else alone(one, controllers) for k, one in enumerate(chosen)]
 
 

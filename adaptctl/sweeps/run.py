@@ -45,7 +45,7 @@ def _computed(client: Any, folder: Folder, missing: Sequence[Shard]) -> Iterator
 
     def begin(count: int) -> None:
         for shard in islice(waiting, count):
-            work = (folder.study.experiment, shard.runs, folder.study.controllers)
+            work = (folder.study.experiment, shard.runs, folder.study.controllers, folder.study.precision)
             future = client.submit(rows_of, *work, key=f"adaptctl-{shard.key}", pure=False, retries=ATTEMPTS)
             shards[future.key] = shard
             under_way.add(future)  # type: ignore[no-untyped-call]

@@ -55,7 +55,7 @@ def search(
         batch = [asked.ask() for _ in range(min(TOGETHER, trials - first))]
         settings = [_suggested(study, trial) for trial in batch]
         controllers = controllers or (rows_of(study.experiment, settings[:1])[0]["controller"],)
-        rows = rows_of(study.experiment, settings, controllers)
+        rows = rows_of(study.experiment, settings, controllers, study.precision)
         for trial, chosen, row in zip(batch, settings, rows, strict=True):
             value = row[minimise] if row["status"] == "done" and row[minimise] is not None else np.inf
             asked.tell(trial, min(value, 1e300))

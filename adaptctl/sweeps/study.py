@@ -13,6 +13,7 @@ from typing import Any, Literal
 import msgspec
 
 from adaptctl.caching import cached_property
+from adaptctl.compilation.lanes import Precision, require_precision
 from adaptctl.errors import FileError, InputError, NotFoundError
 from adaptctl.experiments import EXPERIMENTS
 from adaptctl.experiments.experiment import CheckedSettings
@@ -36,12 +37,13 @@ class StudyFile(msgspec.Struct, forbid_unknown_fields=True):
     sampling: Sampling = "grid"
     samples: int = 0
     sampling_seed: int = 0
+    precision: Precision = "double"
 
 
 @dataclass(frozen=True)
 class SweepStudy:
     """A study: an experiment and the values of its settings; `controllers` are those that run, all where none is
-    named."""
+    named, and `precision` is that of runs that are computed together."""
 
     experiment: str
     settings: Mapping[str, tuple[Any, ...] | Span]
@@ -50,8 +52,10 @@ class SweepStudy:
     sampling: Sampling = "grid"
     samples: int = 0
     sampling_seed: int = 0
+    precision: Precision = "double"
 
     def __post_init__(self) -> None:
+        require_precision(self.precision)
         drawn = [name for name, values in self.settings.items() if isinstance(values, Span)]
         if self.sampling == "grid" and drawn:
             raise InputError(
@@ -99,7 +103,7 @@ class SweepStudy:
             "question": file.question,
             "sampling": file.sampling,
         }
-        chosen |= {"samples": file.samples, "sampling_seed": file.sampling_seed}
+        chosen |= {"samples": file.samples, "sampling_seed": file.sampling_seed, "precision": file.precision}
         return cls(file.experiment, settings, **(chosen | {k: v for k, v in options.items() if v}))
 
     @property
@@ -154,7 +158,8 @@ class SweepStudy:
         """Hash of all that decides the runs."""
         values = {k: [x.low, x.high] if isinstance(x, Span) else list(x) for k, x in self.settings.items()}
         sampling = [self.sampling, self.samples, self.sampling_seed] if self.sampling != "grid" else []
-        return hashed([self.experiment, values, sorted(self.controllers), sampling])
+        precision = [self.precision] if self.precision != "double" else []
+        return hashed([self.experiment, values, sorted(self.controllers), sampling, *precision])
 
 
 def shipped() -> list[str]:

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from adaptctl.arrays import Array, frozen
 from adaptctl.caching import State, cached_property, restored, without_caches
 from adaptctl.compilation import Ensemble, Kernel, compile_function
+from adaptctl.compilation.lanes import Precision, require_precision
+from adaptctl.dynamics.loops.single_precision import require_single_precision
 from adaptctl.envs.many.arm_references import ArmReferences
 from adaptctl.envs.many.options import ArmOptions
 from adaptctl.envs.many.random_streams import ArmStreams
@@ -59,8 +61,11 @@ class StepResult:
 class Arms:
     """N arms as in N environments like `single`: they step together, and episodes begin by call."""
 
-    def __init__(self, single: TrackingEnv, count: int) -> None:
-        self.single, self.count = single, count
+    def __init__(self, single: TrackingEnv, count: int, precision: Precision = "double") -> None:
+        self.single, self.count, self.precision = single, count, precision
+        require_precision(precision)
+        if precision == "single":
+            require_single_precision(single.mechanism, "precision")
         r = self._dof = single.plant.dof
         self._loops = single.mechanism.continuation is not None
         self.all = np.arange(count)
@@ -157,7 +162,7 @@ class Arms:
         before = self._lanes if self._terms is not None else None
         self._terms = terms
         if terms not in self._ensembles:
-            self._ensembles[terms] = self._step.compile().ensemble(self.count)
+            self._ensembles[terms] = self._step.compile(self.precision).ensemble(self.count)
         if before is not None:
             for name in before.state.columns:
                 self._lanes.state[name] = before.state[name]
@@ -181,7 +186,7 @@ class Arms:
         restored(self, state)
         for terms, parts in columns.items():
             self._terms = terms
-            arms = self._ensembles[terms] = self._step.compile().ensemble(self.count)
+            arms = self._ensembles[terms] = self._step.compile(self.precision).ensemble(self.count)
             for part, values in zip((arms.state, arms.held), parts, strict=True):
                 for name, column in values.items():
                     part[name] = column

@@ -10,6 +10,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.compilation import Kernel, Stepper, compile_function, compile_step
+from adaptctl.compilation.lanes import Precision
 from adaptctl.envs.reward import RewardWeights
 from adaptctl.scalars import Column, Scalar, absolute, where
 from adaptctl.simulation.plant import Plant
@@ -62,9 +63,10 @@ class VectorStep:
         given = {"torque": self.plant.dof, "noise": self.plant.noise_size}
         return given | {"parameters": self.plant.mechanism.equations.parameters} | self.reference
 
-    def compile(self) -> Stepper:
-        """Native code of the step, for as many arms at once as suit the processor."""
-        return compile_step(self.equation, state=self.plant.sizes, held=self.held, name="vector_step")
+    def compile(self, precision: Precision = "double") -> Stepper:
+        """Native code of the step in a precision, for as many arms at once as suit the processor."""
+        sizes = self.plant.sizes
+        return compile_step(self.equation, state=sizes, held=self.held, name="vector_step", precision=precision)
 
     def compile_row(self) -> Kernel:
         """Native code for the row of the reference alone, from the columns of `reference`."""

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.arrays import Array
 from adaptctl.caching import sent_as_made
+from adaptctl.compilation.lanes import Precision
 from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.envs.many.arms import Arms, Flags, StepResult
 from adaptctl.envs.puma560 import Puma560TrackingEnv
@@ -86,6 +87,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
     | `num_envs`       | 1            | N                                                                              |
     | `autoreset_mode` | `"NextStep"` | see above                                                                      |
     | `reset_options`  | `None`       | options of every reset that is told nothing else, those that arms begin again with included |
+    | `precision`      | `"double"`   | `"single"` for twice as many arms in a register, 7 digits instead of 16: arm i is then the single environment to some 1e-6 rad in 100 steps |
 
     Mechanisms may have at most 100 links.
 
@@ -110,6 +112,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         *,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         reset_options: Mapping[str, Any] | None = None,
+        precision: Precision = "double",
         **settings: Any,
     ) -> None:
         if not isinstance(num_envs, int | np.integer) or num_envs < 1:
@@ -127,7 +130,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_slices = self.single.observation_slices
-        self._arms = Arms(self.single, self.num_envs)
+        self._arms = Arms(self.single, self.num_envs, precision)
         self._all: Flags = np.ones(self.num_envs, dtype=np.bool_)
         self._none: Flags = np.zeros(self.num_envs, dtype=np.bool_)
         for flags in (self._all, self._none):

@@ -55,6 +55,7 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
     """
 
     tunable = ("gain", "weight", "cutoff", "forgetting", "bound")
+    needs_double = True
 
     called: ClassVar[str] = "bounded-gain forgetting"
 

@@ -68,6 +68,7 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
     """
 
     tunable = ("gain", "weight", "cutoff", "forgetting", "recall", "threshold", "alarm")
+    needs_double = True
 
     called: ClassVar[str] = "composite learning"
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Any, Generic, NamedTuple
+from typing import Any, ClassVar, Generic, NamedTuple
 
 import numpy as np
 
@@ -65,6 +65,9 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
     into the control law's own native code, to which the numbers that the class names in `tunable` are arguments. What
     changes over time, besides the estimate, is the memory, of which runs keep its property `recorded`, if it has one.
     """
+
+    needs_double: ClassVar[bool] = False
+    """True if the law's memory is a matrix that single precision spoils."""
 
     @abstractmethod
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:

@@ -1,4 +1,4 @@
-"""Check that single precision keeps a mechanism's loops closed."""
+"""Loops followed in single precision: how far they are left open."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.mechanism import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column, column
 
@@ -18,8 +18,9 @@ AROUND = 0.3
 POSITIONS = 24
 
 
-def require_single_precision(mechanism: Mechanism) -> None:
-    """Raise `InputError` where loops, followed in single precision, are left open by more than OPEN."""
+def require_single_precision(mechanism: Mechanism, argument: str) -> None:
+    """Raise `InputError`, which begins with an argument's name, where loops that are followed in single precision are
+    left open by more than OPEN."""
     continuation: Any = mechanism.continuation
     if continuation is None:
         return
@@ -31,8 +32,8 @@ def require_single_precision(mechanism: Mechanism) -> None:
         worst = max(worst, *(abs(float(gap)) for gap in gaps))
     if not worst <= OPEN:
         raise InputError(
-            f"scalar: in single precision the loops of {mechanism.name} stay open by {worst:.2g} m or rad, at most "
-            f"{OPEN:g} is allowed: export it in double"
+            f"{argument}: in single precision the loops of {mechanism.name} stay open by {worst:.2g} m or rad, at most "
+            f"{OPEN:g} is allowed: use double"
         )
 
 

@@ -1,0 +1,34 @@
+"""Single precision: twice as many arms in a register, with 7 digits for 16; and the loops that cannot bear it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from adaptctl.control.adaptation.law import AdaptationLaw
+from adaptctl.dynamics.loops.single_precision import require_single_precision
+from adaptctl.errors import InputError
+from adaptctl.scalars import Tunable
+from adaptctl.simulation.closed_loop import ClosedLoop
+
+LONGEST = 2**24
+"""Control periods that single precision can count."""
+
+
+def require_single(loop: ClosedLoop, steps: int) -> None:
+    """Raise `InputError` where a closed loop cannot be simulated in single precision: for mechanisms whose loops it
+    leaves open, for adaptation laws that forget in a k x k matrix, whose small eigenvalues it loses, and for more
+    control periods than it can count."""
+    require_single_precision(loop.plant.mechanism, "precision")
+    for part in _parts(loop.controller):
+        if isinstance(part, AdaptationLaw) and part.needs_double:
+            kind = type(part).__name__
+            raise InputError(f"precision: single precision loses the matrix in which {kind} forgets: use double")
+    if steps > LONGEST:
+        raise InputError(f"precision: single precision counts to {LONGEST} control periods, got {steps}: use double")
+
+
+def _parts(law: Tunable) -> Iterator[Tunable]:
+    """A law, and the laws that it is made of."""
+    yield law
+    for part in law.tunable_parts.values():
+        yield from _parts(part)
