@@ -49,9 +49,9 @@ class Recorded:
         everything = frozenset(collected["entered"]).union(*(entered for _, entered in cases.values()))
         return cls(collected["file"], everything, cases, frozenset(collected["ends"]))
 
-    def concerned(self, function: str) -> list[str]:
-        """Cases that enter a function, and the first and the last of each test, which may depend on its results."""
-        return [case for case, (_, entered) in self.cases.items() if case in self.ends or function in entered]
+    def concerned(self, code: frozenset[str]) -> list[str]:
+        """Cases that enter one of some functions, and the first and the last of each test, which may depend on them."""
+        return [case for case, (_, entered) in self.cases.items() if case in self.ends or entered & code]
 
     def seconds(self, cases: list[str]) -> float:
         """Processor time of some cases, s."""
@@ -135,9 +135,8 @@ def record(name: str, limit: int) -> None:
     target.unlink(missing_ok=True)
     recorder = Recorder(name, target, limit)
     code = forked(partial(run, name, recorder.reporting, [recorder], f"recorded {name}"), 5 * limit)
-    print(
-        f"recorded {name}{'' if code == 0 else ': left out, it fails or takes too long without a mutant'}", flush=True
-    )
+    remark = "" if code == 0 else ": left out, it fails or takes too long without a mutant"
+    print(f"recorded {name}{remark}", flush=True)
     if code != 0:
         target.unlink(missing_ok=True)
     done.write_text(digest)
@@ -152,10 +151,11 @@ def chosen(mutant: Mutant, files: list[Recorded], budget: float) -> list[tuple[R
     """Test files that a mutant meets, and their cases, until `budget` s are taken: its own file, then those that name
     its class or function, those that import its module, those that import of its folder, and the rest; of these quick
     ones first that enter little else."""
-    function = f"{mutant.path}::{mutant.function}"
-    if not any(function in file.entered for file in files):  # statements of modules and classes run at the import
-        function = ""
-    concerned = [(file, file.concerned(function)) for file in files if enters(file, function, mutant.path)]
+    everything: frozenset[str] = frozenset().union(*(file.entered for file in files))
+    code = frozenset({f"{mutant.path}::{mutant.function}"}) & everything
+    if not code:  # statements of modules and classes run at the import, for all functions of the module
+        code = frozenset(name for name in everything if name.startswith(f"{mutant.path}::"))
+    concerned = [(file, file.concerned(code)) for file in files if file.entered & code]
     concerned.sort(key=lambda pair: (*distance(pair[0], mutant), pair[0].seconds(pair[1]) * len(pair[0].entered)))
     found, left = [], budget
     for file, cases in concerned:
@@ -172,8 +172,3 @@ def distance(file: Recorded, mutant: Mutant) -> tuple[bool, ...]:
     named = any(re.search(rf"\b{name}\b", text) for name in names)
     imported = (".".join(place.parts) in text for place in (module, module.parent))
     return file.name != f"tests/test_{module.name}.py", not named, *(not known for known in imported)
-
-
-def enters(file: Recorded, function: str, path: str) -> bool:
-    """True if a test file enters a function; any of a module's functions where none is named."""
-    return function in file.entered if function else any(name.startswith(f"{path}::") for name in file.entered)

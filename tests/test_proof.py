@@ -32,7 +32,7 @@ from adaptctl.identifiability.proof.simplest import AS_GIVEN, AS_MEANT, simplest
 from adaptctl.identifiability.proof.turns import turns_of
 from adaptctl.identifiability.sampling import characteristic_length
 from adaptctl.identifiability.tree.unobservable_inertia import inertial_transfers
-from adaptctl.scalars import Column, Mat, Vec, column, cos, sin
+from adaptctl.scalars import Column, Mat, column, cos, sin
 from benchmarks.rank_oracle import Case, bent, five_bar, independent, tree
 
 seeds = st.integers(0, 2**32 - 1)
@@ -98,14 +98,6 @@ def test_turns_are_on_the_circle_and_near(angle: float) -> None:
         assert (
             turn(quarters * math.pi / 2 + 5e-12).half_tangent == 0 != turn(quarters * math.pi / 2 + 2e-11).half_tangent
         )
-
-
-def test_an_entry_up_to_the_precision_is_a_zero_of_a_rotation() -> None:
-    """Two turns where the least entry is as small as the precision, and three, which keep no zero, where it is not."""
-    rotation = rotation_about(np.array([0.6, 0.0, 0.8]), 0.9) @ rotation_about(np.array([0.0, 1.0, 0.0]), 0.3)
-    least = float(np.abs(rotation).min())
-    for share, turns in ((1.0, 2), (0.99, 3)):
-        assert len(turns_of(Mat.of(rotation.tolist()), AS_GIVEN._replace(angle=share * least))) == turns
 
 
 @given(st.lists(st.tuples(st.integers(0, 2), st.integers(-2, 2) | st.floats(-7.0, 7.0)), min_size=1, max_size=3))
@@ -360,18 +352,6 @@ def test_links_described_from_frame_to_frame_move_like_the_files(seed: int, link
     E = np.array([*mechanism.equations.energy_regressor(column(p), column(v))])
     same = np.array([*again.energy_regressor(column(q), column(v))])
     np.testing.assert_allclose(same, E, atol=1e-9 * max(np.abs(E).max(), 1.0))
-
-
-def test_a_frame_that_is_not_turned_is_no_factor() -> None:
-    """Between frames that are parallel in the file nothing is multiplied, and the turned one keeps its rotation."""
-    quarter = Pose(rotation_about(np.array([0.0, 0.0, 1.0]), np.pi / 2), np.zeros(3))
-    frames = [Pose(np.eye(3), np.array([0.3, 0.0, 0.1])), quarter, Pose.identity()]
-    links = [Link(f"link{i}", i - 1, Joint(f"joint{i}"), near, frames[0], np.ones(10)) for i, near in enumerate(frames)]
-    geometry = ExactGeometry.by_frames(Description("three", tuple(links)), Reading(float, 1.0))
-    assert [segment.inward is None for segment in geometry.links] == [True, False, True]
-    assert all(segment.outward is None for segment in geometry.links)
-    assert geometry.links[1].inward is not None
-    assert [*(geometry.links[1].inward @ Vec(0.0, 1.0, 0.0))] == [1.0, 0.0, 0.0]
 
 
 @pytest.mark.parametrize("seed", range(4))
