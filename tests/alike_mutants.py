@@ -43,6 +43,9 @@ ALIKE = {
     "adaptctl/identifiability/proof/exact_geometry.py::_as_in_file 0.0 -> 1.0": (
         "an axis along z has any yaw: its sine of tilt is exactly zero"
     ),
+    "adaptctl/identifiability/proof/joint_frames.py::_upright 1.0 -> 2.0 (again 3)": (
+        "any helper across the vertical gives an upright frame, and joints turn it about the vertical"
+    ),
     "adaptctl/identifiability/proof/field_energies.py::energy_changes 0.0 -> 1.0 (again 2)": (
         "changes are against any fixed position of a sliding joint"
     ),
