@@ -1,8 +1,15 @@
-"""Mutants of the sample that no test can tell from the code."""
+"""Mutants of samples that no test can tell from the code."""
 
 from __future__ import annotations
 
 ALIKE = {
+    "adaptctl/control/adaptation/concurrent_learning.py::ConcurrentLearning._equations 1 -> 2 (again 1)": (
+        "of a sample that is too long no more is taken than there are columns"
+    ),
+    "adaptctl/identifiability/priority.py::suggestion 1 -> 2": "of two that are close the first is taken, the closest",
+    "adaptctl/identifiability/tree/unobservable_inertia.py::_functionals_at_zero 0 -> 1 (again 1)": (
+        "a row of zeros spans what no row spans"
+    ),
     "adaptctl/control/adaptation/composite_learning.py::_remember row @ along + TINY -> row @ along - TINY": (
         "where it is no larger than TINY, what it divides is zero"
     ),
@@ -11,11 +18,33 @@ ALIKE = {
     "adaptctl/control/excitation/exciting_reference.py::_gram 1 -> 2 (again 2)": "NumPy takes -2 for -1 in a shape",
     "adaptctl/control/excitation/exciting_reference.py::_gram "
     "SMALL_PRODUCT // (rows * k * k) -> SMALL_PRODUCT * (rows * k * k)": "one product instead of many: slower alone",
+    "adaptctl/control/controller.py::_columns 1 -> 2": "NumPy takes -2 for -1 in a shape",
+    "adaptctl/control/gains/error_feedback.py::ErrorFeedback.is_cascade "
+    "1.0 - 1.0 / self.damping_ratio ** 2 >= -ROUNDING - self.bandwidth * self.period -> "
+    "1.0 - 1.0 / self.damping_ratio ** 2 > -ROUNDING - self.bandwidth * self.period": (
+        "no ratio is meant to be at the allowance for round-off exactly"
+    ),
+    "adaptctl/dynamics/loops/assembly.py::_dependent_rank 1e-300 -> 2e-300": (
+        "a column of zeros is divided by anything but zero"
+    ),
+    "adaptctl/dynamics/loops/continuation.py::Continuation.follow -1 -> +1 (again 5)": (
+        "of two axes the last is the one after the first"
+    ),
+    "adaptctl/dynamics/recursion/segment.py::_whole "
+    "np.abs(outward) @ turn @ np.abs(inward) != 0.0 -> np.abs(outward) @ turn @ np.abs(inward) == 0.0": (
+        "three turns one by one and as one are the same rotation: their cost alone decides"
+    ),
+    "adaptctl/dynamics/tree_equations.py::TreeEquations._is_long 0 -> 1": (
+        "articulated bodies and the mass matrix give the same accelerations"
+    ),
     "adaptctl/identifiability/fundamental_basis.py::_kept_against_the_order 1.0 -> 2.0": (
         "diagonals of orthonormal vectors' factor are at most 1, and tolerances below"
     ),
     "adaptctl/identifiability/proof/exact_geometry.py::_as_in_file 0.0 -> 1.0": (
         "an axis along z has any yaw: its sine of tilt is exactly zero"
+    ),
+    "adaptctl/identifiability/proof/joint_frames.py::_upright 1.0 -> 2.0 (again 3)": (
+        "any helper across the vertical gives an upright frame, and joints turn it about the vertical"
     ),
     "adaptctl/identifiability/proof/field_energies.py::energy_changes 0.0 -> 1.0 (again 2)": (
         "changes are against any fixed position of a sliding joint"

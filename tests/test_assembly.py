@@ -23,6 +23,7 @@ from adaptctl.description import (
     Pose,
 )
 from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.loops.assembly import _RANK, _rank
 from adaptctl.errors import InputError, LoopError, NotFoundError
 
 STILL = Pose.identity()
@@ -230,3 +231,11 @@ def test_kinds_of_closure_bind_what_they_say() -> None:
         arms = two_arms(0, kind)
         assert arms.continuation is not None
         assert (arms.dof, kind.rows) == (8 - rows, rows)
+
+
+def test_a_rank_counts_what_is_above_its_tolerance_and_is_zero_of_nothing() -> None:
+    """Singular values over the largest, whatever the unit; exactly the tolerance counts as none."""
+    for unit in (1.0, 2.0**-40, 2.0**40):
+        assert _rank(unit * np.diag([1.0, 2.0 * _RANK])) == 2
+        assert _rank(unit * np.diag([1.0, _RANK])) == _rank(unit * np.diag([1.0, 0.5 * _RANK])) == 1
+    assert _rank(np.zeros((2, 3))) == _rank(np.zeros((0, 3))) == 0

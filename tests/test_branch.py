@@ -12,7 +12,7 @@ from adaptctl.description import Condition, Limits
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError, RankError
 from adaptctl.identifiability import essential_space, random_states, states_within_limits
-from adaptctl.identifiability.branch import REGULAR
+from adaptctl.identifiability.branch import REGULAR, _within_conditions
 from adaptctl.scalars import Column
 
 WIDE = dict.fromkeys(RECIPES, 1) | {
@@ -69,6 +69,22 @@ def test_joints_outside_loops_go_all_around_and_those_in_loops_keep_their_condit
     assert p[:, 1].min() >= -3.927
     assert p[:, 1].max() <= 0.785
     assert np.ptp(p[:, 1] - p[:, 2]) > 1.5
+
+
+def test_ways_are_gone_to_the_last_point_that_keeps_a_condition() -> None:
+    """Of 65 points on each way: all before it keep it, and the next one breaks it, unless it is the end."""
+    mechanism = load("semi_direct_drive")
+    wanted = mechanism.home + np.random.default_rng(0).uniform(-3.0, 3.0, (200, mechanism.dof))
+    found = _within_conditions(mechanism, mechanism.home, wanted)
+    shares = np.linspace(0.0, 1.0, 65)
+    for share, to in zip(found, wanted, strict=True):
+        kept = [
+            bool(mechanism.description.within_conditions(mechanism.home + x * (to - mechanism.home))) for x in shares
+        ]
+        first = kept.index(False) if False in kept else len(kept)
+        assert share == shares[first - 1]
+    assert found.min() < 0.5
+    assert found.max() == 1.0
 
 
 def test_a_reference_that_breaks_a_condition_is_refused() -> None:

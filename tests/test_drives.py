@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from random_trees import random_tree
+from random_trees import random_chain, random_tree
 
 from adaptctl.description.drive import Drive, DriveParameter
 from adaptctl.dynamics import Mechanism
@@ -157,6 +157,15 @@ def test_a_shaft_that_turns_with_two_joints(seed: int, links: int) -> None:
     motion = mechanism.equations.motion(*map(column, (p, v, v, a)))
     Y = mechanism.torque_regressor(p, v, a)
     np.testing.assert_allclose(motion.powers(column(s), columns).of, Y.T @ s, rtol=1e-9, atol=1e-9)
+
+
+def test_a_shaft_that_turns_with_two_joints_of_a_long_chain() -> None:
+    """Its rotor belongs to no one body, so that recursions over bodies do not take it."""
+    links = 14
+    mechanism = coupled(random_chain(3, links))
+    p, v, a, _ = states(links, 1)
+    torque = mechanism.inverse_dynamics(p, v, a)
+    np.testing.assert_allclose(mechanism.forward_dynamics(p, v, torque), a, rtol=1e-6, atol=1e-6)
 
 
 def test_the_rank_knows_a_shaft_that_turns_with_two_joints() -> None:

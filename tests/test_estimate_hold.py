@@ -21,7 +21,7 @@ from adaptctl.control import (
     hold_number,
     mapped_gain,
 )
-from adaptctl.control.adaptation.prior_ranges import HOLD_SHARE, PriorRanges
+from adaptctl.control.adaptation.prior_ranges import PriorRanges
 from adaptctl.control.gains.estimate_hold import parameter_holds
 from adaptctl.control.gains.workspace import everywhere
 from adaptctl.dynamics import Mechanism, load
@@ -68,6 +68,11 @@ def test_no_estimate_within_v_adds_more_than_its_bound(seed: int, whole: bool, k
         assert hold_of_an_error(MODEL, error, everywhere(ARM).samples[:40]).max() <= bound * (1.0 + 1e-9)
 
 
+def test_an_estimate_is_taken_to_begin_at_rest_unless_a_kinetic_energy_is_given() -> None:
+    given = MODEL, np.ones(K), np.full(K, 0.5), BANDWIDTH, PERIOD
+    assert estimate_hold(*given) == estimate_hold(*given, kinetic=0.0) < estimate_hold(*given, kinetic=1.0)
+
+
 def wrist() -> tuple[ReducedModel, Gains]:
     """A PUMA, whose last link is light."""
     arm = load("puma560_measured")
@@ -77,12 +82,13 @@ def wrist() -> tuple[ReducedModel, Gains]:
 
 
 def test_ranges_are_held_where_a_light_wrist_would_ring() -> None:
+    """Each to a fifth of what the gains leave of the hold number."""
     model, gains = wrist()
     free, held = adaptation_gain(model), adaptation_gain(model, gains=gains, period=PERIOD)
     h = hold_number(model.mechanism, gains.damping, PERIOD, gains.bandwidth).value
     u = parameter_holds(model, gains.bandwidth, PERIOD)
     range_of = PriorRanges().of(model.names)
-    np.testing.assert_allclose(held, 0.6 * np.minimum(range_of, HOLD_SHARE * (2.0 - h) / np.maximum(u, 1e-300)) ** 2)
+    np.testing.assert_allclose(held, 0.6 * np.minimum(range_of, 0.2 * (2.0 - h) / np.maximum(u, 1e-300)) ** 2)
     assert np.all(held <= free)
     lightest = model.names.index("link6.I_zz")
     assert held[lightest] < 1e-3 * free[lightest]

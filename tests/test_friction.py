@@ -57,8 +57,9 @@ def test_the_lyapunov_function_falls_by_the_friction_besides(seed: int, kind: st
 
 @pytest.mark.parametrize("mechanism", [random_tree(3, 5), FIVE_BAR], ids=["tree", "loop"])
 def test_damping_times_velocity_is_the_friction(mechanism: Mechanism) -> None:
-    mechanism = mechanism.with_drives(Drive(0.1))
-    rubbing = mechanism.with_drives(Drive(0.1, 3.0, 5.0))
+    """And neither a rotor nor an offset, which is a torque whatever the speed, damps anything."""
+    mechanism = mechanism.with_drives(Drive(0.1, offset=0.7))
+    rubbing = mechanism.with_drives(Drive(0.1, 3.0, 5.0, offset=0.7))
     p, v, *_ = states(mechanism, 1)
     q, D = column(rubbing.configuration(p)), column(rubbing.inertial_parameters)
     B = rows(rubbing.equations.damping(q, column(v), D))

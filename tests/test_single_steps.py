@@ -3,16 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 from sampled_loops import arm, gains, posture, reduced
 
 from adaptctl.arrays import Array
-from adaptctl.control import Composite, ConcurrentLearning, ReleasedGradient, SlotineLi, TaskSpaceSlotineLi
+from adaptctl.control import (
+    BoundedGainForgetting,
+    Composite,
+    CompositeLearning,
+    ConcurrentLearning,
+    CushionedFloor,
+    Gradient,
+    ReleasedGradient,
+    SlotineLi,
+    Subspace,
+    TaskSpaceSlotineLi,
+)
 from adaptctl.control.adaptation.composite_learning import _remember
 from adaptctl.control.adaptation.concurrent_learning import _solve
-from adaptctl.control.adaptation.law import Period
+from adaptctl.control.adaptation.law import NoMemory, Period
 from adaptctl.control.adaptation.least_squares import (
     first_triangle,
     from_triangle,
@@ -21,7 +33,7 @@ from adaptctl.control.adaptation.least_squares import (
     symmetric_trace,
     upper_rows,
 )
-from adaptctl.control.adaptation.prediction import momentum_columns
+from adaptctl.control.adaptation.prediction import TorqueFilter, momentum_columns, require_cutoff
 from adaptctl.control.controller import ReferencePoint
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column, column
@@ -94,6 +106,129 @@ def test_concurrent_learning_keeps_what_is_newer_than_1_per_second(novelty: floa
     assert found.learned[0] == kept
 
 
+class OnePeriod(NamedTuple):
+    """A period after rest in which all is learned: the linear equation W x = tau, and Y' times the integral of s."""
+
+    period: Period
+    memory: Any
+    W: Array
+    torque: Array
+    descent: Array
+
+
+def one_period(
+    law: BoundedGainForgetting | CushionedFloor | CompositeLearning, T: float, rng: np.random.Generator
+) -> OnePeriod:
+    model, (p, v), Y = reduced(ARM), (posture(arm(ARM)), np.linspace(0.5, 1.5, 3)), rng.normal(size=(3, K))
+    before, after, torque = rng.normal(size=(3, 3))
+    moved = map(column, (before, after, torque, p, v))
+    period = Period(lambda s: column(Y.T @ np.array(s.of)), *moved, T, T, column(np.ones(3)))
+    memory: Any = as_columns(law.start(model, np.zeros(K), p, 0.0 * v, T))
+    rows, wanted, _ = TorqueFilter(law.cutoff, T).predicted(model, period, memory.filtered)
+    W = np.array([row.of for row in rows])
+    return OnePeriod(period, memory, W, np.array(wanted.of), 0.5 * T * Y.T @ (before + after))
+
+
+def positive(rng: np.random.Generator) -> Array:
+    """A positive definite matrix (k, k)."""
+    root = rng.normal(size=(K, K)) / np.sqrt(K)
+    return 0.5 * np.eye(K) + root @ root.T
+
+
+def test_least_squares_with_bounded_gain_solve_all_equations_at_once_and_then_forget() -> None:
+    """P^-1 grows by T W'R W, and the estimate goes by P Y's with the old P and P W'R T (tau - W estimate) with the new
+    one; then P forgets."""
+    rng, T = np.random.default_rng(2), 1e-3
+    gain, R = rng.uniform(0.5, 2.0, K), np.diag(rng.uniform(5.0, 50.0, 3))
+    law = BoundedGainForgetting(gain, np.diag(R), forgetting=3.0, bound=1.5)
+    period, memory, W, torque, descent = one_period(law, T, rng)
+    memory = memory._replace(covariance=column(positive(rng)[np.triu_indices(K)]))
+    estimate, P = rng.normal(size=K), law.covariance(memory)
+    after = np.linalg.inv(np.linalg.inv(P) + T * W.T @ R @ W)
+    moved = estimate - P @ descent
+    expected = moved + T * after @ W.T @ R @ (torque - W @ moved)
+    rate = 3.0 * (1.0 - np.trace(after / gain[:, None]) / (1.5 * K))
+    found, left = law.law(reduced(ARM), column(estimate), period, memory)
+    np.testing.assert_allclose(found.of, expected, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(law.covariance(left), (1.0 + T * rate) * after, rtol=1e-9, atol=1e-9)
+
+
+def test_a_cushioned_floor_forgets_towards_the_gain_and_descends_with_the_new_covariance() -> None:
+    """(1 + T lambda) P^-1 = P^-1 + T lambda Gamma^-1, then T W'R W more; and a step by P along Y's and W'R eps."""
+    rng, T = np.random.default_rng(3), 1e-3
+    gain, R = rng.uniform(0.5, 2.0, K), np.diag(rng.uniform(5.0, 50.0, 3))
+    law = CushionedFloor(gain, np.diag(R), forgetting=30.0)
+    period, memory, W, torque, descent = one_period(law, T, rng)
+    memory = memory._replace(information=column(positive(rng)[np.triu_indices(K)]))
+    estimate, share = rng.normal(size=K), 30.0 * T
+    floor = np.diag(1.0 / gain)
+    before = from_triangle(memory.information.of, K) / np.sqrt(np.outer(gain, gain))
+    after = (before + share * floor) / (1.0 + share) + T * W.T @ R @ W
+    expected = estimate - np.linalg.solve(after, descent + T * W.T @ R @ (W @ estimate - torque))
+    found, left = law.law(reduced(ARM), column(estimate), period, memory)
+    np.testing.assert_allclose(found.of, expected, rtol=1e-9, atol=1e-9)
+    kept = from_triangle(left.information.of, K) / np.sqrt(np.outer(gain, gain))
+    np.testing.assert_allclose(kept, after, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("excess", [0.0, 2.5])
+def test_composite_learning_forgets_learns_and_recalls_in_one_step(excess: float) -> None:
+    """With Gamma = 1: Q and z fade by 1/(1 + T lambda excess) where more power than the alarm's is missed, forget
+    lambda T/(1 + lambda T) along each row in turn and learn it; the step is (1 + Q)^-1 times all slopes."""
+    rng, T, forgetting, recall = np.random.default_rng(5), 1e-3, 40.0, 3.0
+    law = CompositeLearning(np.ones(K), np.diag(R := np.diag(rng.uniform(5.0, 50.0, 3))), forgetting=forgetting)
+    period, memory, W, torque, descent = one_period(law, T, rng)
+    estimate, Q, z = rng.normal(size=K), positive(rng), rng.normal(size=K)
+    miss = W @ estimate - torque
+    law = replace(law, recall=recall, alarm=float(miss @ R @ miss) / (1.0 + excess))
+    memory = memory._replace(information=column(Q[np.triu_indices(K)]), known=column(z))
+    Q, z = (x / (1.0 + forgetting * T * excess) for x in (Q, z))
+    for row, measured, weight in zip(W, torque, np.diag(R), strict=True):
+        along, share = Q @ row / (row @ Q @ row), forgetting * T / (1.0 + forgetting * T)
+        z = z - share * (row @ z) * along + T * weight * measured * row
+        Q = Q - share * (row @ Q @ row) * np.outer(along, along) + T * weight * np.outer(row, row)
+    slope = descent + T * W.T @ R @ miss + recall * T * (Q @ estimate - z)
+    found, left = law.law(reduced(ARM), column(estimate), period, memory)
+    np.testing.assert_allclose(found.of, estimate - np.linalg.solve(np.eye(K) + Q, slope), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(from_triangle(np.array(left.information.of), K), Q, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(left.known.of, z, rtol=1e-9, atol=1e-9)
+
+
+def test_a_subspace_counts_the_errors_along_its_directions_over_their_gains() -> None:
+    """An error W c + rest, W'rest = 0, has c'Gamma^-1 c/2; a step goes by W Gamma W' times the descent."""
+    rng, model = np.random.default_rng(6), reduced(ARM)
+    W, gain, c = rng.normal(size=(K, 4)), rng.uniform(0.2, 5.0, 4), rng.normal(size=4)
+    law = Subspace(gain, W)
+    rest = np.linalg.qr(W, mode="complete")[0][:, 4:] @ rng.normal(size=K - 4)
+    true = rng.normal(size=K)
+    term = law.lyapunov_term(model, column(true + W @ c + rest), column(true))
+    assert term == pytest.approx(0.5 * c @ (c / gain), rel=1e-9)
+    period, _, _, _, descent = one_period(CushionedFloor(np.ones(K)), 1e-3, rng)
+    found, _ = law.law(model, column(true), period, NoMemory())
+    np.testing.assert_allclose(found.of, true - W @ (gain * (W.T @ descent)), rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("theta", [0.0, 0.5, 1.0])
+def test_a_step_down_the_gradient_is_worth_half_of_what_the_damping_takes_out_at_most(theta: float) -> None:
+    """T x'Gamma x n goes to s'Ks/2 as the gain grows, and to T x'Gamma x as it falls; s is `theta` of the way along."""
+    rng, T = np.random.default_rng(4), 1e-3
+    Y, (before, after) = rng.normal(size=(3, K)), rng.normal(size=(2, 3))
+    s, damping = before + theta * (after - before), np.array([1.0, 2.0, 3.0])
+    still = Column.zeros(3)
+    moved = (column(before), column(after), still, still, still)
+    period = Period(lambda s: column(Y.T @ np.array(s.of)), *moved, T, T, column(damping))
+    x, power = Y.T @ s, s @ (damping * s)
+    for size, worth in ((1e12, 0.5 * power), (1e-9, 1e-9 * T * x @ x)):
+        estimate, _ = Gradient(np.full(K, size), theta=theta).law(reduced(ARM), Column.zeros(K), period, NoMemory())
+        assert -x @ np.array(estimate.of) == pytest.approx(worth, rel=1e-6)
+
+
+def test_the_first_covariance_is_the_gain() -> None:
+    law = BoundedGainForgetting(np.linspace(0.1, 3.0, K))
+    memory = law.start(reduced(ARM), np.zeros(K), posture(arm(ARM)), np.zeros(3), 1e-3)
+    np.testing.assert_allclose(law.covariance(memory), np.diag(law.gain), rtol=1e-15)
+
+
 def as_columns(memory: object) -> object:
     """A memory whose arrays are columns of floats, as a law sees them."""
     if isinstance(memory, np.ndarray):
@@ -110,6 +245,13 @@ def test_composite_refuses_weights_that_are_not_positive_or_not_one_a_joint(weig
 def test_composite_refuses_a_negative_weight_at_once() -> None:
     with pytest.raises(InputError, match="composite: weight: expected"):
         Composite(np.ones(K), np.array([1.0, -1.0, 1.0]))
+
+
+def test_a_filter_may_be_as_fast_as_its_refusal_says() -> None:
+    """A cutoff of one over the period: exactly 1000 1/s for 1 ms, and no more."""
+    require_cutoff(1000.0, 1e-3)
+    with pytest.raises(InputError, match=r"1001 1/s is too fast .* use at most 1000 1/s"):
+        require_cutoff(1001.0, 1e-3)
 
 
 def test_a_released_gradient_begins_with_one_normaliser_of_1() -> None:

@@ -27,6 +27,7 @@ from adaptctl.identifiability import (
     essential_space,
     fundamental_basis,
 )
+from adaptctl.identifiability.methods import Method
 from adaptctl.identifiability.tree.joint_frames import twist_entries, twist_matrices
 from adaptctl.identifiability.tree.pseudo_inertia import frame_change_rates, frame_changes, functionals
 from adaptctl.identifiability.tree.regrouping import tree_regrouping
@@ -207,6 +208,15 @@ def test_a_twist_between_length_and_round_off_is_refused() -> None:
         essential_space(arm(ACROSS, bent, ACROSS), method="transfers", prove=False)
     with pytest.raises(RankError, match="arm: the rank is 17 as the geometry stands, and 9 if"):
         essential_space(arm(ACROSS, bent, ACROSS), method="transfers")
+
+
+@pytest.mark.parametrize("method", ["svd", "transfers"])
+def test_a_certificate_names_the_proof_that_was_asked_for(method: Method) -> None:
+    mechanism = arm(UP, ACROSS, ACROSS)
+    proved = essential_space(mechanism, method=method, prove=True).certificate
+    assert (proved.rank_exact, proved.exact_by) == (proved.rank, "a prime field")
+    alone = essential_space(mechanism, method=method, prove=False).certificate
+    assert (alone.rank_exact, alone.exact_by) == (None, "")
 
 
 def test_left_to_itself_it_takes_what_certifies() -> None:

@@ -1,0 +1,174 @@
+"""Test files that a mutant meets: those that enter its function, by themselves, their fixtures or what they keep.
+
+A test that finds a mechanism built by an earlier one never enters what built it, though it depends on it. So functions
+are recorded for each file as a whole, in a process of its own, and what the file's first test enters is the file's.
+"""
+
+from __future__ import annotations
+
+import ast
+import builtins
+import hashlib
+import json
+import re
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import pytest
+from mutant_processes import ROOT, first_and_last, forked, run
+from mutant_sites import Mutant
+
+PACKAGES = ("identifiability", "dynamics", "control")
+RECORDED = ROOT / "build" / "mutants" / "entered"
+ELSEWHERE = ("benchmarks", "command", "documented", "docstrings", "experiment", "export", "layers", "long_runs")
+ELSEWHERE += ("notebook", "own_", "packaging", "public_api", "sending", "sweeps")
+"""Parts of names of test files that read the code, or start processes of their own, which meet it as it is."""
+START = 1.0
+"""Seconds of the processor that a test file takes beside its tests"""
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A test file: the functions that it enters when it is collected and its tests run, and those of its cases."""
+
+    name: str
+    entered: frozenset[str]
+    cases: dict[str, tuple[float, frozenset[str]]]
+    """Seconds and functions of each case, by its name"""
+    ends: frozenset[str]
+    """The first and the last case of each test"""
+
+    @classmethod
+    def read(cls, path: Path) -> Recorded:
+        """A record of `Recorder`."""
+        collected, *rows = [json.loads(line) for line in path.read_text().splitlines()]
+        cases = {row["test"]: (row["seconds"], frozenset(row["entered"])) for row in rows}
+        everything = frozenset(collected["entered"]).union(*(entered for _, entered in cases.values()))
+        return cls(collected["file"], everything, cases, frozenset(collected["ends"]))
+
+    def concerned(self, code: frozenset[str]) -> list[str]:
+        """Cases that enter one of some functions, and the first and the last of each test, which may depend on them."""
+        return [case for case, (_, entered) in self.cases.items() if case in self.ends or entered & code]
+
+    def seconds(self, cases: list[str]) -> float:
+        """Processor time of some cases, s."""
+        return START + sum(self.cases[case][0] for case in cases)
+
+
+class Recorder:
+    """A plugin that writes the functions of the mutated folders that a test file enters, and the seconds of its cases.
+
+    The first and the last case of each test run first; after `limit` s of the processor the rest is left out.
+    """
+
+    def __init__(self, name: str, target: Path, limit: float) -> None:
+        self._name, self._target, self._limit = name, target, limit
+        self._entered: set[str] = set()
+        builtins.__dict__["entered_by_test"] = self._entered.add
+
+    def reporting(self, path: Path) -> ast.Module | None:
+        """A module of the mutated folders, each function of which first reports its name."""
+        name = str(path.relative_to(ROOT))
+        if not name.startswith(tuple(f"adaptctl/{package}/" for package in PACKAGES)):
+            return None
+        tree = ast.parse(path.read_text())
+        for node, function in functions(tree):
+            report = ast.parse(f"entered_by_test({f'{name}::{function}'!r})").body
+            node.body[1 if ast.get_docstring(node) else 0 : 0] = report
+        return ast.fix_missing_locations(tree)
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        """Have the first and the last case of each test run first."""
+        ends = [item.nodeid for item in first_and_last(items)]
+        items.sort(key=lambda item: item.nodeid not in set(ends))
+        self._write({"file": self._name, "entered": sorted(self._entered), "ends": ends})
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
+        """Follow one test."""
+        if time.process_time() > self._limit:
+            pytest.exit("enough is recorded", returncode=0)
+        self._entered.clear()
+        begun = time.process_time()
+        try:
+            return (yield)
+        finally:
+            seconds = time.process_time() - begun
+            self._write({"test": item.nodeid, "seconds": seconds, "entered": sorted(self._entered)})
+
+    def _write(self, row: object) -> None:
+        with self._target.open("a") as file:
+            file.write(json.dumps(row) + "\n")
+
+
+def functions(node: ast.AST, within: str = "") -> Iterator[tuple[ast.FunctionDef, str]]:
+    """Every function below a node, and its qualified name."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.FunctionDef | ast.ClassDef):
+            name = f"{within}.{child.name}".lstrip(".")
+            if isinstance(child, ast.FunctionDef):
+                yield child, name
+            yield from functions(child, name)
+        else:
+            yield from functions(child, within)
+
+
+def test_files() -> list[str]:
+    """The test files that import something of the library, and run in one process."""
+    found = sorted((ROOT / "tests").glob("test_*.py"))
+    here = [path for path in found if not any(part in path.name for part in ELSEWHERE)]
+    return [f"tests/{path.name}" for path in here if "adaptctl" in path.read_text()]
+
+
+def record(name: str, limit: int) -> None:
+    """Record a test file for about `limit` s, unless that was done; one that fails without a mutant is left out."""
+    target = RECORDED / f"{Path(name).stem}.jsonl"
+    digest = hashlib.sha256((ROOT / name).read_bytes()).hexdigest()
+    done = target.with_suffix(".sha256")
+    if done.exists() and done.read_text() == digest:
+        return
+    RECORDED.mkdir(parents=True, exist_ok=True)
+    target.unlink(missing_ok=True)
+    recorder = Recorder(name, target, limit)
+    code = forked(partial(run, name, recorder.reporting, [recorder], f"recorded {name}"), 5 * limit)
+    remark = "" if code == 0 else ": left out, it fails or takes too long without a mutant"
+    print(f"recorded {name}{remark}", flush=True)
+    if code != 0:
+        target.unlink(missing_ok=True)
+    done.write_text(digest)
+
+
+def recorded() -> list[Recorded]:
+    """All test files that were recorded."""
+    return [Recorded.read(path) for path in sorted(RECORDED.glob("*.jsonl"))]
+
+
+def chosen(mutant: Mutant, files: list[Recorded], budget: float) -> list[tuple[Recorded, list[str]]]:
+    """Test files that a mutant meets, and their cases, until `budget` s are taken: its own file, then those that name
+    its class or function, those that import its module, those that import of its folder, and the rest; of these quick
+    ones first that enter little else."""
+    everything: frozenset[str] = frozenset().union(*(file.entered for file in files))
+    code = frozenset({f"{mutant.path}::{mutant.function}"}) & everything
+    if not code:  # statements of modules and classes run at the import, for all functions of the module
+        code = frozenset(name for name in everything if name.startswith(f"{mutant.path}::"))
+    concerned = [(file, file.concerned(code)) for file in files if file.entered & code]
+    concerned.sort(key=lambda pair: (*distance(pair[0], mutant), pair[0].seconds(pair[1]) * len(pair[0].entered)))
+    found, left = [], budget
+    for file, cases in concerned:
+        if left > 0.0:
+            found.append((file, cases))
+            left -= file.seconds(cases)
+    return found
+
+
+def distance(file: Recorded, mutant: Mutant) -> tuple[bool, ...]:
+    """Signs, the most telling first, that a test file is not about a mutant."""
+    text, module = (ROOT / file.name).read_text(), Path(mutant.path).with_suffix("")
+    names = [part for part in mutant.function.split(".") if not part.startswith(("<", "__"))]
+    named = any(re.search(rf"\b{name}\b", text) for name in names)
+    imported = (".".join(place.parts) in text for place in (module, module.parent))
+    return file.name != f"tests/test_{module.name}.py", not named, *(not known for known in imported)

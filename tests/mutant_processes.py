@@ -1,0 +1,110 @@
+"""Test files run by processes of their own, on modules that were changed in memory."""
+
+from __future__ import annotations
+
+import ast
+import importlib.machinery
+import os
+import resource
+import signal
+import time
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from types import CodeType
+
+import pytest
+from hypothesis import Phase, settings
+
+from adaptctl.compilation import result_cache
+from adaptctl.files import hashed
+
+ROOT = Path(__file__).resolve().parent.parent
+PYTEST = ("-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-W", "ignore::pytest.PytestAssertRewriteWarning")
+
+
+class Hurried:
+    """A plugin that lets Hypothesis draw few examples, and stop at a failure without looking for a smaller one."""
+
+    def pytest_sessionstart(self) -> None:
+        """Before tests are collected, and after `conftest.py`."""
+        phases = [Phase.explicit, Phase.generate]
+        settings.register_profile("mutants", deadline=None, database=None, derandomize=True, phases=phases)
+        settings.register_profile("mutants", settings.get_profile("mutants"), max_examples=10)
+        settings.load_profile("mutants")
+
+
+class Only:
+    """A plugin that leaves out all tests but some."""
+
+    def __init__(self, cases: Iterable[str]) -> None:
+        self._cases = frozenset(cases)
+
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        """Leave out the others."""
+        items[:] = [item for item in items if item.nodeid in self._cases]
+
+
+def first_and_last(items: Iterable[pytest.Item]) -> list[pytest.Item]:
+    """Of each test with parameters, the first case and the last."""
+    cases: dict[str, list[pytest.Item]] = {}
+    for item in items:
+        cases.setdefault(item.nodeid.partition("[")[0], []).append(item)
+    return [item for case in cases.values() for item in (case[:1] + case[1:][-1:])]
+
+
+def run(test_file: str, changed: Callable[[Path], ast.Module | None], plugins: list[object], version: str) -> int:
+    """Exit code of pytest on a test file, in this process, where modules are compiled from what `changed` returns.
+
+    Results that are kept from one process to the next are kept for this `version` of the code alone.
+    """
+    compile_by(changed)
+    source = result_cache.source_state()
+    result_cache.source_state = lambda: hashed([source, version])  # type: ignore[assignment]
+    return int(pytest.main([*PYTEST, test_file], plugins=[Hurried(), *plugins]))
+
+
+def compile_by(changed: Callable[[Path], ast.Module | None]) -> None:
+    """Let modules that are imported from now on be compiled from the tree that `changed` returns, if it returns one."""
+    original = importlib.machinery.SourceFileLoader.get_code
+
+    def get_code(self: importlib.machinery.SourceFileLoader, name: str) -> CodeType | None:
+        path = Path(os.path.realpath(self.path))
+        tree = changed(path) if path.is_relative_to(ROOT) else None
+        return original(self, name) if tree is None else compile(tree, self.path, "exec")
+
+    importlib.machinery.SourceFileLoader.get_code = get_code  # type: ignore[method-assign,assignment]
+
+
+def forked(run: Callable[[], int], limit: int) -> int | None:
+    """What a function returns that runs silently in a process of its own; None where it takes longer than `limit` s of
+    the processor, or 20 times as long on the clock."""
+    process = os.fork()
+    if process == 0:
+        os.setpgid(0, 0)
+        resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
+        silent = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(silent, 1)
+        os.dup2(silent, 2)
+        code = 1
+        try:
+            code = int(run())
+        finally:
+            os._exit(code)
+    end = time.monotonic() + 20 * limit
+    while time.monotonic() < end:
+        done, status = os.waitpid(process, os.WNOHANG)
+        if done:
+            slow = os.WIFSIGNALED(status) and os.WTERMSIG(status) in (signal.SIGXCPU, signal.SIGKILL)
+            return None if slow else os.waitstatus_to_exitcode(status)
+        time.sleep(0.02)
+    os.killpg(process, signal.SIGKILL)
+    os.waitpid(process, 0)
+    return None
+
+
+def warm() -> None:
+    """Import what is slow to import and is not mutated."""
+    for name in ("scipy.linalg", "scipy.optimize", "scipy.integrate", "llvmlite.binding", "pinocchio", "control"):
+        __import__(name)
+    for name in ("hypothesis.strategies", "adaptctl.description", "adaptctl.compilation"):
+        __import__(name)

@@ -1,0 +1,16 @@
+"""States at which a basis is checked against energies."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from adaptctl.dynamics import load
+from adaptctl.identifiability.basis_check import NEAR, SAMPLES, _few_states
+
+
+def test_trees_are_tried_anywhere_and_loops_where_following_them_is_short() -> None:
+    tree, loop = load("puma560_measured"), load("semi_direct_drive")
+    anywhere, about = _few_states(tree), _few_states(loop)
+    assert len(anywhere) == len(about) == SAMPLES
+    assert np.abs(anywhere.p - tree.home).max() > 2.0 > NEAR
+    assert 0.5 * NEAR < np.abs(about.p - loop.home).max() <= NEAR

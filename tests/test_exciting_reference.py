@@ -1,0 +1,66 @@
+"""Settings of a search for an exciting reference, before it begins."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from sampled_loops import reduced
+
+from adaptctl.arrays import Array
+from adaptctl.control import PriorRanges
+from adaptctl.control.excitation.exciting_reference import FourierSearch, MotionLimits, _checked
+from adaptctl.errors import InputError
+
+MODEL = reduced("puma560_arm3")
+K = len(MODEL.columns)
+
+
+@pytest.mark.parametrize(
+    ("scale", "expected"),
+    [(None, PriorRanges().of(MODEL.names)), (2.0, np.full(K, 2.0)), (np.arange(1.0, K + 1.0), np.arange(1.0, K + 1.0))],
+)
+def test_ranges_are_one_number_one_a_parameter_or_those_of_the_prior(scale: object, expected: Array) -> None:
+    found = _checked(MODEL, 0.2, 1, 1.0, scale, None)  # type: ignore[arg-type]
+    np.testing.assert_array_equal(found.scale, expected)
+
+
+@pytest.mark.parametrize("scale", [np.ones(K + 1), np.ones((1, K)), np.ones(1)])
+def test_ranges_of_another_shape_are_refused(scale: Array) -> None:
+    with pytest.raises(InputError, match="scale"):
+        _checked(MODEL, 0.2, 1, 1.0, scale, None)
+
+
+@pytest.mark.parametrize(("harmonics", "share"), [(0, 0.5), (-1, 0.5), (1.5, 0.5), (1, 0.0), (1, 1.1)])
+def test_harmonics_are_whole_and_at_least_one_and_shares_at_most_all(harmonics: float, share: float) -> None:
+    with pytest.raises(InputError, match="harmonics" if share == 0.5 else "share"):
+        _checked(MODEL, 0.2, harmonics, share, None, None)  # type: ignore[arg-type]
+
+
+def searched(torque: float) -> FourierSearch:
+    ones = np.ones(3)
+    return FourierSearch(MODEL, MotionLimits(-ones, ones, 5.0 * ones, torque * ones), 0.2, 2, np.ones(K))
+
+
+X = searched(1.0).random(np.random.default_rng(0))
+REST, FULL = (searched(1.0).torque_share(X, factor) for factor in (0.0, 1.0))
+"""N m, the largest torque at rest and of whole swings"""
+
+
+def test_swings_are_as_large_as_torques_allow() -> None:
+    """Between rest and whole swings just at the limit, and whole where it is above; refused where rest is beyond it."""
+    assert REST < FULL
+    _, _, share = searched(0.5 * (REST + FULL)).within(X)
+    assert 0.999 < share <= 1.0
+    whole, _, share = searched(1.1 * FULL).within(X)
+    assert share == pytest.approx(1.0 / 1.1, rel=1e-12)
+    np.testing.assert_array_equal(whole.amplitude, searched(1.0).reference(X).amplitude)
+    with pytest.raises(InputError, match="even at rest torques pass their limits"):
+        searched(0.9 * REST).within(X)
+
+
+def test_a_cost_is_the_logarithm_of_the_condition_and_grows_by_the_square_of_torque_beyond_the_limit() -> None:
+    condition, _ = searched(FULL).judged(X)
+    costs = [searched(FULL / share).cost(X) for share in (0.5, 1.0 - 1e-9, 1.1, 1.2)]
+    np.testing.assert_allclose(costs[:2], np.log(condition), rtol=1e-12)
+    assert costs[2] > costs[1]
+    assert (costs[3] - costs[1]) / (costs[2] - costs[1]) == pytest.approx(4.0, rel=1e-6)

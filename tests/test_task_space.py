@@ -1,0 +1,60 @@
+"""Inverse Jacobians of a point: their damping, against NumPy's determinants, and axes that it cannot move along."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from random_trees import random_inertia
+
+from adaptctl.arrays import Array
+from adaptctl.control import TaskSpaceSlotineLi
+from adaptctl.control.task_space import _determinant, _guard
+from adaptctl.description import Description, Joint, Link, Pose
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
+from adaptctl.identifiability import ReducedModel
+
+
+def jacobian(m: int, least: float) -> Array:
+    """A matrix (m, 5) of singular values 1, ..., 1, least."""
+    rng = np.random.default_rng(m)
+    U, V = np.linalg.qr(rng.normal(size=(m, m)))[0], np.linalg.qr(rng.normal(size=(5, 5)))[0]
+    return 0.7 * U @ np.diag([*np.ones(m - 1), least]) @ V[:m]
+
+
+@pytest.mark.parametrize("m", range(1, 5))
+def test_determinants_by_minors_are_numpys(m: int) -> None:
+    rows = np.random.default_rng(m).normal(size=(m, m))
+    assert _determinant(rows.tolist()) == pytest.approx(np.linalg.det(rows), rel=1e-12)
+
+
+@pytest.mark.parametrize("m", [2, 3])
+@pytest.mark.parametrize("least", [1.0, 0.1, 0.03, 0.02, 0.01, 0.0])
+def test_damping_grows_from_zero_to_a_hundredth_where_a_jacobian_is_nearly_singular(m: int, least: float) -> None:
+    """The square of mu over tr(J J')/m is 1e-2 (1 - w/w_0)^2 below w_0 = 1e-3, as the law's docstring says."""
+    J = jacobian(m, least)
+    gram, mean = J @ J.T, np.trace(J @ J.T) / m
+    w = np.linalg.det(gram) / mean**m
+    expected = 0.0 if w > 1e-3 else 1e-2 * (1.0 - w / 1e-3) ** 2
+    assert _guard(gram.tolist()) / mean == pytest.approx(expected, rel=1e-8, abs=1e-15)
+
+
+def planar(links: int) -> Mechanism:
+    """Joints about z in a row, 0.3 m apart: all that they move stays in its plane."""
+    rng = np.random.default_rng(0)
+    frames = [Pose(np.eye(3), np.array([0.3 if i else 0.0, 0.0, 0.0])) for i in range(links)]
+    bodies = [
+        Link(f"link{i}", i - 1, Joint(f"joint{i}"), near, Pose.identity(), random_inertia(rng))
+        for i, near in enumerate(frames)
+    ]
+    return Mechanism(Description("planar", tuple(bodies)))
+
+
+def test_a_point_that_moves_in_a_plane_has_no_third_axis() -> None:
+    def along(*axes: int) -> TaskSpaceSlotineLi:
+        model = ReducedModel.full(planar(3))
+        return TaskSpaceSlotineLi(model, 2.0, np.ones(3), axes=axes, tool=(0.3, 0.0, 0.0))
+
+    assert along(0, 1).axes == (0, 1)
+    with pytest.raises(InputError, match="joints move the point of link2 along fewer than 3 axes"):
+        along(0, 1, 2)

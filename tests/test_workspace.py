@@ -1,0 +1,62 @@
+"""The search for the worst of a workspace, against greatest values that are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from random_trees import random_chain
+
+from adaptctl.arrays import Array
+from adaptctl.control import Workspace
+from adaptctl.control.gains.workspace import STARTS, Worst, sampled_configurations
+
+LOW, HIGH = np.array([0.2, 0.2, 0.2]), np.array([0.9, 0.8, 0.9])
+
+
+def peak(p: Array, at: Array, height: float) -> Array:
+    """A cone about a position, zero from 0.3 on."""
+    return height * np.maximum(0.0, 1.0 - np.linalg.norm(p - at, axis=-1) / 0.3)
+
+
+def two_peaks(size: float) -> tuple[Workspace, Worst]:
+    """A workspace of this size, all but two of whose samples lie on the lower of two peaks; and the greatest found."""
+    rng = np.random.default_rng(0)
+    about = LOW + 0.02 * rng.normal(size=(10 * STARTS, 3))
+    samples = size * np.vstack((about, [[0.9, 0.95, 0.9], [0.0, 0.0, 0.0]]))
+    workspace = Workspace(random_chain(0, 3), samples, np.zeros_like(samples), np.full_like(samples, size))
+    return workspace, workspace.highest(lambda p: peak(p / size, LOW, 1.0) + peak(p / size, HIGH, 2.0))
+
+
+@pytest.mark.parametrize("size", [2.0**-10, 1.0, 2.0**10])
+def test_a_higher_peak_is_found_past_all_the_best_samples_in_any_unit(size: float) -> None:
+    workspace, worst = two_peaks(size)
+    assert np.linalg.norm(worst.p / size - HIGH) < 0.01
+    assert 1.95 < worst.value <= 2.0
+    assert np.all((workspace.lower[0] <= worst.p) & (worst.p <= workspace.upper[0]))
+
+
+def test_the_worst_position_scales_with_the_unit_of_the_joints() -> None:
+    (_, one), (_, other) = two_peaks(1.0), two_peaks(2.0**-10)
+    np.testing.assert_array_equal(other.p, 2.0**-10 * one.p)
+    assert other.value == one.value
+
+
+@pytest.mark.parametrize(("size", "value"), [(1.0, np.inf), (0.0, 3.0)])
+def test_nothing_is_searched_where_nothing_is_greater_or_there_is_no_room(size: float, value: float) -> None:
+    """An infinite value at a sample, or bounds of no width: the values of the samples are all that is looked at."""
+    looked: list[int] = []
+
+    def valued(p: Array) -> Array:
+        looked.append(len(p))
+        return np.full(len(p), value)
+
+    samples = np.full((9, 3), 0.5 * size)
+    workspace = Workspace(random_chain(0, 3), samples, np.zeros_like(samples), np.full_like(samples, size))
+    assert workspace.highest(valued).value == value
+    assert looked == [9]
+
+
+def test_a_workspace_of_all_limits_has_the_samples_that_any_search_has() -> None:
+    mechanism = random_chain(0, 3)
+    found = Workspace.within_limits(mechanism)
+    np.testing.assert_array_equal(found.samples, sampled_configurations(mechanism))
