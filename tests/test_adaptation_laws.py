@@ -76,7 +76,7 @@ def test_parameter_errors_are_drawn(out: Path, said: dict[str, Any]) -> None:
     page = (out / "report.html").read_text()
     assert "parameter error at the end" in page
     assert "one line a law that adapts" in page
-    assert ", 3 s end at" in page
+    assert "with its last value" in page
 
 
 def test_a_rough_model_is_rigid_bodies_within_its_deviations() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -57,8 +58,11 @@ class Cluster:
                     "threads_per_worker": 1,
                     "host": "127.0.0.1",
                     "dashboard_address": "127.0.0.1:0",
+                    "silence_logs": logging.CRITICAL,
                 }
-                with distributed.LocalCluster(**options) as local, distributed.Client(local) as client:
+                # A worker whose last heartbeat finds no scheduler any more would print a traceback.
+                quiet = dask.config.set({"logging.distributed": "critical"})
+                with quiet, distributed.LocalCluster(**options) as local, distributed.Client(local) as client:
                     yield client
                 return
             client = self._connected(distributed)
