@@ -190,3 +190,10 @@ class TestSweeps:
         usual = SweepStudy.named("puma560-adaptive", {"bandwidth": "4,8"})
         assert usual.precision == "double"
         assert replace(usual, precision="single").sha256 != usual.sha256
+
+    def test_what_is_typed_replaces_what_the_file_says(self, tmp_path: Path) -> None:
+        path = tmp_path / "mine.toml"
+        path.write_text('schema = "adaptctl/study/1"\nexperiment = "puma560-adaptive"\nprecision = "single"\n')
+        assert SweepStudy.named(str(path), {}).precision == "single"
+        assert SweepStudy.named(str(path), {}, precision=None).precision == "single"
+        assert SweepStudy.named(str(path), {}, precision="double").precision == "double"

@@ -35,8 +35,9 @@ def sweep(
     ] = None,
     samples: Annotated[int, Parameter(group=WHAT, help="Runs to draw, where they are not a grid.")] = 0,
     precision: Annotated[
-        Literal["double", "single"], Parameter(group=WHAT, help="Of runs that are computed together; single is faster.")
-    ] = "double",
+        Literal["double", "single"] | None,
+        Parameter(group=WHAT, help="Of runs that are computed together: double by default; single is faster."),
+    ] = None,
     search: Annotated[int, Parameter(group=WHAT, help="Search with so many runs instead (extra `search`).")] = 0,
     minimise: Annotated[str, Parameter(group=WHAT, help="The column that a search makes small.")] = "rms_error_last",
     yes: Annotated[bool, Parameter(group=WHAT, help="Begin, however many runs there are.")] = False,
@@ -66,8 +67,8 @@ def sweep(
         "controllers": names,
         "sampling": "sobol" if search else sampling,
         "samples": search or samples,
+        "precision": precision,
     }
-    options |= {"precision": precision} if precision != "double" else {}
     study = SweepStudy.named(target, settings, **options)
     if search:
         return _search(study, minimise, search, out)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from adaptctl.codegen.c_package import CPackage
-from adaptctl.compilation.sine import DOUBLE, SINGLE
+from adaptctl.compilation.sine import sine_for
 
 
 def readme(package: CPackage) -> str:
@@ -13,5 +13,5 @@ def readme(package: CPackage) -> str:
         flops=package.interface.law.operations.flops,
         state_bytes=package.state_bytes,
         stack=package.stack,
-        far=f"{(DOUBLE if package.kind == 'double' else SINGLE).farthest:.0f}",
+        far=f"{sine_for(package.number.precision).farthest:.0f}",
     )

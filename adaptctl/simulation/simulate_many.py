@@ -235,10 +235,9 @@ class _Runs:
         self.parameters, p, v = (np.broadcast_to(x, (count, x.shape[-1])) for x in rows.values())
         self.beyond = bounds["beyond"]
         noise = Noise.of(seed, count, HERD, loop.noise["noise"])
-        self.herds = []
+        self.herds, stepper = [], _compiled(loop, self.references.form, self.precision)
         for k, first in enumerate(range(0, count, HERD)):
             arms = slice(first, min(first + HERD, count))
-            stepper = _compiled(loop, self.references.form, self.precision)
             herd = Herd(loop, stepper, self.references.of_arms(arms), self.parameters[arms], noise[k], arms)
             herd.begin(p[arms], v[arms], memory if memory is None else _of_arms(memory, arms), tuned)
             herd.judge(bounds, self.final, tuned)

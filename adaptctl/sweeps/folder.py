@@ -91,9 +91,8 @@ class Folder:
 
     def _shard(self, runs: Sequence[Mapping[str, Any]]) -> Shard:
         plain = [{name: list(x) if isinstance(x, tuple) else x for name, x in run.items()} for run in runs]
-        decides = [self.study.experiment, sorted(self.study.controllers), plain]
-        precision = [self.study.precision] if self.study.precision != "double" else []
-        return Shard(hashed(decides + precision)[:32], tuple(runs))
+        decides = [self.study.experiment, sorted(self.study.controllers), plain, *self.study.unusual]
+        return Shard(hashed(decides)[:32], tuple(runs))
 
     def place(self, shard: Shard) -> Path:
         """The file of a shard."""

@@ -158,8 +158,12 @@ class SweepStudy:
         """Hash of all that decides the runs."""
         values = {k: [x.low, x.high] if isinstance(x, Span) else list(x) for k, x in self.settings.items()}
         sampling = [self.sampling, self.samples, self.sampling_seed] if self.sampling != "grid" else []
-        precision = [self.precision] if self.precision != "double" else []
-        return hashed([self.experiment, values, sorted(self.controllers), sampling, *precision])
+        return hashed([self.experiment, values, sorted(self.controllers), sampling, *self.unusual])
+
+    @property
+    def unusual(self) -> list[str]:
+        """Choices that decide results besides the settings, where they are not the usual ones: single precision."""
+        return [self.precision] if self.precision != "double" else []
 
 
 def shipped() -> list[str]:
