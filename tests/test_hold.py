@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +17,7 @@ from scipy.optimize import differential_evolution
 from adaptctl.arrays import Array
 from adaptctl.control import SlotineLi, Workspace, hold_number, least_definite
 from adaptctl.control.gains.hold import LARGEST_SAMPLED_GAIN, hold_numbers, require_hold, slowest_decay
-from adaptctl.control.gains.workspace import everywhere, position_range, sampled_configurations
+from adaptctl.control.gains.workspace import Worst, everywhere, position_range, sampled_configurations
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import GainError, InputError
@@ -58,6 +59,43 @@ def test_random_configurations_alone_accept_what_is_unstable() -> None:
     assert np.abs(np.linalg.eigvals(np.eye(6) - 1e-3 * feedback)).max() > 1.0
     with pytest.raises(GainError, match=rf"at p = .*Joint {found.joint} would ring"):
         require_hold(arm, damping, 1e-3)
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 1000), size=st.integers(2, 5))
+def test_the_number_rises_with_every_damping_and_bandwidth(seed: int, size: int) -> None:
+    """At every position: so what is below accepted gains needs no search of its own."""
+    rng, arm = np.random.default_rng(seed), random_chain(seed, size)
+    p = rng.uniform(-3.0, 3.0, (20, size))
+    damping, bandwidth = rng.uniform(0.01, 10.0, size), rng.uniform(0.0, 20.0, size)
+    more = damping * rng.choice([1.0, 1.5, 30.0], size), bandwidth + rng.choice([0.0, 1.0, 100.0], size)
+    below = hold_numbers(arm, p, damping, 1e-3, bandwidth)
+    assert np.all(below <= hold_numbers(arm, p, more[0], 1e-3, more[1]) * (1.0 + 1e-9))
+
+
+def test_gains_below_accepted_ones_are_not_searched(monkeypatch: pytest.MonkeyPatch) -> None:
+    arm, highest = random_chain(77, 4), Workspace.highest
+    searched: list[Workspace] = []
+
+    def counted(self: Workspace, of: Callable[[Array], Array]) -> Worst:
+        searched.append(self)
+        return highest(self, of)
+
+    monkeypatch.setattr(Workspace, "highest", counted)
+    most, bandwidth = own_damping(arm, 20.0), np.array([4.0, 5.0, 6.0, 7.0])
+    workspace = everywhere(arm)
+    require_hold(arm, most, 1e-3, bandwidth, workspace)
+    once = len(searched)
+    for share in (0.999, 0.5, 1e-3):
+        require_hold(arm, share * most, 1e-3, bandwidth - share, workspace)
+    assert once == len(searched) > 0
+    require_hold(arm, most * [1.0, 1.0, 1.0, 1.001], 1e-3, bandwidth, workspace)
+    assert len(searched) > once
+    with pytest.raises(GainError, match="too stiff"):
+        require_hold(arm, most * [1.0, 1e3, 1.0, 1.0], 1e-3, bandwidth, workspace)
+    for wrong in ((-most, bandwidth), (most, -bandwidth)):
+        with pytest.raises(InputError, match="positive damping"):
+            require_hold(arm, wrong[0], 1e-3, wrong[1], workspace)
 
 
 @settings(max_examples=20, deadline=None)

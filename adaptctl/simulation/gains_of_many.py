@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
@@ -60,9 +61,17 @@ class GainsOfMany:
         count = max((axes[0] for axes in self.arms.values() if axes), default=1)
         if any(axes not in ((), (count,)) for axes in self.arms.values()):
             return  # refused with all that has a row each
-        rows = np.concatenate([x.reshape(count, -1) for x in self._rows(slice(0, count), count).values()], axis=1)
+        each = self._rows(slice(0, count), count)
+        self._try_largest(each)
+        rows = np.concatenate([x.reshape(count, -1) for x in each.values()], axis=1)
         for k in np.unique(rows, axis=0, return_index=True)[1].tolist():
-            self.controller.tuned({name: x[k] for name, x in self._rows(slice(0, count), count).items()})
+            self.controller.tuned({name: x[k] for name, x in each.items()})
+
+    def _try_largest(self, each: Mapping[str, Array]) -> None:
+        """Try the largest of every number together: where they are accepted, so is what needs less, without a search
+        for each set (`require_hold`)."""
+        with suppress(InputError):
+            self.controller.tuned({name: x.max(axis=0) for name, x in each.items()})
 
     def of_arms(self, arms: slice) -> dict[str, Array]:
         """Gains (M, ...) of some of the arms, by name; nothing where none was given."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from functools import lru_cache
 from typing import Any, NamedTuple, NoReturn
 
@@ -226,13 +227,30 @@ def require_hold(
     period: float,
     bandwidth: ArrayLike = 0.0,
     workspace: Workspace | None = None,
-) -> HoldNumber:
-    """The hold number of gains. Raises `GainError`, saying what the period can carry, where it is above
-    LARGEST_SAMPLED_GAIN: the control period (s) cannot carry the gains."""
-    found = hold_number(mechanism, damping, period, bandwidth, workspace=workspace)
+) -> None:
+    """Raise `GainError`, saying what the period can carry, where the hold number of gains is above
+    LARGEST_SAMPLED_GAIN: the control period (s) cannot carry the gains.
+
+    Gains of which none is above gains that were accepted need no search: of M^-1 K + Lambda, alike to S + Lambda with
+    S = K^1/2 M^-1 K^1/2, the greatest eigenvalue l rises with each of K and Lambda. It does with Lambda, by Weyl; and
+    with K, for S becomes D S D, D >= 1, and D^-1 u, u being the eigenvector of l, has a Rayleigh quotient of at least
+    l, since l >= Lambda_i.
+    """
+    K, L = per_joint(damping, mechanism.dof, "damping"), per_joint(bandwidth, mechanism.dof, "bandwidth")
+    accepted = _accepted(mechanism, workspace, period)
+    if np.all(K > 0.0) and np.all(L >= 0.0) and any(np.all(more >= K) and np.all(top >= L) for more, top in accepted):
+        return
+    found = hold_number(mechanism, K, period, L, workspace=workspace)
     if not found.value <= LARGEST_SAMPLED_GAIN:
-        _refuse(mechanism, found, period, float(np.max(bandwidth)))
-    return found
+        _refuse(mechanism, found, period, float(np.max(L)))
+    if not np.any(_viscous(mechanism)[1]):  # what it adds to M is not proved to leave the order as it is
+        accepted.append((K, L))
+
+
+@lru_cache(maxsize=64)
+def _accepted(mechanism: Mechanism, workspace: Workspace | None, period: float) -> deque[tuple[Array, Array]]:
+    """Dampings and bandwidths of late that the period was found to carry."""
+    return deque(maxlen=16)
 
 
 def _refuse(mechanism: Mechanism, found: HoldNumber, period: float, bandwidth: float) -> NoReturn:
