@@ -23,6 +23,7 @@ from adaptctl.recording import Finding, Setting
 from adaptctl.simulation.mujoco_contacts import clear_of_contacts
 from adaptctl.simulation.mujoco_plant import MuJoCoPlant, as_mujoco
 from adaptctl.tuning import Tuning, tune
+from adaptctl.tuning.initial_error import LARGEST_ERROR
 from adaptctl.tuning.motion_range import motion_ranges
 
 if TYPE_CHECKING:
@@ -56,7 +57,10 @@ class AdaptiveTracking(Learning):
         0.5, "Γ is as large as this T_c λ_max(K⁻¹ Y Γ Y') allows along the path", symbol="Γ", low=1e-4, high=1.0
     )
     initial_error: float = setting(
-        0.1, "initial error of every joint, rad or m; a tenth of its range where that is less", low=-1.0, high=1.0
+        LARGEST_ERROR,
+        "initial error of every joint, rad or m, at most a tenth of its range; 0.1: no more than torques bring back",
+        low=-1.0,
+        high=1.0,
     )
     plant: str = setting("adaptctl", "what moves the arm: adaptctl, or mujoco with all of the scene")
     root: str = setting("", "body of a scene that the arm begins with, where more than one moves")
@@ -167,11 +171,11 @@ class AdaptiveTracking(Learning):
 
 @lru_cache(maxsize=4)
 def _tuned(experiment: AdaptiveTracking, mechanism: Mechanism) -> Tuning:
-    lower, upper = motion_ranges(mechanism)
-    error = np.sign(experiment.initial_error) * np.minimum(abs(experiment.initial_error), 0.1 * (upper - lower))
+    asked, (lower, upper) = experiment.initial_error, motion_ranges(mechanism)
+    error = np.sign(asked) * np.minimum(abs(asked), 0.1 * (upper - lower))
     chosen: dict[str, Any] = {
         "period": experiment.control_period,
-        "initial_error": error,
+        "initial_error": None if asked == LARGEST_ERROR else error,
         "bandwidth": experiment.bandwidth,
         "hold": experiment.hold,
         "adaptation": experiment.rate,

@@ -31,6 +31,7 @@ from adaptctl.experiments.contest import Contender, contest
 from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.recording.trace import write_trace
+from adaptctl.tuning import tune
 
 PUMA = ("experiment", "run", "puma560-adaptive")
 SMALL = ("experiment", "run", "adaptive", "--robot", "puma560_arm3")
@@ -225,6 +226,19 @@ def test_any_arm_learns_with_gains_from_its_own_inertia_and_limits(robot: str) -
     assert said["clipped_steps"] == 0
     assert said["final_rms_error"] < 0.5 * said["final_rms_error_adaptation_off"]
     assert "reference frequency" in said["settings"]
+
+
+def test_a_weak_arm_starts_no_further_off_than_its_torques_bring_back(tmp_path: Path) -> None:
+    text = (Path(__file__).parent.parent / "docs" / "examples" / "two_link.toml").read_text()
+    flat = "\n".join(line for line in text.splitlines() if not line.startswith("base"))
+    (robot := tmp_path / "weak.toml").write_text(flat.replace("60.0", "0.03").replace("25.0", "0.03"))
+    mechanism = load(robot)
+    wanted = tune(mechanism).initial_error
+    assert wanted[0] < 0.03 < wanted[1]
+    env = AdaptiveTracking(robot=str(robot)).environment(mechanism)
+    np.testing.assert_allclose(env.unwrapped.initial_error, wanted)  # type: ignore[attr-defined]  # the environment's own
+    asked = AdaptiveTracking(robot=str(robot), initial_error=0.05).tuning(mechanism)
+    np.testing.assert_allclose(asked.initial_error, 0.05)
 
 
 def test_gains_of_any_arm_hold_what_the_control_period_asks() -> None:

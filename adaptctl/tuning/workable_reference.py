@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import minimize
 
 from adaptctl.arrays import Array
 from adaptctl.control.controller import Reference
@@ -148,6 +147,8 @@ def _downhill(mechanism: Mechanism, limits: Array, start: Array, middle: Array, 
     def load(offset: Array) -> tuple[float, Array]:
         found = _loads(mechanism, limits, middle + half * (offset + moves), middle, half)
         return float(found[0]), (found[1:] - found[0]) / DIFFERENCE
+
+    from scipy.optimize import minimize  # takes longer to load than many an experiment that never needs it
 
     inside = [(-OUTER, OUTER)] * mechanism.dof
     given: dict[str, Any] = {"jac": True, "method": "L-BFGS-B", "bounds": inside, "options": {"maxiter": STEPS}}
