@@ -117,6 +117,6 @@ def test_operations_of_laws_are_those_of_their_ticks() -> None:
     rows = re.findall(r"^\| (`(\w+)`|adaptation off).*\| ([\d,]+) \|$", page, re.MULTILINE)
     names = [re.sub(r"(?<!^)(?=[A-Z])", "-", name or "adaptation-off").lower() for _, name, _ in rows]
     assert len(names) > 10
-    assert {name: int(count.replace(",", "")) for name, (*_, count) in zip(names, rows, strict=True)} == {
-        name: counted[name] for name in names
-    }
+    told = {name: int(count.replace(",", "")) for name, (*_, count) in zip(names, rows, strict=True)}
+    # which of two equal constants are shared depends on their last bits, and so on the processor
+    assert told == pytest.approx({name: counted[name] for name in names}, rel=2e-3)

@@ -180,6 +180,8 @@ def _least_mass(
     def short(mass: float) -> float:
         return float(share @ ball_tens(mass, x, density)) - mass * taken - wanted
 
+    if abs(short(places.mass)) <= ROUND_OFF * abs(wanted):  # all that is allowed is just enough
+        return places.mass, x
     if short(0.0) * short(places.mass) >= 0.0:
         return None
     return float(brentq(short, 0.0, places.mass, xtol=1e-12)), x

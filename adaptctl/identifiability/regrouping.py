@@ -13,6 +13,8 @@ from adaptctl.identifiability.selection import removed_and_passed_over
 
 EXACT_ZERO = 1e-11
 """Size below which regrouping coefficients are round-off: left in, they would leak large parameters into small ones."""
+ROUND_OFF = 1e-13
+"""Relative distance from a whole number that is round-off."""
 LARGEST_CONDITION = 1e4
 """Largest condition of F2' V2 among scaled parameters."""
 LARGEST_BOUND = 1e7
@@ -74,7 +76,8 @@ class Regrouping:
         K = np.zeros((len(kept), len(scales)))
         K[:, removed] = coefficients * scales[kept, None] / scales[removed]
         K[range(len(kept)), kept] = 1.0
-        return K
+        whole = K.round()  # as -1 and 1 are by geometry: a product with them is left out, whatever the last bits are
+        return np.where(np.abs(K - whole) <= ROUND_OFF * np.abs(whole), whole, K)
 
 
 def by_null_vectors(null_basis: Array, order: Sequence[int], tolerance: float) -> Regrouping:
