@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
 TIMED_TICKS, REPETITIONS = 1000, 30
 """control ticks that are timed to find out how long one takes"""
-MANY, FEW = 600_000, 120_000
-"""samples of all runs: so many are kept as they are, and of more than these so few, which fit into 500 MB"""
+MANY, FEW = 600_000, 80_000
+"""samples of all runs: so many are kept as they are, and of more than these so few, which fit into 500 MB with all that draws them"""
 
 
 @dataclass(frozen=True, eq=False)
