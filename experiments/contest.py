@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 TIMED_TICKS, REPETITIONS = 1000, 30
 """control ticks that are timed to find out how long one takes"""
 MANY, FEW = 600_000, 80_000
-"""samples of all runs: so many are kept as they are, and of more than these so few, which fit into 500 MB with all that draws them"""
+"""samples of all runs: so many are kept as they are, and of more so few: with what draws them they fit into 500 MB"""
 
 
 @dataclass(frozen=True, eq=False)
