@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 TIMED_TICKS, REPETITIONS = 1000, 30
 """control ticks that are timed to find out how long one takes"""
-MANY, FEW = 600_000, 80_000
+MANY, FEW = 600_000, 60_000
 """samples of all runs: so many are kept as they are, and of more so few: with what draws them they fit into 500 MB"""
 
 
