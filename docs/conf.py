@@ -22,6 +22,7 @@ html_theme = "furo"
 html_title = f"adaptctl {version}"
 html_show_sphinx = False
 html_copy_source = False
+html_use_index = False  # a page of every name is what the search is for
 html_static_path = ["_static"]
 html_js_files = ["copy.js"]
 html_css_files = ["copy.css"]

@@ -26,6 +26,7 @@ from adaptctl.identifiability import essential_space
 from adaptctl.recording import Comparison, write_artifacts
 from adaptctl.recording import shown as result_of
 from adaptctl.recording.blueprint import _room
+from adaptctl.recording.fact import answers
 from adaptctl.recording.rerun_recording import _contents
 from adaptctl.recording.scene import log_base
 from adaptctl.recording.skeleton import Solid, skeleton
@@ -240,7 +241,7 @@ def test_units_and_kinds_of_parameters_are_not_mixed() -> None:
     assert told_of == pytest.approx(expected, rel=0.01)
     inertial, friction = len(what.space.parameter_names), len(what.model.names) - what.space.rank
     assert friction > 0
-    assert dict(facts(what))["Parameters"] == (
+    assert answers(facts(what))["Parameters"] == (
         f"{what.space.rank} independent among {inertial} inertial, and {friction} of friction"
     )
 
