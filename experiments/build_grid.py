@@ -35,7 +35,7 @@ def build_grid(builds: Sequence[Build]) -> Figure:
 
 
 def _said(build: Build) -> str:
-    from adaptctl.recording.wording import number
+    from adaptctl.recording.wording import scientific
 
-    off = "" if build.difference is None else f"{number(build.difference, 2)} N m off"
+    off = "" if build.difference is None else f"{scientific(build.difference, 2)} N m off"
     return off if build.passed else f"differs{f', {off}' if off else ''}"

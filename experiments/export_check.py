@@ -20,7 +20,7 @@ from adaptctl.files import write_json, write_text
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.recording import Fact, Failure, Progress, Result, Verdict
 from adaptctl.recording.page import embedded, rendered
-from adaptctl.recording.wording import number
+from adaptctl.recording.wording import number, scientific
 from adaptctl.tuning import tune
 from adaptctl.tuning.named_laws import LAWS, guarded, named_law
 
@@ -118,14 +118,16 @@ class Checked:
 
     def headline(self) -> str:
         """The outcome in a sentence or two, failures first."""
-        repeated = f"{self._passed} of {len(self.builds)} builds repeat what Python did"
-        off = " and ".join(f"{number(worst, 2)} N m with {scalar}s" for scalar, worst in self._worst().items())
+        repeated = f"{self._passed} of {len(self.builds)} builds repeat Python's torques"
+        off = " and ".join(f"{scientific(worst, 2)} N m ({scalar})" for scalar, worst in self._worst().items())
         largest = max((build.largest or 0.0 for build in self.builds), default=0.0)
-        return self.verdict.before(f"{repeated}, to {off} of at most {number(largest)} N m." if off else f"{repeated}.")
+        return self.verdict.before(
+            f"{repeated}, of up to {number(largest)} N m, within {off}." if off else f"{repeated}."
+        )
 
     def facts(self) -> tuple[Fact, ...]:
         """Facts for terminal and report."""
-        worst = [Fact(f"Off at most, {scalar}", f"{number(off, 2)} N m") for scalar, off in self._worst().items()]
+        worst = [Fact(f"Off at most, {scalar}", f"{scientific(off, 2)} N m") for scalar, off in self._worst().items()]
         return (
             Fact("Builds that agree", f"{self._passed} of {len(self.builds)}"),
             *worst,

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from adaptctl.recording.wording import number
+from adaptctl.recording.wording import scientific
 from benchmarks.machine import Machine
 from benchmarks.published import inserted, table
 
@@ -86,7 +86,7 @@ def microcontroller(kept: Mapping[str, Any]) -> str:
             f"{one['flash']:,} B",
             f"{one['stack']} B",
             f"{one['instructions_most']:,}",
-            f"{number(1e-9 * one['nano_newton_metres_off'], 1)} N m",
+            f"{scientific(1e-9 * one['nano_newton_metres_off'], 1)} N m",
         )
         for law, name in ARMS.items()
         if (one := kept["cortex"].get(law))

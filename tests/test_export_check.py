@@ -46,8 +46,10 @@ def test_an_export_check_writes_all_that_an_experiment_does(tmp_path: Path) -> N
     result = checked.result()
     assert result.failed
     assert result.headline.startswith("Failed: natural (double) by cc: FAILED")
-    assert result.headline.endswith("3 of 6 builds repeat what Python did, to 2.8·10⁻¹⁴ N m with doubles and "
-                                    "2.8·10⁻¹⁴ N m with floats of at most 151 N m.")  # fmt: skip
+    assert result.headline.endswith(
+        "3 of 6 builds repeat Python's torques, of up to 151 N m, within 2.8·10⁻¹⁴ N m (double) and "
+        "2.8·10⁻¹⁴ N m (float)."
+    )
     result.write(tmp_path, lambda _what, _share: None)
     assert {path.name for path in tmp_path.iterdir()} == {"summary.json", "figures", "report.html", "recording.rrd"}
     told = json.loads((tmp_path / "summary.json").read_text())

@@ -14,7 +14,8 @@ from adaptctl.recording.stream import Recorded, log_markdown, log_picture, saved
 def write_illustrated(path: Path, shown: Recorded, text: str, figures: Mapping[str, Path]) -> None:
     """Write a recording of a text in Markdown beside figures (PNG files by name)."""
     pictures = [views.picture(f"figures/{name}", name.replace("-", " ").capitalize()) for name in figures]
-    layout = rrb.Horizontal(views.text("summary", "Summary"), rrb.Vertical(*pictures), column_shares=[2, 3])
+    text_view, shown_beside = views.text("summary", "Summary"), rrb.Vertical(*pictures)
+    layout = rrb.Horizontal(text_view, shown_beside, column_shares=[2, 3], name="Overview")
     with saved_stream(path, shown, text.encode(), views.tabs(layout)) as recording:
         log_markdown(recording, "summary", text)
         for name, file in figures.items():

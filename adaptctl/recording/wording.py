@@ -18,6 +18,11 @@ def number(value: float | None, digits: int = 3) -> str:
         return "0"
     if 1e-4 <= abs(value) < 1e5:
         return f"{value:.{digits}g}" if abs(value) < 10.0**digits else f"{value:.0f}"
+    return scientific(value, digits)
+
+
+def scientific(value: float, digits: int = 3) -> str:
+    """Text of a number with so many significant digits, as a multiple of a power of ten: 2.8·10⁻¹⁴."""
     mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
     return f"{mantissa}·10{str(int(exponent)).translate(_RAISED)}"
 
