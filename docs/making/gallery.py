@@ -22,8 +22,8 @@ WIDTH = 960
 """pixels of a picture"""
 TRIES = 3
 """of a viewer, which on a busy machine may not answer in time"""
-NOTICES = 6.0
-"""s until what the viewer says of itself when it opens is gone"""
+LOOKS = 6
+"""Of a viewer, a second apart: what it says of itself when it opens goes away while it is looked at."""
 FIRST = {"task-space": "tool-error", "serial-versus-graph": "tip-error", "sheu-walker-1991": "figure-3"}
 """Figures that show what the experiment is about, where it is not the tracking error."""
 HEAD = """# Gallery
@@ -79,8 +79,10 @@ def _screenshot(recording: Path, target: Path, seconds: float = 8.0) -> bool:
                 time.sleep(0.1)
             with suppress(ConnectionError, RuntimeError):  # what has no motion has no such time
                 viewer.set_time("sim_time", duration=seconds)
-            time.sleep(NOTICES)
-            target.write_bytes(viewer.take_screenshot())
+            for _ in range(LOOKS):
+                time.sleep(1.0)
+                shown = viewer.take_screenshot()
+            target.write_bytes(shown)
     except (RuntimeError, ConnectionError, TimeoutError, OSError):
         return False
     _shrink(target, target)
