@@ -24,6 +24,7 @@ html_show_sphinx = False
 html_copy_source = False
 html_use_index = False  # a page of every name is what the search is for
 html_static_path = ["_static"]
+templates_path = ["_templates"]
 html_js_files = ["copy.js"]
 html_css_files = ["copy.css"]
 _source = _project.get("urls", {}).get("Repository")
