@@ -36,8 +36,8 @@ figures: $(STAMP) ## bounds that the project promises and the figures found toda
 check-stability: $(STAMP) ## 10,000 closed loops of ten minutes on random arms; hours (ARMS=50 for some of them)
 	$(BIN)/python -m benchmarks.stability --arms $(ARMS)
 
-check-export: $(STAMP) ## exported C of every law, by every compiler that is here, bit for bit; half an hour (LAWS="puma loop")
-	PYTHONPATH=.:tests $(BIN)/python tests/check_export.py $(LAWS)
+check-export: $(STAMP) ## exported C of every law, by every compiler that is here, bit for bit; half an hour (LAWS="puma loop"; PUBLISH=--publish for docs/export.md)
+	PYTHONPATH=.:tests $(BIN)/python tests/check_export.py $(LAWS) $(PUBLISH)
 
 check-page: $(STAMP) ## exported WebAssembly in node, and a report's arm in a browser, if they are here
 	PYTHONPATH=.:tests $(BIN)/python tests/check_page.py

@@ -1,36 +1,19 @@
-"""Figure of builds: which law, with which numbers, by which compiler, repeats what Python did."""
+"""Figure of builds: how far each law's torques are from Python's, with which numbers, by which compiler."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
+
+from adaptctl.experiments.exported_builds import Build
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-class BuildLike(Protocol):
-    """A build that was run."""
-
-    @property
-    def law(self) -> str:
-        """Name of the law."""
-
-    @property
-    def scalar(self) -> str:
-        """Kind of number."""
-
-    @property
-    def compiler(self) -> str:
-        """Name of the compiler."""
-
-    @property
-    def passed(self) -> bool:
-        """True where it repeats the recorded ticks."""
-
-
-def build_grid(builds: Sequence[BuildLike]) -> Figure:
-    """Figure with a row a law and a column a compiler and kind of number: blue where a build agrees."""
+def build_grid(builds: Sequence[Build]) -> Figure:
+    """Figure with a row a law and a column a compiler and kind of number: blue where a build agrees, orange where not,
+    and how far its torques are off."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
 
@@ -41,7 +24,7 @@ def build_grid(builds: Sequence[BuildLike]) -> Figure:
     for build in builds:
         x, y = kinds.index((build.compiler, build.scalar)), laws.index(build.law)
         axes.plot(x, y, "s", color=run_color(0 if build.passed else 1).hex, markersize=11)
-        axes.text(x + 0.14, y, "agrees" if build.passed else "differs", va="center", size=8.0)
+        axes.text(x + 0.05 * len(kinds), y, _said(build), va="center", size=8.0)
     axes.set_xticks(range(len(kinds)), [f"{compiler}, {scalar}" for compiler, scalar in kinds])
     axes.set_yticks(range(len(laws)), laws)
     axes.set_xlim(-0.3, len(kinds) - 0.3)
@@ -49,3 +32,10 @@ def build_grid(builds: Sequence[BuildLike]) -> Figure:
     axes.xaxis.tick_top()
     axes.grid(visible=False)
     return figure
+
+
+def _said(build: Build) -> str:
+    from adaptctl.recording.wording import scientific
+
+    off = "" if build.difference is None else f"{scientific(build.difference, 2)} N m off"
+    return off if build.passed else f"differs{f', {off}' if off else ''}"

@@ -18,7 +18,7 @@ from adaptctl.errors import InputError
 from adaptctl.experiments.contest import Contender, contest
 from adaptctl.experiments.experiment import ClosedLoopExperiment, setting
 from adaptctl.identifiability import ReducedModel, Reduction, reduce
-from adaptctl.recording import ControllerRun, Progress, Result
+from adaptctl.recording import ControllerRun, Fact, Progress, Result
 from adaptctl.recording.verdict import Verdict
 from adaptctl.tuning import Tuning, tune
 
@@ -290,11 +290,11 @@ def _more_or_less(share: float) -> str:
     return f"{100.0 * abs(share):.3g} % {'more' if share > 0.0 else 'less'}"
 
 
-def _facts(burdens: dict[str, Burden], components: int) -> Iterator[tuple[str, str]]:
+def _facts(burdens: dict[str, Burden], components: int) -> Iterator[Fact]:
     words = {EVERY: "all adapted", FEW: f"{components} adapted", HELD: f"true {components}"}
     for kind, what in words.items():
         found = [burdens[name] for name in (f"{kind}-{BEFORE}", f"{kind}-{AFTER}") if name in burdens]
-        yield f"Error, {what}", " → ".join(map(_error, found))
+        yield Fact(f"Error, {what}", " → ".join(map(_error, found)))
     first = [burdens[name] for name in (f"{EVERY}-{BEFORE}", f"{EVERY}-{AFTER}") if name in burdens]
-    yield "Torque, of its limit (RMS)", " → ".join(f"{100.0 * b.rms_torque:.3g}" for b in first) + " %"
-    yield "Motors' work", " → ".join(f"{b.work:.3g}" for b in first) + " J"
+    yield Fact("Torque, of its limit (RMS)", " → ".join(f"{100.0 * b.rms_torque:.3g}" for b in first) + " %")
+    yield Fact("Motors' work", " → ".join(f"{b.work:.3g}" for b in first) + " J")

@@ -2,55 +2,30 @@
 
 from __future__ import annotations
 
-import shutil
-import subprocess
-import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from adaptctl.codegen import export
-from adaptctl.codegen.exporting import Exported
 from adaptctl.control import Controller
 from adaptctl.dynamics import load
 from adaptctl.errors import InputError
 from adaptctl.experiments.build_grid import build_grid
 from adaptctl.experiments.experiment import Experiment, setting, stated
+from adaptctl.experiments.exported_builds import COMPILERS, FLAGS, Build, built, found_compilers
 from adaptctl.files import write_json, write_text
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
-from adaptctl.recording import Progress, Result
+from adaptctl.recording import Fact, Failure, Progress, Result, Verdict
 from adaptctl.recording.page import embedded, rendered
-from adaptctl.recording.verdict import Failure, Verdict
+from adaptctl.recording.wording import number, scientific
 from adaptctl.tuning import tune
 from adaptctl.tuning.named_laws import LAWS, guarded, named_law
 
 if TYPE_CHECKING:
     from adaptctl.recording.drawing import Drawing
-
-COMPILERS = {
-    "cc": ("cc",),
-    "clang": ("clang",),
-    "tcc": ("tcc",),
-    "zig cc": (sys.executable, "-m", "ziglang", "cc"),
-}
-FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
-PATIENCE = 300.0
-"""s for a compiler, or for what it made"""
-
-
-@dataclass(frozen=True)
-class Build:
-    """A build of an exported law by one compiler, with one kind of number: whether it repeated the recorded ticks, and
-    its message."""
-
-    law: str
-    scalar: str
-    compiler: str
-    passed: bool
-    message: str
 
 
 @dataclass(frozen=True)
@@ -74,45 +49,13 @@ class ExportCheck(Experiment):
         builds: list[Build] = []
         complete = False
         try:
-            for build in self._builds(compilers, progress):
+            for build in self._builds(list(compilers), progress):
                 builds.append(build)
             complete = True
         except KeyboardInterrupt:
             if not builds:
                 raise
-        failed = [
-            (Failure.DIFFERS, f"{b.law} ({b.scalar}) by {b.compiler}: {b.message}.") for b in builds if not b.passed
-        ]
-        verdict = Verdict.of(failed)
-        missing = [name for name in COMPILERS if name not in compilers]
-        answer = f"{sum(b.passed for b in builds)} of {len(builds)} builds repeat what Python did."
-        facts = (
-            ("Laws", f"{len(self.laws)}"),
-            ("Compilers", ", ".join(compilers)),
-            ("Not found", ", ".join(missing) or "none"),
-            ("Builds that agree", f"{sum(b.passed for b in builds)} of {len(builds)}"),
-        )
-        headline = verdict.before(answer)
-
-        def write(folder: Path, _progress: Progress) -> None:
-            from adaptctl.recording.drawing import write_drawings
-
-            title, passed = self.title.format(robot=self.robot), verdict.passed
-            write_json(
-                folder / "summary.json",
-                {"schema": "adaptctl/export-check/1", "experiment": self.name, "robot": self.robot, "seed": self.seed,
-                 "complete": complete, "passed": passed, "missing": missing, "builds": [asdict(b) for b in builds]},
-            )  # fmt: skip
-            (folder / "figures").mkdir(exist_ok=True)
-            drawings = list(drawn(builds))
-            figures = embedded(drawings, write_drawings(folder / "figures", drawings))
-            content: dict[str, Any] = {
-                "facts": facts, "title": title, "verdict": headline, "builds": builds, "figures": figures,
-            }  # fmt: skip
-            page = rendered("export_check.html", settings=list(stated(self)), flags=" ".join(FLAGS), **content)
-            write_text(folder / "report.html", page)
-
-        return Result(complete, headline, facts, verdict, write, failed=not verdict.passed)
+        return Checked(self, compilers, tuple(builds), complete).result()
 
     def _builds(self, compilers: list[str], progress: Progress) -> Iterator[Build]:
         mechanism = load(self.robot)
@@ -131,37 +74,120 @@ class ExportCheck(Experiment):
         progress("Exporting and compiling", 1.0)
 
 
-def drawn(builds: Sequence[Build]) -> Iterator[Drawing]:
-    """Figure of which builds agree."""
-    from adaptctl.recording.drawing import Drawing
+@dataclass(frozen=True, eq=False)
+class Checked:
+    """Builds that were run for an experiment, by compilers whose versions are given by name."""
 
-    caption = "Laws, and the compilers and kinds of number with which they repeat what Python did."
-    yield Drawing("builds", caption, partial(build_grid, builds))
+    of: ExportCheck
+    compilers: dict[str, str]
+    builds: tuple[Build, ...]
+    complete: bool
 
+    @property
+    def experiment(self) -> str:
+        """Name of the experiment."""
+        return self.of.name
 
-def found_compilers() -> list[str]:
-    """Names of the compilers that are installed."""
-    return [name for name, command in COMPILERS.items() if _answers(command)]
+    @property
+    def title(self) -> str:
+        """Title of its page and recording."""
+        return self.of.title.format(robot=self.of.robot)
 
+    @property
+    def seed(self) -> int:
+        """Seed of everything random."""
+        return self.of.seed
 
-def _answers(command: tuple[str, ...]) -> bool:
-    if shutil.which(command[0]) is None:
-        return False
-    flag = "-v" if command[0] == "tcc" else "--version"
-    return subprocess.run([*command, flag], capture_output=True, check=False, timeout=PATIENCE).returncode == 0
+    @property
+    def verdict(self) -> Verdict:
+        """Verdict on all builds."""
+        wrong = [build for build in self.builds if not build.passed]
+        return Verdict.of((Failure.DIFFERS, f"{b.law} ({b.scalar}) by {b.compiler}: {b.message}.") for b in wrong)
 
+    @property
+    def missing(self) -> list[str]:
+        """Names of the compilers that are not here."""
+        return [name for name in COMPILERS if name not in self.compilers]
 
-def built(done: Exported, law: str, scalar: str, compiler: str) -> Build:
-    """The build of a package's own test by a compiler, run."""
-    sources = [f"{done.name}.c", f"test_{done.name}.c"]
-    program = done.directory / f"test_{compiler.replace(' ', '_')}"
-    flags = FLAGS if compiler != "tcc" else FLAGS[:1]
-    made = _run([*COMPILERS[compiler], *flags, *sources, "-lm", "-o", str(program)], done.directory)
-    if made.returncode != 0:
-        return Build(law, scalar, compiler, False, f"does not compile: {made.stderr.strip()[:200]}")
-    ran = _run([str(program)], done.directory)
-    return Build(law, scalar, compiler, ran.returncode == 0, " ".join(ran.stdout.split())[:200])
+    def result(self) -> Result:
+        """Result of the experiment."""
+        verdict = self.verdict
+        return Result(
+            self.complete, self.headline(), self.facts(), verdict, self.write, failed=not verdict.passed
+        )  # fmt: skip
 
+    def headline(self) -> str:
+        """The outcome in a sentence or two, failures first."""
+        repeated = f"{self._passed} of {len(self.builds)} builds repeat Python's torques"
+        off = " and ".join(f"{scientific(worst, 2)} N m ({scalar})" for scalar, worst in self._worst().items())
+        largest = max((build.largest or 0.0 for build in self.builds), default=0.0)
+        return self.verdict.before(
+            f"{repeated}, of up to {number(largest)} N m, within {off}." if off else f"{repeated}."
+        )
 
-def _run(command: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=PATIENCE)
+    def facts(self) -> tuple[Fact, ...]:
+        """Facts for terminal and report."""
+        worst = [Fact(f"Off at most, {scalar}", f"{scientific(off, 2)} N m") for scalar, off in self._worst().items()]
+        return (
+            Fact("Builds that agree", f"{self._passed} of {len(self.builds)}"),
+            *worst,
+            Fact("Laws", f"{len(self.of.laws)}"),
+            Fact("Compilers", ", ".join(self.compilers)),
+            Fact("Not found", ", ".join(self.missing) or "none"),
+        )
+
+    @property
+    def _passed(self) -> int:
+        return sum(build.passed for build in self.builds)
+
+    def _worst(self) -> dict[str, float]:
+        """Largest difference of torques with each kind of number, of the builds that agree."""
+        found: dict[str, float] = {}
+        for build in self.builds:
+            if build.passed and build.difference is not None:
+                found[build.scalar] = max(found.get(build.scalar, 0.0), build.difference)
+        return found
+
+    def write(self, folder: Path, progress: Progress) -> None:
+        """Write summary, figure, report and recording into a folder."""
+        from adaptctl.recording.drawing import write_drawings
+        from adaptctl.recording.illustrated import write_illustrated
+
+        write_json(folder / "summary.json", self.summary())
+        (folder / "figures").mkdir(exist_ok=True)
+        drawings = [self.drawing()]
+        files = write_drawings(folder / "figures", drawings)
+        page = rendered(
+            "export_check.html",
+            settings=list(stated(self.of)),
+            flags=" ".join(FLAGS),
+            checked=self,
+            verdict=self.headline(),
+            facts=self.facts(),
+            figures=embedded(drawings, files),
+        )
+        write_text(folder / "report.html", page)
+        write_illustrated(folder / "recording.rrd", self, self.markdown(), files)
+        progress("Recording and report", 1.0)
+
+    def summary(self) -> dict[str, Any]:
+        """Summary in JSON's types."""
+        told = [{**asdict(b), "difference": b.difference, "largest": b.largest} for b in self.builds]
+        about = {"schema": "adaptctl/export-check/2", "experiment": self.of.name, "robot": self.of.robot}
+        passed = {"seed": self.of.seed, "complete": self.complete, "passed": self.verdict.passed}
+        return {**about, **passed, "compilers": self.compilers, "missing": self.missing, "builds": told}
+
+    def markdown(self) -> str:
+        """Text of the recording, in Markdown."""
+        rows = "\n".join(f"| {fact.question} | **{fact.answer}** |" for fact in self.facts())
+        versions = "\n".join(f"- {name}: {version}" for name, version in self.compilers.items())
+        return f"{self.headline()}\n\n| | |\n|---|---|\n{rows}\n\n{versions}\n"
+
+    def drawing(self) -> Drawing:
+        """Figure of which builds agree."""
+        from adaptctl.recording.drawing import Drawing
+
+        caption = (
+            "Largest difference of a build's torques from those that Python recorded: blue where the build agrees."
+        )
+        return Drawing("builds", caption, partial(build_grid, self.builds))

@@ -129,7 +129,8 @@ class NoiseAndDelay(AdaptationLaws):
         """Sentence with the parameter errors and drifts."""
         adapting = [run for run in outcome.runs if run.name != ADAPTATION_OFF]
         drifts = found.span("drift", adapting)
-        return f"{super().answer(outcome, found)} What they moved a minute in the second half: {drifts}."
+        ended = super().answer(outcome, found)
+        return f"{ended} In the second half, estimates move by {drifts} of the parameters a minute."
 
     def _loop(self, mechanism: Mechanism) -> Iterator[Finding]:
         """Findings: the delay that the tracking loop tolerates, and the delay that there is."""

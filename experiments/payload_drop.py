@@ -115,9 +115,11 @@ class PayloadDrop(AdaptationLaws):
         key = event.replace(" ", "_")
         back = found.each(f"return_after_{key}", runs, "s", rising=True)
         lost = found.each(f"not_back_after_{key}", runs)
-        parts = [f"below twice the earlier in {' to '.join(dict.fromkeys((back[0], back[-1])))}"] if back else []
-        parts += [f"{len(lost)} of {len(runs)} laws are not back"] if lost else []
-        return f"Errors after the {event}: {'; '.join(parts) or 'no law came so far'}."
+        span = " to ".join(dict.fromkeys((*back[:1], *back[-1:])))
+        parts = [f"errors are below twice what they were before within {span}"] if back else []
+        come = "does" if len(lost) == 1 else "do"
+        parts += [f"{len(lost)} of {len(runs)} laws {come} not come back"] if lost else []
+        return f"After the {event} {', and '.join(parts) or 'no law came so far'}."
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
         """Figure of the times to return, then those of every comparison of laws."""

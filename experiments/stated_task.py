@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -21,32 +21,28 @@ if TYPE_CHECKING:
     import gymnasium
 
 
+REFERENCE = ("center", "amplitude", "frequency", "start_time")
+"""Settings that are those of `Sinusoids`."""
+ENVIRONMENT = ("duration", "control_period", "initial_error")
+"""Settings that are those of a tracking environment."""
+Named: TypeAlias = tuple[tuple[str, Any], ...]
+"""Settings as pairs of a name and a value, which compare."""
+
+
 class SinusoidTask(NamedTuple):
-    """Settings of a tracking environment on sinusoids, in SI units: environments of equal tasks are equal."""
+    """Task of a tracking environment on sinusoids, in SI units: environments of equal tasks are equal."""
 
     environment_id: str
-    center: tuple[float, ...]
-    amplitude: tuple[float, ...]
-    frequency: tuple[float, ...]
-    start_time: float
-    duration: float
-    control_period: float
-    initial_error: float
-    torque_limits: tuple[float, ...] | None
+    reference: Named
+    settings: Named
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """The environment of a mechanism."""
+        """The environment of a mechanism, made of nothing but the task."""
         import gymnasium
 
-        center, amplitude, frequency = map(np.array, (self.center, self.amplitude, self.frequency))
+        reference = Sinusoids(**dict(self.reference))
         return gymnasium.make(
-            f"adaptctl.envs:{self.environment_id}",
-            robot=mechanism,
-            reference=Sinusoids(center, amplitude, frequency, start_time=self.start_time),
-            duration=self.duration,
-            control_period=self.control_period,
-            initial_error=self.initial_error,
-            torque_limits=None if self.torque_limits is None else np.array(self.torque_limits),
+            f"adaptctl.envs:{self.environment_id}", robot=mechanism, reference=reference, **dict(self.settings)
         )
 
 
@@ -87,17 +83,11 @@ class StatedTask(RangedGain, Learning):
     def task(self, mechanism: Mechanism) -> SinusoidTask:
         """Task that the environment poses, as set."""
         limits = self.torque_limits(mechanism)
-        return SinusoidTask(
-            self.environment_id,
-            self.center,
-            self.amplitude,
-            self.frequency,
-            self.start_time,
-            self.duration,
-            self.control_period,
-            self.initial_error,
-            None if limits is None else tuple(limits.tolist()),
-        )
+        limited = ("torque_limits", None if limits is None else tuple(limits.tolist()))
+        return SinusoidTask(self.environment_id, self._named(REFERENCE), (*self._named(ENVIRONMENT), limited))
+
+    def _named(self, names: tuple[str, ...]) -> Named:
+        return tuple((name, getattr(self, name)) for name in names)
 
     @property
     def options(self) -> dict[str, Any]:

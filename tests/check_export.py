@@ -3,7 +3,8 @@
 Bit for bit over 20,000 ticks of every law where nothing fuses; within 1e-12 N m in closed loop, in parts of the largest
 torque where that is above 1, where products and sums are fused; without warnings; without data of its own; refused
 where arithmetic is careless; how long a tick takes; and on a Cortex-M4F, counted by qemu, how much code, stack and how
-many instructions. Names each tool that is missing, and what is not checked without it.
+many instructions. Names each tool that is missing, and what is not checked without it. With `--publish`
+a run over all laws is kept in benchmarks/export.json, and docs/export.md shows it.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from typing import Any
 import numpy as np
 from every_law import LAWS, REDUCED, guarded, law_named
 from export_builds import CARELESS, GCC, GNU, HARNESS, STRICT, TOOLCHAINS, Package, Toolchain, run, sections
+from export_published import ARMS, Figures, publish
 from export_ticks import TICKS, Ticks, Trial
 from export_times import pointer, timed
 
@@ -36,7 +38,7 @@ M4F = ("-mcpu=cortex-m4", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard")
 FUSING = Toolchain("gcc fusing", ("gcc",), ("-std=c99", "-O2", "-mfma", "-ffp-contract=fast"))
 BOUND = 1e-12
 """of torques, N m, in parts of the largest where that is above 1"""
-TIMED = ("puma", "semi_direct", "puma_guarded")
+TIMED = tuple(ARMS)
 
 
 def cases() -> dict[str, Controller[Any]]:
@@ -94,11 +96,10 @@ def on_cortex_m(package: Package) -> dict[str, int]:
 class Check:
     """What was found of all laws so far: `lines` tell of one law each."""
 
-    def __init__(self, place: Path, host: Processor) -> None:
-        self.place, self.host = place, host
+    def __init__(self, place: Path, host: Processor, found: Figures) -> None:
+        self.place, self.host, self.found = place, host, found
         self.tools = [tool for tool in TOOLCHAINS if not tool.missing]
         self.failed: list[str] = []
-        self.builds = self.agree = 0
         self.worst = 0.0
 
     def lines(self, name: str, law: Controller[Any]) -> Iterator[str]:
@@ -114,7 +115,7 @@ class Check:
             run([*tool.runner, str(package.tests(tool))])
         bad = bool(wrong) or own["data"] != 0 or own["bss"] != 0 or off > BOUND * max(1.0, largest)
         self.failed += [name] if bad else []
-        self.builds, self.agree = self.builds + len(found), self.agree + len(found) - len(wrong)
+        self.found.count(len(found), len(wrong))
         self.worst = max(self.worst, off)
         yield (
             f"{name}: {made.manifest['flops']} flops; {len(found) - len(wrong)} of {len(found)} builds are the same "
@@ -123,7 +124,7 @@ class Check:
             f"{package.stack()} B by gcc, about {made.manifest['stack_bytes_about']} by export"
         )
         if name in TIMED:
-            times = timed(package, trial, ticks, self.host)
+            times = self.found.times[name] = timed(package, trial, ticks, self.host)
             yield "  ns a tick: " + ", ".join(
                 f"{label} {ns:.0f} ({ns / times['native']:.2f})" for label, ns in times.items()
             )
@@ -133,7 +134,8 @@ class Check:
         """What single precision takes on a microcontroller."""
         made = adaptctl.export(law, self.place / f"{name}_float", name=name, scalar="float", unguarded=True)
         if shutil.which("arm-none-eabi-gcc") and shutil.which("qemu-system-arm"):
-            yield f"  Cortex-M4F, float: {on_cortex_m(Package(made.directory, name, law.dof))}"
+            self.found.cortex[name] = on_cortex_m(Package(made.directory, name, law.dof))
+            yield f"  Cortex-M4F, float: {self.found.cortex[name]}"
         else:
             yield "  missing: arm-none-eabi-gcc and qemu-system-arm: no microcontroller is checked"
 
@@ -150,7 +152,7 @@ class Check:
         yield f"careless arithmetic: refused by #error with {flags - len(accepted)} of {flags} flags{told}"
 
 
-def report(chosen: Sequence[str], host: Processor) -> Iterator[str]:
+def report(chosen: Sequence[str], host: Processor, figures: Figures) -> Iterator[str]:
     """Lines of what was checked; ends in SystemExit where something failed."""
     yield f"{Machine.here()}; load {os.getloadavg()[0]:.1f}"
     for tool in TOOLCHAINS:
@@ -160,18 +162,17 @@ def report(chosen: Sequence[str], host: Processor) -> Iterator[str]:
     if unknown := set(chosen) - {*laws, "careless"}:
         raise SystemExit(f"check-export: no law is named {', '.join(sorted(unknown))}; laws: {', '.join(laws)}")
     with tempfile.TemporaryDirectory() as place:
-        check = Check(Path(place), host)
-        count = 0
+        check = Check(Path(place), host, figures)
         for name, law in laws.items():
             if not chosen or name in chosen:
-                count += 1
                 yield from check.lines(name, law)
         if not chosen or "careless" in chosen:
             yield from check.careless()
     spent = os.times()
     yield (
-        f"{count} laws, {check.agree} of {check.builds} builds the same bit for bit over {TICKS} ticks each; fused at "
-        f"most {check.worst:.2g} N m off; {sum(spent[:4]):.0f} s of processor time, {time.monotonic() - BEGUN:.0f} s"
+        f"{figures.laws} laws, {figures.agree} of {figures.builds} builds the same bit for bit over {TICKS} ticks "
+        f"each; fused at most {check.worst:.2g} N m off; {sum(spent[:4]):.0f} s of processor time, "
+        f"{time.monotonic() - BEGUN:.0f} s"
     )
     if check.failed:
         raise SystemExit(f"check-export: FAILED: {', '.join(check.failed)}")
@@ -183,13 +184,18 @@ BEGUN = time.monotonic()
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("laws", nargs="*", help="names of laws, or careless; all of them unless given")
+    parser.add_argument("--publish", action="store_true", help="keep the figures, and show them in docs/export.md")
     warnings.simplefilter("ignore")
     if shutil.which("gcc") is None:
         raise SystemExit("check-export: missing: gcc, without which nothing is checked")
-    chosen, host = parser.parse_args().laws, Processor.host()
+    given, host, figures = parser.parse_args(), Processor.host(), Figures()
+    if given.laws and given.publish:
+        raise SystemExit("check-export: figures of some laws are not published: give --publish alone")
     os.environ["ADAPTCTL_PROCESSOR"] = "sse2"  # a loop's first configuration is computed without fused operations too
-    for line in report(chosen, host):
+    for line in report(given.laws, host, figures):
         print(line, flush=True)
+    if given.publish:
+        publish(figures.kept())
 
 
 if __name__ == "__main__":

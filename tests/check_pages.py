@@ -41,9 +41,10 @@ const look = async () => {
   return { wide: document.documentElement.scrollWidth, found: violations.map(told) };
 };
 (async () => {
-  const options = { executablePath: browser, args: ["--no-sandbox", "--disable-gpu"], protocolTimeout: 600000 };
-  const running = await require("puppeteer-core").launch(options), tab = await running.newPage();
+  const args = ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"];
+  const running = await require("puppeteer-core").launch({ executablePath: browser, args, protocolTimeout: 600000 });
   for (const page of pages) for (const width of widths) {
+    const tab = await running.newPage();  // one that has looked at hundreds of pages may be gone
     await tab.setViewport({ width, height: 900 });
     await tab.goto("file://" + page, { timeout: 600000 });
     await tab.evaluate(axe);
@@ -51,6 +52,7 @@ const look = async () => {
       await tab.emulateMediaFeatures([{ name: "prefers-color-scheme", value: scheme }]);
       console.log(JSON.stringify({ page, width, scheme, ...(await tab.evaluate(look)) }));
     }
+    await tab.close();
   }
   await running.close();
 })();

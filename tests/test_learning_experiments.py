@@ -100,7 +100,7 @@ def test_a_payload_may_come_back() -> None:
         assert numbers[f"return_after_{event}.composite-learning"] < 6.0
     held = comparison.runs[0].rollout.marks["payload"]
     np.testing.assert_array_equal(np.flatnonzero(np.diff(held)), [4998, 11998, 24998, 31998])
-    assert "Errors after the last pickup:" in (comparison.answer or "")
+    assert "After the last pickup errors are below twice" in (comparison.answer or "")
     with pytest.raises(InputError, match=r"within each of 4 parts of the 40 s of the run, got 5 and 12"):
         PayloadDrop(robot=SMALL, duration=40.0, times=4, start=5.0, stop=12.0)
 

@@ -20,9 +20,6 @@ from adaptctl.codegen import live_arm as module
 from adaptctl.codegen.live_arm import LiveArm, live_arm
 from adaptctl.control import Controller, Sinusoids, Spline
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError
-from adaptctl.experiments.build_grid import build_grid
-from adaptctl.experiments.export_check import Build, ExportCheck, found_compilers
 from adaptctl.recording.report import report
 from adaptctl.simulation import Plant
 from adaptctl.simulation.closed_loop import ClosedLoop, Sample
@@ -107,14 +104,6 @@ def test_a_report_holds_the_live_arm_and_fetches_nothing() -> None:
     assert "live-play" not in without
 
 
-def test_export_check_needs_a_compiler(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setenv("PATH", str(tmp_path))
-    assert set(found_compilers()) <= {"zig cc"}
-    if not found_compilers():
-        with pytest.raises(InputError, match="no compiler is found; install one of: cc, clang, tcc, zig cc"):
-            ExportCheck().run(lambda _what, _share: None)
-
-
 def test_the_home_page_holds_a_learning_arm_and_fetches_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     docs = Path(__file__).parent.parent / "docs"
     monkeypatch.syspath_prepend(docs / "extensions")
@@ -130,13 +119,3 @@ def test_the_home_page_holds_a_learning_arm_and_fetches_nothing(monkeypatch: pyt
     for what in ('role="status"', "aria-pressed", "aria-label", "<noscript>"):
         assert what in section
     assert "http" not in section
-
-
-def test_an_export_check_shows_which_builds_agree() -> None:
-    laws, kinds = ("slotine-li", "natural"), (("cc", "double"), ("cc", "float"), ("tcc", "double"))
-    builds = [Build(law, scalar, compiler, law != "natural", "said") for law in laws for compiler, scalar in kinds]
-    axes = build_grid(builds).axes[0]
-    assert [label.get_text() for label in axes.get_yticklabels()] == list(laws)
-    assert [label.get_text() for label in axes.get_xticklabels()] == ["cc, double", "cc, float", "tcc, double"]
-    assert [text.get_text() for text in axes.texts] == ["agrees"] * 3 + ["differs"] * 3
-    assert len({line.get_color() for line in axes.lines}) == 2

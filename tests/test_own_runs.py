@@ -16,6 +16,7 @@ import adaptctl
 from adaptctl.control import ReferencePoint
 from adaptctl.errors import InputError, LostSamplesWarning, NonFiniteError, NotFoundError
 from adaptctl.recording import compared_runs, judged, shown, write_artifacts
+from adaptctl.recording.fact import answers
 from adaptctl.recording.summary import summary
 
 PERIOD, COUNT = 1e-3, 3000
@@ -187,7 +188,7 @@ def test_runs_of_an_unknown_truth_claim_nothing_of_it(arm: adaptctl.Mechanism, t
     told = shown(compared)
     assert "Knowing" not in told.headline
     assert "adaptation off stays at" in told.headline
-    assert "Simulated" not in dict(told.facts)
+    assert "Simulated" not in answers(told.facts)
     assert {row["true"] for row in summary(compared)["parameters"].values()} == {None}
     write_artifacts(tmp_path, compared)
     report = (tmp_path / "report.html").read_text()

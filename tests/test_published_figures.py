@@ -13,10 +13,11 @@ import pytest
 from adaptctl.dynamics import load
 from adaptctl.experiments.adaptation_laws import AdaptationLaws
 from adaptctl.identifiability import essential_space, fundamental_basis
-from benchmarks import start_up
+from benchmarks import long_mechanisms, start_up
 from benchmarks.findings import Agreement, Finding, Measurement, Speedup
 from benchmarks.interleaved import Spread
 from benchmarks.machine import Machine
+from benchmarks.offline import chain
 from benchmarks.published import NUMBERS, PLOT, agreements, comparisons, measurements
 from docs.making.null_directions import write_null_directions
 from docs.making.verification import KEPT, PAGE, TESTS, asked_in, publish, shown
@@ -73,6 +74,21 @@ def test_the_table_of_the_first_tick_shows_its_data() -> None:
     kept = json.loads(start_up.NUMBERS.read_text(encoding="utf-8"))
     assert start_up.shown(kept) in (ROOT / "docs" / "compilation.md").read_text(encoding="utf-8")
     assert kept["cached"]["together"][1] < kept["cold"]["together"][1]
+
+
+def test_the_table_of_long_mechanisms_shows_its_data() -> None:
+    kept = json.loads(long_mechanisms.NUMBERS.read_text(encoding="utf-8"))
+    assert long_mechanisms.shown(kept) in (ROOT / "docs" / "compilation.md").read_text(encoding="utf-8")
+    assert [row["links"] for row in kept["rows"]] == list(long_mechanisms.LINKS)
+    for row in kept["rows"]:
+        assert row["first_step"] > row["step"] > 0.0
+        assert row["first_tick"] > row["tick"] > 0.0
+
+
+@pytest.mark.parametrize("place", range(len(long_mechanisms.LINKS)))
+def test_operations_of_long_mechanisms_are_those_of_their_ticks(place: int) -> None:
+    row = json.loads(long_mechanisms.NUMBERS.read_text(encoding="utf-8"))["rows"][place]
+    assert long_mechanisms.flops(long_mechanisms.law(chain(row["links"]))) == row["flops"]
 
 
 def test_figures_of_a_run_come_into_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

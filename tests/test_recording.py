@@ -26,9 +26,11 @@ from adaptctl.identifiability import essential_space
 from adaptctl.recording import Comparison, write_artifacts
 from adaptctl.recording import shown as result_of
 from adaptctl.recording.blueprint import _room
+from adaptctl.recording.fact import answers
 from adaptctl.recording.rerun_recording import _contents
 from adaptctl.recording.scene import log_base
 from adaptctl.recording.skeleton import Solid, skeleton
+from adaptctl.recording.viewpoint import SEEN, Viewpoint
 from adaptctl.recording.views import LONG, SHORT
 from adaptctl.recording.wording import INCOMPLETE, facts, final_error, number, outcome, outcome_words
 
@@ -240,7 +242,7 @@ def test_units_and_kinds_of_parameters_are_not_mixed() -> None:
     assert told_of == pytest.approx(expected, rel=0.01)
     inertial, friction = len(what.space.parameter_names), len(what.model.names) - what.space.rank
     assert friction > 0
-    assert dict(facts(what))["Parameters"] == (
+    assert answers(facts(what))["Parameters"] == (
         f"{what.space.rank} independent among {inertial} inertial, and {friction} of friction"
     )
 
@@ -374,3 +376,16 @@ def test_skeleton_leads_from_joint_to_joint(robot: str) -> None:
 
 def test_legends_of_long_names_have_more_room() -> None:
     assert _room(("joint1", "joint2")) == SHORT < _room(("joint1", "right_ankle_roll_joint")) == LONG
+
+
+def test_all_that_moves_is_seen_from_the_viewpoint() -> None:
+    arm = load(TWO_LINK)
+    parts = skeleton(arm)
+    p = np.random.default_rng(0).uniform(-3.0, 3.0, (100, arm.dof))
+    seen = Viewpoint.of(arm, parts, p)
+    poses = link_poses(arm, p)
+    tips = poses.translations[:, parts.tip_link] + poses.rotations[:, parts.tip_link] @ parts.tip
+    axis = (seen.eye - seen.target) / np.linalg.norm(seen.eye - seen.target)
+    ahead = (seen.eye - tips) @ axis
+    beside = np.linalg.norm((seen.eye - tips) - ahead[:, None] * axis, axis=-1)
+    assert np.all(beside <= (SEEN + 1e-9) * ahead)

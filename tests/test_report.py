@@ -13,7 +13,7 @@ from comparisons import comparison
 
 from adaptctl.dynamics import load
 from adaptctl.experiments import EXPERIMENTS
-from adaptctl.recording import Comparison, write_artifacts
+from adaptctl.recording import Comparison, Fact, Whose, write_artifacts
 from adaptctl.recording.report import report
 from adaptctl.recording.wording import outcome_words
 from docs.making.gallery import PAGE, PICTURES, outcome_of
@@ -118,6 +118,18 @@ def test_only_what_learns_and_what_does_not_are_coloured(folder: Path, shown: Co
     assert tiles[" off"] == "… with adaptation off"
     bare = report(replace(shown, runs=shown.runs[:1]), {})
     assert {kind for kind, _ in re.findall(r'<div class="tile([^"]*)"><span>([^<]*)', bare)} == {""}
+
+
+def test_colours_of_tiles_are_those_of_the_facts_whatever_their_words(
+    shown: Comparison, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told = [Fact("before", "1"), Fact("ours", "2", Whose.SUBJECT), Fact("theirs", "3", Whose.BASELINE)]
+    monkeypatch.setattr("adaptctl.recording.report.facts", lambda _comparison: told)
+    html = report(shown, {})
+    assert re.findall(r'<div class="(tile[ a-z]*)"><span>(.*?)</span><b>(.*?)</b>', html) == [
+        ("tile", "before", "1"), ("tile subject", "ours", "2"), ("tile off", "theirs", "3"),
+    ]  # fmt: skip
+    assert all(f".{fact.whose.value} b {{" in html for fact in told[1:])
 
 
 def test_the_gallery_tells_what_a_report_says_first(folder: Path, shown: Comparison, tmp_path: Path) -> None:

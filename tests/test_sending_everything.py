@@ -191,6 +191,7 @@ def of_recording() -> Any:
         leading,
         codegen.Exported(Path("arm"), "arm", ("arm.c",), {}),
         recording.Setting("a", "1", "b"),
+        recording.Fact("a", "1", recording.Whose.SUBJECT),
         EXPERIMENTS,
     )
 

@@ -37,7 +37,7 @@ def test_the_tools_errors_are_drawn(compared: Any) -> None:
 
 
 def test_what_it_is_about_comes_first(compared: Any) -> None:
-    (about, told), (whose, _) = list(facts(compared))[:2]
+    (about, told, _), (whose, *_) = list(facts(compared))[:2]
     found = {finding.name: finding.value for finding in compared.findings}
     assert about == "Distance of the tool from its path"
     assert float(told.split(" mm")[0]) == pytest.approx(found["final_tool_error.task-space"], rel=1e-2)

@@ -12,6 +12,7 @@ from adaptctl.arrays import Array
 from adaptctl.dynamics import load
 from adaptctl.experiments.adaptive import AdaptiveTracking
 from adaptctl.recording import Comparison, Failure, judged
+from adaptctl.recording.fact import answers
 from adaptctl.recording.overview import summary_markdown
 from adaptctl.recording.summary import summary
 from adaptctl.recording.wording import facts, outcome_words
@@ -59,7 +60,7 @@ def test_a_run_that_stopped_says_so_first_and_has_no_last_two_seconds() -> None:
     assert said["verdict"]["passed"] is False
     assert (said["first_rms_error"], said["final_rms_error"]) == (None, None)
     assert said["rms_error"] == pytest.approx(float(np.sqrt(np.mean(stopped.subject.rollout.error**2))))
-    assert dict(facts(stopped))["RMS error, last 2 s"] == "–"
+    assert answers(facts(stopped))["RMS error, last 2 s"] == "–"
 
 
 def test_figures_of_two_seconds_exist_from_two_seconds_on() -> None:
@@ -73,7 +74,7 @@ def test_adaptation_off_that_fell_is_not_said_to_stay() -> None:
     assert failures(fell) == []
     assert "adaptation off is stopped at 0.47 s" in outcome_words(fell)
     assert "stays" not in outcome_words(fell)
-    assert dict(facts(fell))["… with adaptation off"].startswith("stopped at 0.47 s")
+    assert answers(facts(fell))["… with adaptation off"].startswith("stopped at 0.47 s")
 
 
 def test_errors_that_no_tracking_has_are_divergence() -> None:
@@ -101,7 +102,7 @@ def test_seconds_at_a_torque_limit_fail_whoever_clips(told_by: str) -> None:
         steps = round(seconds / PERIOD)
         assert failures(at_limit) == failed
         assert summary(at_limit)["clipped_steps"] == at_limit.limited_steps(at_limit.subject) == steps
-        assert dict(facts(at_limit))["Steps at a torque limit"] == f"{steps:,} of 1,500"
+        assert answers(facts(at_limit))["Steps at a torque limit"] == f"{steps:,} of 1,500"
 
 
 def test_a_failure_that_is_the_question_passes_and_is_told_last() -> None:

@@ -120,13 +120,15 @@ def run_experiment(experiment: Experiment, out: Path, overwrite: bool, json: boo
 
 def as_builtins(name: str, result: Result, folder: Path) -> dict[str, Any]:
     """Outcome of an experiment in JSON's types; the numbers are in the folder's summary.json."""
+    from adaptctl.recording.fact import answers
+
     return {
         "schema": RUN_SCHEMA,
         "experiment": name,
         "complete": result.complete,
         "verdict": result.verdict.as_builtins(),
         "headline": result.headline,
-        "facts": dict(result.facts),
+        "facts": answers(result.facts),
         "folder": str(folder),
     }
 
@@ -182,8 +184,8 @@ def _tell(result: Result, folder: Path) -> None:
     """Print the outcome, and where to look."""
     print(result.headline)
     answers = result.facts
-    width = max(len(question) for question, _ in answers)
-    print("\n".join(f"  {question:<{width}}  {answer}" for question, answer in answers))
+    width = max(len(question) for question, *_ in answers)
+    print("\n".join(f"  {question:<{width}}  {answer}" for question, answer, _ in answers))
     print()
     if (folder / "recording.rrd").exists():
         print(f"Look at it:  rerun {folder / 'recording.rrd'}")

@@ -91,9 +91,10 @@ def identify(
 
 def as_builtins(found: Identification, folder: Path) -> dict[str, Any]:
     """Outcome of an identification in JSON's types; the numbers are in the folder's summary.json."""
+    from adaptctl.recording.fact import answers
     from adaptctl.recording.identified.report import facts, verdict
 
-    words = {"verdict": verdict(found), "facts": dict(facts(found)), "remarks": list(found.remarks)}
+    words = {"verdict": verdict(found), "facts": answers(facts(found)), "remarks": list(found.remarks)}
     return {"schema": SCHEMA, "folder": str(folder), **words}
 
 
@@ -137,8 +138,8 @@ def _tell(found: Identification, folder: Path) -> None:
 
     print(verdict(found))
     answers = list(facts(found))
-    width = max(len(question) for question, _ in answers)
-    print("\n".join(f"  {question:<{width}}  {answer}" for question, answer in answers))
+    width = max(len(question) for question, *_ in answers)
+    print("\n".join(f"  {question:<{width}}  {answer}" for question, answer, _ in answers))
     for remark in found.remarks:
         print(f"  note: {remark}")
     print(f"\nLook at it:  rerun {folder / 'recording.rrd'}\nRead it:     {folder / 'report.html'}")

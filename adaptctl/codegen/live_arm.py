@@ -125,7 +125,7 @@ def _facts(loop: LiveLoop, own: dict[str, int], made: list[int], layout: Layout)
     return {
         "period": loop.plant.control_period,
         "joints": [joint.name for joint in mechanism.primary_joints],
-        "units": ["mrad" if joint.kind.turns else "mm" for joint in mechanism.primary_joints],
+        "units": [f"m{joint.kind.position_unit}" for joint in mechanism.primary_joints],
         "state": [own[name] for name in loop.state],
         "next": made[:states],
         "sizes": list(loop.state.values()),

@@ -43,6 +43,16 @@ class JointKind(Enum):
         """True where the coordinate is an angle (rad), False where a length (m)."""
         return self is not JointKind.PRISMATIC
 
+    @property
+    def position_unit(self) -> str:
+        """Unit of the coordinate: rad or m."""
+        return "rad" if self.turns else "m"
+
+    @property
+    def effort_unit(self) -> str:
+        """Unit of what a motor gives: a torque's N m or a force's N."""
+        return "N m" if self.turns else "N"
+
 
 @dataclass(frozen=True)
 class Limits:

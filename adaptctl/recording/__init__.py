@@ -3,6 +3,7 @@
 from adaptctl.recording.artifacts import shown, write_artifacts
 from adaptctl.recording.compared_runs import compared_runs
 from adaptctl.recording.comparison import Comparison, ControllerRun, Finding, Leading, Setting, TickCost
+from adaptctl.recording.fact import Fact, Whose
 from adaptctl.recording.judgement import judged
 from adaptctl.recording.live import Live
 from adaptctl.recording.result import Progress, Result
@@ -11,6 +12,7 @@ from adaptctl.recording.verdict import Failure, Fault, Verdict
 __all__ = [
     "Comparison",
     "ControllerRun",
+    "Fact",
     "Failure",
     "Fault",
     "Finding",
@@ -21,6 +23,7 @@ __all__ = [
     "Setting",
     "TickCost",
     "Verdict",
+    "Whose",
     "compared_runs",
     "judged",
     "shown",

@@ -13,6 +13,8 @@ from adaptctl.recording.viewpoint import Viewpoint
 
 MANY = 8
 """controllers whose small views have no room for a legend of joints, whose colours are those of the overview"""
+TALL = 12
+"""controllers above which a legend of all of them needs more than half of the window's height"""
 LONGEST = 12
 """characters of a short name in a legend"""
 
@@ -77,8 +79,9 @@ def _controllers(shown: ScreenContents) -> rrb.Container:
     errors = [_error(shown, i, legend=len(shown.runs) <= MANY) for i in range(len(shown.runs))]
     title = f"All controllers: RMS error of all joints, powers of ten of a {shown.error_unit}"
     together = views.curves("/error_decades", title, shown.end)
+    shares = [3, 2] if len(shown.runs) > TALL else [1, 1]
     return rrb.Vertical(
-        together, rrb.Grid(*errors, grid_columns=min(len(errors), 4)), row_shares=[1, 1], name="Controllers"
+        together, rrb.Grid(*errors, grid_columns=min(len(errors), 4)), row_shares=shares, name="Controllers"
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from adaptctl.recording.comparison import Comparison, ControllerRun, Leading
+from adaptctl.recording.fact import Fact
 from adaptctl.recording.wording import (
     CONVERGENCE,
     INCOMPLETE,
@@ -47,9 +48,9 @@ def _cells(comparison: Comparison, run: ControllerRun) -> list[str]:
     return [run.label, run.knows or "–", *first, *joints, outcome(run)]
 
 
-def _paired(answers: list[tuple[str, str]]) -> str:
+def _paired(answers: list[Fact]) -> str:
     """Table with two questions and answers a row."""
-    cells = [f"{question} | **{answer}**" for question, answer in answers]
+    cells = [f"{question} | **{answer}**" for question, answer, _ in answers]
     cells += [" | "] * (len(cells) % 2)
     head, *rows = [f"| {left} | {right} |" for left, right in zip(cells[::2], cells[1::2], strict=True)]
     return "\n".join([head, "|---|---|---|---|", *rows])

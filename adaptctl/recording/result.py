@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
 
+from adaptctl.recording.fact import Fact
 from adaptctl.recording.verdict import Verdict
 
 Progress: TypeAlias = Callable[[str, float], object]
@@ -25,7 +26,7 @@ class Result:
     """False when it was interrupted: what was computed is kept"""
     headline: str
     """the outcome in a sentence or two"""
-    facts: tuple[tuple[str, str], ...]
+    facts: tuple[Fact, ...]
     """questions that a person asks first, and the answers"""
     verdict: Verdict
     """whether the controllers that it is about did what was asked"""

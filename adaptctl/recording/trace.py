@@ -96,8 +96,7 @@ def _of_joints(run: ControllerRun, mechanism: Mechanism) -> Iterator[Quantity]:
     )
     for name, rate, meaning, values in kinds:
         for joint, column in zip(mechanism.primary_joints, values.T, strict=True):
-            turns = joint.kind.turns
-            unit = ("N m" if turns else "N") if rate is None else ("rad" if turns else "m") + rate
+            unit = joint.kind.effort_unit if rate is None else joint.kind.position_unit + rate
             yield Quantity(f"{name}.{joint.name}", unit, meaning, column)
 
 

@@ -7,12 +7,12 @@ from adaptctl.dynamics import Mechanism
 
 def position_units(mechanism: Mechanism) -> tuple[str, ...]:
     """Units of the primary joints' positions (r,): rad or m."""
-    return tuple("rad" if joint.kind.turns else "m" for joint in mechanism.primary_joints)
+    return tuple(joint.kind.position_unit for joint in mechanism.primary_joints)
 
 
 def torque_units(mechanism: Mechanism) -> tuple[str, ...]:
     """Units of the primary joints' torques (r,): N·m or N."""
-    return tuple("N·m" if joint.kind.turns else "N" for joint in mechanism.primary_joints)
+    return tuple(typeset(joint.kind.effort_unit) for joint in mechanism.primary_joints)
 
 
 def error_unit(mechanism: Mechanism) -> str:

@@ -13,6 +13,8 @@ from adaptctl.recording.skeleton import Skeleton
 
 POSITIONS = 200
 """At most as many positions are looked at."""
+SEEN = 0.5
+"""Share of a camera's distance, beside its axis, up to which rerun's viewer shows things: tan of half its angle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +31,9 @@ class Viewpoint:
     @classmethod
     def of(cls, mechanism: Mechanism, parts: Skeleton, p: Array) -> Viewpoint:
         """Viewpoint from the arm's side, so that all of it is seen along positions p (T, r)."""
-        origins = link_poses(mechanism, p[:: max(1, -(-len(p) // POSITIONS))]).translations
+        poses = link_poses(mechanism, p[:: max(1, -(-len(p) // POSITIONS))])
+        origins = poses.translations
+        tips = origins[:, parts.tip_link] + poses.rotations[:, parts.tip_link] @ parts.tip
         center = (origins.reshape(-1, 3).min(axis=0) + origins.reshape(-1, 3).max(axis=0)) / 2.0
         feet = np.array([link.near.translation for link in mechanism.links if link.parent < 0])
         outward = feet[-1] - feet[0] if len(feet) > 1 else origins[:, parts.tip_link].mean(axis=0)
@@ -37,8 +41,18 @@ class Viewpoint:
         away = np.array([np.cos(azimuth), np.sin(azimuth), 0.4])
         target = center - np.array([0.0, 0.0, 0.15 * parts.reach])
         apart = float(np.linalg.norm(feet.max(axis=0) - feet.min(axis=0)))
-        eye = target + 1.4 * max(parts.reach, apart + 0.5 * parts.reach) * away
-        return cls(eye, target, floor_height(mechanism, parts, p))
+        width = 1.4 * max(parts.reach, apart + 0.5 * parts.reach) * float(np.linalg.norm(away))
+        moved = np.concatenate([origins.reshape(-1, 3), tips]) - target
+        toward = away / np.linalg.norm(away)
+        distance = max(width, _distance_to_see(moved, toward))
+        return cls(target + distance * toward, target, floor_height(mechanism, parts, p))
+
+
+def _distance_to_see(points: Array, toward: Array) -> float:
+    """Distance (m) of a camera in a direction (3,), a unit vector, that sees all points (n, 3) around the origin."""
+    along = points @ toward
+    beside = np.linalg.norm(points - along[:, None] * toward, axis=1)
+    return float(np.max(along + beside / SEEN))
 
 
 def floor_height(mechanism: Mechanism, parts: Skeleton, p: Array) -> float:

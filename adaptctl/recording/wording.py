@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from adaptctl.recording.comparison import Comparison, ControllerRun, Joints
+from adaptctl.recording.fact import Fact, Whose
 from adaptctl.recording.judgement import judged
 from adaptctl.recording.summary import realtime_factor
 
@@ -17,6 +18,11 @@ def number(value: float | None, digits: int = 3) -> str:
         return "0"
     if 1e-4 <= abs(value) < 1e5:
         return f"{value:.{digits}g}" if abs(value) < 10.0**digits else f"{value:.0f}"
+    return scientific(value, digits)
+
+
+def scientific(value: float, digits: int = 3) -> str:
+    """Text of a number with so many significant digits, as a multiple of a power of ten: 2.8·10⁻¹⁴."""
     mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
     return f"{mantissa}·10{str(int(exponent)).translate(_RAISED)}"
 
@@ -90,26 +96,28 @@ def outcome(run: ControllerRun) -> str:
     return "ran to the end"
 
 
-def facts(comparison: Comparison) -> Iterator[tuple[str, str]]:
-    """Questions that a person asks first about a comparison, and the answers."""
-    subject, leading = comparison.subject, comparison.leading
+def facts(comparison: Comparison) -> Iterator[Fact]:
+    """Questions that a person asks first about a comparison, and the answers; marked is what is set against each
+    other."""
+    subject, leading, baseline = comparison.subject, comparison.leading, comparison.baseline
     if leading is not None:
-        yield leading.meaning, f"{error(leading.final_rms(subject), leading.unit)} in the last 2 s (RMS)"
+        yield Fact(leading.meaning, f"{error(leading.final_rms(subject), leading.unit)} in the last 2 s (RMS)")
     whose = "RMS error" if leading is None else "Joints' RMS error"
-    yield f"{whose}, first second", first_error(comparison, subject)
-    yield f"{whose}, last 2 s", final_error(comparison, subject)
-    if comparison.baseline:
-        baseline = comparison.baseline
+    yield Fact(f"{whose}, first second", first_error(comparison, subject))
+    marked = Whose.SUBJECT if baseline else Whose.NOBODY
+    yield Fact(f"{whose}, last 2 s", final_error(comparison, subject), marked)
+    if baseline:
         fell = baseline.rollout.terminated
-        yield "… with adaptation off", outcome(baseline) if fell else final_error(comparison, baseline)
+        answer = outcome(baseline) if fell else final_error(comparison, baseline)
+        yield Fact("… with adaptation off", answer, Whose.BASELINE)
     if subject.lyapunov_max_increase is not None:
-        yield "Lyapunov function", lyapunov_words(subject.lyapunov_max_increase)
+        yield Fact("Lyapunov function", lyapunov_words(subject.lyapunov_max_increase))
     peak = float(comparison.peak_torque_shares.max())
-    yield "Peak torque", f"{number(100.0 * peak)} % of the limit"
-    yield "Steps at a torque limit", f"{comparison.limited_steps(subject):,} of {len(subject.rollout.time):,}"
-    yield "Parameters", parameters(comparison)
+    yield Fact("Peak torque", f"{number(100.0 * peak)} % of the limit")
+    yield Fact("Steps at a torque limit", f"{comparison.limited_steps(subject):,} of {len(subject.rollout.time):,}")
+    yield Fact("Parameters", parameters(comparison))
     if (factor := realtime_factor(subject)) is not None:
-        yield "Simulated", f"{number(factor)} times faster than real time"
+        yield Fact("Simulated", f"{number(factor)} times faster than real time")
 
 
 def lyapunov_words(rise: float) -> str:

@@ -14,6 +14,7 @@ import pyarrow as pa
 
 from adaptctl.caching import cached_property
 from adaptctl.files import write_text
+from adaptctl.recording.fact import Fact
 from adaptctl.recording.page import rendered
 from adaptctl.sweeps.folder import Saved, read_table, saved_study
 from adaptctl.sweeps.maps import SettingsMap, map_figure
@@ -104,16 +105,16 @@ class SweepReport:
                     stable[i, j] = np.mean([row["status"] == "done" for row in cell]) if cell else np.nan
             yield SettingsMap(x, y, across, down, error, stable)
 
-    def facts(self) -> list[tuple[str, str]]:
+    def facts(self) -> list[Fact]:
         """Questions and answers at the head of the page."""
         counts = self.counts(self.rows)
         share = counts["done"] / max(1, len(self.rows))
         return [
-            ("Runs", str(self.study.runs)),
-            ("Rows", str(len(self.rows))),
-            ("Stable", f"{100 * share:.1f} %"),
-            ("Diverged", str(counts["diverged"])),
-            ("Failed", str(counts["failed"])),
+            Fact("Runs", str(self.study.runs)),
+            Fact("Rows", str(len(self.rows))),
+            Fact("Stable", f"{100 * share:.1f} %"),
+            Fact("Diverged", str(counts["diverged"])),
+            Fact("Failed", str(counts["failed"])),
         ]
 
     def text(self) -> str:

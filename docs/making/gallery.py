@@ -7,6 +7,7 @@ import re
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from html import unescape
 from pathlib import Path
 from subprocess import run
@@ -19,6 +20,10 @@ DOCS = Path(__file__).resolve().parent.parent
 PICTURES, PAGE = DOCS / "images" / "gallery", DOCS / "gallery.md"
 WIDTH = 960
 """pixels of a picture"""
+TRIES = 3
+"""of a viewer, which on a busy machine may not answer in time"""
+LOOKS = 6
+"""Of a viewer, a second apart: what it says of itself when it opens goes away while it is looked at."""
 FIRST = {"task-space": "tool-error", "serial-versus-graph": "tip-error", "sheu-walker-1991": "figure-3"}
 """Figures that show what the experiment is about, where it is not the tracking error."""
 HEAD = """# Gallery
@@ -46,7 +51,8 @@ def make(results: Path) -> list[str]:
 def _picture(name: str, folder: Path) -> Iterator[str]:
     """Write the picture of an experiment: its recording in the viewer, or a figure; yields what is missing."""
     target = PICTURES / f"{name}.webp"
-    if os.environ.get("GALLERY_VIEWER", "on") == "off" or not _screenshot(folder / "recording.rrd", target):
+    tries = 0 if os.environ.get("GALLERY_VIEWER", "on") == "off" else TRIES
+    if not any(_screenshot(folder / "recording.rrd", target) for _ in range(tries)):
         yield f"{name}: no viewer showed it (no Vulkan, or a busy machine?), so a figure of the report is shown"
         figures = sorted((folder / "figures").glob("*.png"))
         if not figures:
@@ -71,9 +77,12 @@ def _screenshot(recording: Path, target: Path, seconds: float = 8.0) -> bool:
             viewer.open(str(recording.resolve()))
             while viewer.get_state().loading:
                 time.sleep(0.1)
-            viewer.set_time("sim_time", duration=seconds)
-            time.sleep(1.5)
-            target.write_bytes(viewer.take_screenshot())
+            with suppress(ConnectionError, RuntimeError):  # what has no motion has no such time
+                viewer.set_time("sim_time", duration=seconds)
+            for _ in range(LOOKS):
+                time.sleep(1.0)
+                shown = viewer.take_screenshot()
+            target.write_bytes(shown)
     except (RuntimeError, ConnectionError, TimeoutError, OSError):
         return False
     _shrink(target, target)

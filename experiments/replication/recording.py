@@ -40,7 +40,7 @@ def write_recording(path: str | Path, replication: Replication, figures: Mapping
 
 def verdicts_markdown(replication: Replication) -> str:
     """Outcome and verdicts of all items, in Markdown."""
-    answers = "\n".join(f"| {question} | **{answer}** |" for question, answer in facts(replication))
+    answers = "\n".join(f"| {question} | **{answer}** |" for question, answer, _ in facts(replication))
     verdicts = "\n".join(f"- **{item.label}**, {item.verdict.value}: {item.summary}" for item in replication.items)
     return f"{headline(replication)}\n\n| | |\n|---|---|\n{answers}\n\n{verdicts}\n"
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from adaptctl.experiments.replication.result import Replication
+from adaptctl.recording.fact import Fact
 
 INCOMPLETE = "This run was interrupted. What was computed until then is shown; it is not the whole paper."
 
@@ -31,14 +32,14 @@ def headline(replication: Replication) -> str:
     return " ".join(said) or f"Computed: {', '.join(item.name for item in replication.items)}."
 
 
-def facts(replication: Replication) -> Iterator[tuple[str, str]]:
+def facts(replication: Replication) -> Iterator[Fact]:
     """Questions that a person asks first about the replication, and the answers."""
     n, m = replication.numbers, replication.marks
-    yield "Printed numbers", f"{n.printed}, {n.given} of them inputs"
-    yield "Reproduced", f"{n.reproduced}, {n.to_the_last_digit} to the last digit"
-    yield "Reproduced in shape", f"{n.in_shape}"
-    yield "Errata", f"{len(replication.errata)} of {len(replication.items)} items"
-    yield "Not reproduced", f"{n.not_reproduced} numbers, {len(replication.not_reproduced)} items as a whole"
-    yield "Crosses and blanks", f"{m.reproduced} of {m.printed}"
-    yield "Draws of random states", f"{replication.study.seeds} where the paper made one"
-    yield "Computed in", f"{replication.seconds:.1f} s"
+    yield Fact("Printed numbers", f"{n.printed}, {n.given} of them inputs")
+    yield Fact("Reproduced", f"{n.reproduced}, {n.to_the_last_digit} to the last digit")
+    yield Fact("Reproduced in shape", f"{n.in_shape}")
+    yield Fact("Errata", f"{len(replication.errata)} of {len(replication.items)} items")
+    yield Fact("Not reproduced", f"{n.not_reproduced} numbers, {len(replication.not_reproduced)} items as a whole")
+    yield Fact("Crosses and blanks", f"{m.reproduced} of {m.printed}")
+    yield Fact("Draws of random states", f"{replication.study.seeds} where the paper made one")
+    yield Fact("Computed in", f"{replication.seconds:.1f} s")

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from adaptctl.experiments.serial_versus_graph.result import Side, SideBySide
 from adaptctl.recording.comparison import ControllerRun
+from adaptctl.recording.fact import Fact
 from adaptctl.recording.judgement import judged
 from adaptctl.recording.verdict import Verdict
 from adaptctl.recording.wording import error, number
@@ -51,10 +52,10 @@ def _answer(result: SideBySide) -> str:
     return text
 
 
-def facts(result: SideBySide) -> Iterator[tuple[str, str]]:
+def facts(result: SideBySide) -> Iterator[Fact]:
     """Questions that a person asks first about the arms, and the answers, one for each arm."""
     for what in FACTS:
-        yield what, " · ".join(next(row for row in rows(result) if row.what == what).values)
+        yield Fact(what, " · ".join(next(row for row in rows(result) if row.what == what).values))
 
 
 def rows(result: SideBySide) -> list[Row]:

@@ -20,6 +20,7 @@ from adaptctl.recording.designed.figures import drawings
 from adaptctl.recording.designed.picture import log_costs
 from adaptctl.recording.designed.wording import change, facts, header, outcome_words, place, quantities
 from adaptctl.recording.drawing import Drawing, write_drawings
+from adaptctl.recording.fact import Fact
 from adaptctl.recording.page import Figure, embedded, rendered
 from adaptctl.recording.palette import run_color
 from adaptctl.recording.result import silent
@@ -60,7 +61,7 @@ class Named:
     complete: bool = True
     outcome_words: str = ""
     """the outcome, where it is not the study's own"""
-    facts: tuple[tuple[str, str], ...] = ()
+    facts: tuple[Fact, ...] = ()
     drawings: tuple[Drawing, ...] = ()
     """figures besides the study's own"""
     runs: tuple[ControllerRun, ...] = ()

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from adaptctl.arrays import Array
 from adaptctl.design import DesignStudy, DesignTask
+from adaptctl.recording.fact import Fact
 
 
 def header(study: DesignStudy) -> str:
@@ -31,19 +32,19 @@ def outcome_words(study: DesignStudy) -> str:
     return text
 
 
-def facts(study: DesignStudy) -> Iterator[tuple[str, str]]:
+def facts(study: DesignStudy) -> Iterator[Fact]:
     """Questions that a person asks first about a study, and the answers."""
     found, before = study.counterweights, study.task
     after = found.balanced
-    yield "Independent parameters", f"{before.basis.rank}, {len(before.carried())} not zero"
-    yield (
+    yield Fact("Independent parameters", f"{before.basis.rank}, {len(before.carried())} not zero")
+    yield Fact(
         f"Components within {study.percent:g} % of energy",
         f"{before.components(study.percent)} → {after.components(study.percent)}",
     )
-    yield "Energy carried", _fall(before.cost("energy"), after.cost("energy"), "J")
-    yield "Torque, of its limit (RMS)", _fall(100.0 * before.cost("torque"), 100.0 * after.cost("torque"), "%")
-    yield "Coupling (RMS off the diagonal)", _fall(before.cost("coupling"), after.cost("coupling"), "kg m²")
-    yield "Counterweights", " + ".join(f"{w.mass:.3g} kg" for w in found.weights) or "none"
+    yield Fact("Energy carried", _fall(before.cost("energy"), after.cost("energy"), "J"))
+    yield Fact("Torque, of its limit (RMS)", _fall(100.0 * before.cost("torque"), 100.0 * after.cost("torque"), "%"))
+    yield Fact("Coupling (RMS off the diagonal)", _fall(before.cost("coupling"), after.cost("coupling"), "kg m²"))
+    yield Fact("Counterweights", " + ".join(f"{w.mass:.3g} kg" for w in found.weights) or "none")
 
 
 def _fall(before: float, after: float, unit: str) -> str:
@@ -59,7 +60,7 @@ def quantities(task: DesignTask, percent: float) -> Iterator[tuple[str, str]]:
     yield "torque, of its limit (RMS)", f"{100.0 * task.cost('torque'):.3g} %"
     yield "coupling (RMS off the diagonal)", f"{task.cost('coupling'):.3g} kg m²"
     for joint, torque in zip(task.mechanism.primary_joints, task.torques().tolist(), strict=True):
-        yield f"{joint.name} (RMS)", f"{torque:.3g} {'N m' if joint.kind.turns else 'N'}"
+        yield f"{joint.name} (RMS)", f"{torque:.3g} {joint.kind.effort_unit}"
 
 
 def change(share: float) -> str:

@@ -15,6 +15,7 @@ from adaptctl.arrays import Array
 from adaptctl.files import write_json, write_text
 from adaptctl.recording import views
 from adaptctl.recording.drawing import WIDTH, Drawing, write_drawings
+from adaptctl.recording.fact import Fact
 from adaptctl.recording.page import embedded, rendered
 from adaptctl.recording.palette import MUTED, run_color
 from adaptctl.recording.scene import entity
@@ -63,10 +64,10 @@ class Amplification:
             f"amplifies what torques are off by {last.energy / last.momentum:.0f} times as much."
         )
 
-    def facts(self) -> Iterator[tuple[str, str]]:
+    def facts(self) -> Iterator[Fact]:
         """Facts for the report: pairs of a kind of torques and its errors."""
         for entry in self.measured:
-            yield entry.torques, f"filtered dynamics {entry.momentum:.2%}, energy differences {entry.energy:.2%}"
+            yield Fact(entry.torques, f"filtered dynamics {entry.momentum:.2%}, energy differences {entry.energy:.2%}")
 
     def write(self, folder: Path, progress: Callable[[str, float], object]) -> None:
         """Write summary, figure, report and recording into a folder."""

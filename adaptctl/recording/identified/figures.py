@@ -58,7 +58,7 @@ def _rows(found: Identification, columns: int, height: float) -> tuple[Figure, A
     axes: Any = figure.subplots(r, columns, sharex="col", squeeze=False)
     for joint, row in zip(found.mechanism.primary_joints, axes, strict=True):
         row[0].set_title(joint.name)
-        row[0].set_ylabel("N m" if joint.kind.turns else "N")
+        row[0].set_ylabel(joint.kind.effort_unit)
     return figure, axes
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from adaptctl.files import write_text
 from adaptctl.identification import Identification
+from adaptctl.recording.fact import Fact
 from adaptctl.recording.identified.figures import drawings
 from adaptctl.recording.page import embedded, rendered
 from adaptctl.recording.trace import parameter_unit
@@ -31,7 +32,7 @@ def report(found: Identification, figures: Mapping[str, Path]) -> str:
         validation=validation,
         verdict=verdict(found),
         facts=list(facts(found)),
-        joints=[(j.name, f"{rms:.3g} {'N m' if j.kind.turns else 'N'}", f"{x:.1%}") for j, rms, x in each],
+        joints=[(j.name, f"{rms:.3g} {j.kind.effort_unit}", f"{x:.1%}") for j, rms, x in each],
         consistency=consistency(found),
         parameters=list(_parameters(found)),
         loads=", ".join(f"{j.name} {x:.3f}" for j, x in zip(joints, found.load, strict=True) if x),
@@ -70,17 +71,17 @@ def components(found: Identification) -> str:
     )
 
 
-def facts(found: Identification) -> Iterator[tuple[str, str]]:
+def facts(found: Identification) -> Iterator[Fact]:
     """Questions that a reader has, and their answers."""
     validation, settings = found.validation, found.choice.settings
-    yield "error on data not seen", f"{validation.rms_error:.3g} N m"
-    yield "of the measured torque", f"{validation.relative_error:.1%}"
-    yield "fundamental parameters", str(len(found.names))
-    yield "friction", settings.friction.words.replace("_", " ")
-    yield "physically consistent", "no" if found.mechanism.description.inconsistent_links else "yes"
-    yield "combinations left open", str(len(found.unexcited))
-    yield "weight of the prior", f"{settings.weight:g}"
-    yield "cut-off", f"{settings.cutoff:g} Hz"
+    yield Fact("error on data not seen", f"{validation.rms_error:.3g} N m")
+    yield Fact("of the measured torque", f"{validation.relative_error:.1%}")
+    yield Fact("fundamental parameters", str(len(found.names)))
+    yield Fact("friction", settings.friction.words.replace("_", " "))
+    yield Fact("physically consistent", "no" if found.mechanism.description.inconsistent_links else "yes")
+    yield Fact("combinations left open", str(len(found.unexcited)))
+    yield Fact("weight of the prior", f"{settings.weight:g}")
+    yield Fact("cut-off", f"{settings.cutoff:g} Hz")
 
 
 def _parameters(found: Identification) -> Iterator[tuple[str, str, str, str]]:

@@ -77,7 +77,7 @@ def _blueprint(found: Identification) -> rrb.Blueprint:
     torques = [
         views.curves(
             f"torque/{entity(joint.name)}",
-            f"{joint.name}: torque [{'N m' if joint.kind.turns else 'N'}]",
+            f"{joint.name}: torque [{joint.kind.effort_unit}]",
             end,
             start=start,
         )

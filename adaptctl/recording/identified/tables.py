@@ -97,7 +97,7 @@ def _columns(found: Identification) -> Iterator[Quantity]:
     yield Quantity("time", "s", "time as in the log", validation.time)
     filtered = f"at the joint, below {validation.cutoff:g} Hz"
     for j, joint in enumerate(found.mechanism.primary_joints):
-        unit = "N m" if joint.kind.turns else "N"
+        unit = joint.kind.effort_unit
         measured, predicted = np.ascontiguousarray(validation.measured[:, j]), validation.predicted[:, j]
         yield Quantity(f"measured_{joint.name}", unit, f"measured torque {filtered}", measured)
         yield Quantity(f"predicted_{joint.name}", unit, f"torque predicted from the motion {filtered}", predicted)
