@@ -37,11 +37,13 @@ class Recipe:
         return [INSTALL[name] for name in self.needs if importlib.util.find_spec(name) is None]
 
 
+SB3 = "torch", "stable_baselines3"
 RECIPES = {
     "ppo": Recipe(("ppo.py",), ("torch",), "PPO", "PD with gravity"),
     "residual": Recipe(("ppo.py", "--task", "residual"), ("torch",), "PPO", "no action"),
     "tuning": Recipe(("ppo.py", "--task", "tuning"), ("torch",), "PPO", "no action"),
-    "sac": Recipe(("sb3_learners.py", "--algorithm", "sac"), ("torch", "stable_baselines3"), "SAC", "PD with gravity"),
+    "sac": Recipe(("sb3_learners.py", "--algorithm", "sac"), SB3, "SAC", "PD with gravity"),
+    "sb3-ppo": Recipe(("sb3_learners.py", "--algorithm", "ppo"), SB3, "PPO", "PD with gravity"),
 }
 
 
