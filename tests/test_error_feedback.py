@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import control
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
@@ -146,3 +147,19 @@ def test_faster_poles_are_farther_out(bandwidth: float, ratio: float, factor: fl
 def test_gains_that_cannot_be_are_refused(make: object, error: type[Exception], message: str) -> None:
     with pytest.raises(error, match=message):
         make()  # type: ignore[operator]
+
+
+@pytest.mark.parametrize(("gain", "more", "less"), [(-0.5, 2.0, 0.0), (-1.0, math.inf, 1.0), (-4.0, math.inf, 0.25)])
+def test_a_loop_without_memory_turns_at_minus_one(gain: float, more: float, less: float) -> None:
+    """Its response crosses no axis at any frequency: it lies on one."""
+    found = margins(control.ss([], [], [], [[gain]], 0.01))
+    assert (found.gain, found.gain_reduction) == (more, less)
+
+
+@pytest.mark.parametrize("delay", [3, 50])
+def test_a_delay_alone_turns_at_every_crossing_up_to_half_the_sampling_rate(delay: int) -> None:
+    """g z^-d is -g wherever d times the angle is an odd multiple of pi: g may grow to one, at 49/50 of pi too."""
+    late = control.ss(np.eye(delay, k=-1), 0.4 * np.eye(delay, 1), np.eye(delay)[-1:], 0.0, 0.01)
+    found = margins(late)
+    assert found.gain == pytest.approx(2.5, rel=1e-9)
+    assert found.gain_reduction == 0.0
