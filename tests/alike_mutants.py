@@ -30,21 +30,11 @@ ALIKE = {
     "adaptctl/dynamics/loops/continuation.py::Continuation.follow -1 -> +1 (again 5)": (
         "of two axes the last is the one after the first"
     ),
-    "adaptctl/dynamics/recursion/segment.py::_whole "
-    "np.abs(outward) @ turn @ np.abs(inward) != 0.0 -> np.abs(outward) @ turn @ np.abs(inward) == 0.0": (
-        "three turns one by one and as one are the same rotation: their cost alone decides"
-    ),
-    "adaptctl/dynamics/tree_equations.py::TreeEquations._is_long 0 -> 1": (
-        "articulated bodies and the mass matrix give the same accelerations"
-    ),
     "adaptctl/identifiability/fundamental_basis.py::_kept_against_the_order 1.0 -> 2.0": (
         "diagonals of orthonormal vectors' factor are at most 1, and tolerances below"
     ),
     "adaptctl/identifiability/proof/exact_geometry.py::_as_in_file 0.0 -> 1.0": (
         "an axis along z has any yaw: its sine of tilt is exactly zero"
-    ),
-    "adaptctl/identifiability/proof/joint_frames.py::_upright 1.0 -> 2.0 (again 3)": (
-        "any helper across the vertical gives an upright frame, and joints turn it about the vertical"
     ),
     "adaptctl/identifiability/proof/field_energies.py::energy_changes 0.0 -> 1.0 (again 2)": (
         "changes are against any fixed position of a sliding joint"

@@ -156,10 +156,14 @@ def test_a_loop_without_memory_turns_at_minus_one(gain: float, more: float, less
     assert (found.gain, found.gain_reduction) == (more, less)
 
 
-@pytest.mark.parametrize("delay", [3, 50])
-def test_a_delay_alone_turns_at_every_crossing_up_to_half_the_sampling_rate(delay: int) -> None:
-    """g z^-d is -g wherever d times the angle is an odd multiple of pi: g may grow to one, at 49/50 of pi too."""
-    late = control.ss(np.eye(delay, k=-1), 0.4 * np.eye(delay, 1), np.eye(delay)[-1:], 0.0, 0.01)
+@pytest.mark.parametrize(("delay", "last"), [(3, 1.0), (5, 1.0), (48, 47.5 / 48.5)])
+def test_of_many_crossings_the_last_counts_that_comes_before_half_the_sampling_rate(delay: int, last: float) -> None:
+    """A late difference, g z^-d (1 - z^-1), is 2 g sin(x/2) at an angle x and turns by (d + 1/2) x - pi/2: it grows
+    up to half the sampling rate, which it meets at -1 for odd d."""
+    shifts = np.eye(delay + 1, k=-1)
+    late = control.ss(
+        shifts, np.eye(delay + 1, 1), 0.2 * (np.eye(delay + 1)[-2:-1] - np.eye(delay + 1)[-1:]), 0.0, 0.01
+    )
     found = margins(late)
-    assert found.gain == pytest.approx(2.5, rel=1e-9)
+    assert found.gain == pytest.approx(2.5 / math.sin(0.5 * math.pi * last), rel=1e-9)
     assert found.gain_reduction == 0.0
