@@ -8,8 +8,9 @@ then meets test files that enter its function, its own and quick ones first, unt
 passed. A sample is drawn by seed among all mutants, and results are written to `build/mutants/` one by one,
 so that a run that was cut short goes on.
 
-Each test file runs in a fork of a process that has imported what is slow to import, and the changed module is compiled
-in memory: no file is changed. Tests that start processes of their own meet the code as it is, and kill nothing.
+Test files run in forks of a process that has imported what is slow to import, the first ones in one and all others in
+another, and the changed module is compiled in memory: no file is changed. Tests that start processes of their own meet
+the code as it is, and kill nothing.
 """
 
 from __future__ import annotations
