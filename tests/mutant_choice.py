@@ -15,6 +15,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
+from itertools import accumulate
 from pathlib import Path
 
 import pytest
@@ -26,8 +27,10 @@ RECORDED = ROOT / "build" / "mutants" / "entered"
 ELSEWHERE = ("benchmarks", "command", "documented", "docstrings", "experiment", "export", "layers", "long_runs")
 ELSEWHERE += ("notebook", "own_", "packaging", "public_api", "sending", "sweeps")
 """Parts of names of test files that read the code, or start processes of their own, which meet it as it is."""
-START = 1.0
+START = 0.3
 """Seconds of the processor that a test file takes beside its tests"""
+SHARE = 0.2
+"""Share of a mutant's time that one test file has before all others had theirs"""
 
 
 @dataclass(frozen=True)
@@ -50,8 +53,11 @@ class Recorded:
         return cls(collected["file"], everything, cases, frozenset(collected["ends"]))
 
     def concerned(self, code: frozenset[str]) -> list[str]:
-        """Cases that enter one of some functions, and the first and the last of each test, which may depend on them."""
-        return [case for case, (_, entered) in self.cases.items() if case in self.ends or entered & code]
+        """Cases that enter one of some functions, quick ones first; then the first and the last case of each other
+        test, which may depend on them by what the file keeps."""
+        enter = [case for case, (_, entered) in self.cases.items() if entered & code]
+        others = [case for case in self.cases if case in self.ends and case not in set(enter)]
+        return sorted(enter, key=lambda case: self.cases[case][0]) + others
 
     def seconds(self, cases: list[str]) -> float:
         """Processor time of some cases, s."""
@@ -134,7 +140,7 @@ def record(name: str, limit: int) -> None:
     RECORDED.mkdir(parents=True, exist_ok=True)
     target.unlink(missing_ok=True)
     recorder = Recorder(name, target, limit)
-    code = forked(partial(run, name, recorder.reporting, [recorder], f"recorded {name}"), 5 * limit)
+    code = forked(partial(run, [name], recorder.reporting, [recorder], f"recorded {name}"), 5 * limit)
     remark = "" if code == 0 else ": left out, it fails or takes too long without a mutant"
     print(f"recorded {name}{remark}", flush=True)
     if code != 0:
@@ -150,19 +156,32 @@ def recorded() -> list[Recorded]:
 def chosen(mutant: Mutant, files: list[Recorded], budget: float) -> list[tuple[Recorded, list[str]]]:
     """Test files that a mutant meets, and their cases, until `budget` s are taken: its own file, then those that name
     its class or function, those that import its module, those that import of its folder, and the rest; of these quick
-    ones first that enter little else."""
-    everything: frozenset[str] = frozenset().union(*(file.entered for file in files))
-    code = frozenset({f"{mutant.path}::{mutant.function}"}) & everything
-    if not code:  # statements of modules and classes run at the import, for all functions of the module
-        code = frozenset(name for name in everything if name.startswith(f"{mutant.path}::"))
+    ones first that enter little else. Cases that a file's share has no time for come after all other files."""
+    code = concerning(mutant, files)
     concerned = [(file, file.concerned(code)) for file in files if file.entered & code]
     concerned.sort(key=lambda pair: (*distance(pair[0], mutant), pair[0].seconds(pair[1]) * len(pair[0].entered)))
+    first = [(file, within(file, cases, SHARE * budget)) for file, cases in concerned]
+    later = [(file, cases[len(known) :]) for (file, cases), (_, known) in zip(concerned, first, strict=True)]
     found, left = [], budget
-    for file, cases in concerned:
-        if left > 0.0:
-            found.append((file, cases))
-            left -= file.seconds(cases)
+    for file, cases in first + later:
+        if left > 0.0 and (met := within(file, cases, left)):
+            found.append((file, met))
+            left -= file.seconds(met)
     return found
+
+
+def concerning(mutant: Mutant, files: list[Recorded]) -> frozenset[str]:
+    """The mutant's function where a test enters it; else all functions of its module that tests enter: statements of
+    modules and classes run at the import, for all of them."""
+    everything: frozenset[str] = frozenset().union(*(file.entered for file in files))
+    own = frozenset({f"{mutant.path}::{mutant.function}"}) & everything
+    return own or frozenset(name for name in everything if name.startswith(f"{mutant.path}::"))
+
+
+def within(file: Recorded, cases: list[str], seconds: float) -> list[str]:
+    """The first of some cases that take no more than some seconds together; one where it alone takes more."""
+    taken = list(accumulate(file.cases[case][0] for case in cases))
+    return [case for case, until in zip(cases, taken, strict=True) if until <= max(seconds, taken[0])]
 
 
 def distance(file: Recorded, mutant: Mutant) -> tuple[bool, ...]:

@@ -34,14 +34,21 @@ class Hurried:
 
 
 class Only:
-    """A plugin that leaves out all tests but some."""
+    """A plugin that leaves out all tests but some, and writes the name of the one that fails into a file."""
 
-    def __init__(self, cases: Iterable[str]) -> None:
-        self._cases = frozenset(cases)
+    def __init__(self, cases: Iterable[str], failed: Path) -> None:
+        self._places = {case: place for place, case in enumerate(cases)}
+        self._failed = failed
 
+    @pytest.hookimpl(trylast=True)
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
-        """Leave out the others."""
-        items[:] = [item for item in items if item.nodeid in self._cases]
+        """Leave out the others, and keep the order of these."""
+        items[:] = [item for item in items if item.nodeid in self._places]
+        items.sort(key=lambda item: self._places[item.nodeid])
+
+    def pytest_runtest_logstart(self, nodeid: str) -> None:
+        """Write the name of the test that begins: the last one is the one that fails."""
+        self._failed.write_text(nodeid)
 
 
 def first_and_last(items: Iterable[pytest.Item]) -> list[pytest.Item]:
@@ -52,15 +59,17 @@ def first_and_last(items: Iterable[pytest.Item]) -> list[pytest.Item]:
     return [item for case in cases.values() for item in (case[:1] + case[1:][-1:])]
 
 
-def run(test_file: str, changed: Callable[[Path], ast.Module | None], plugins: list[object], version: str) -> int:
-    """Exit code of pytest on a test file, in this process, where modules are compiled from what `changed` returns.
+def run(
+    test_files: Iterable[str], changed: Callable[[Path], ast.Module | None], plugins: list[object], version: str
+) -> int:
+    """Exit code of pytest on test files, in this process, where modules are compiled from what `changed` returns.
 
     Results that are kept from one process to the next are kept for this `version` of the code alone.
     """
     compile_by(changed)
     source = result_cache.source_state()
     result_cache.source_state = lambda: hashed([source, version])  # type: ignore[assignment]
-    return int(pytest.main([*PYTEST, test_file], plugins=[Hurried(), *plugins]))
+    return int(pytest.main([*PYTEST, *test_files], plugins=[Hurried(), *plugins]))
 
 
 def compile_by(changed: Callable[[Path], ast.Module | None]) -> None:

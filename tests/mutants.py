@@ -8,8 +8,9 @@ then meets test files that enter its function, its own and quick ones first, unt
 passed. A sample is drawn by seed among all mutants, and results are written to `build/mutants/` one by one,
 so that a run that was cut short goes on.
 
-Each test file runs in a fork of a process that has imported what is slow to import, and the changed module is compiled
-in memory: no file is changed. Tests that start processes of their own meet the code as it is, and kill nothing.
+Test files run in forks of a process that has imported what is slow to import, the first ones in one and all others in
+another, and the changed module is compiled in memory: no file is changed. Tests that start processes of their own meet
+the code as it is, and kill nothing.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import argparse
 import ast
 import json
 import os
+import resource
 import time
 from collections import Counter
 from functools import partial
@@ -29,26 +31,32 @@ from mutant_processes import Only, forked, run, warm
 from mutant_sites import Mutant, mutated, sites
 
 BUILD = ROOT / "build" / "mutants"
+FAILED = BUILD / "failed.txt"
+FIRST = 2
 
 
 def verdict(mutant: Mutant, files: list[tuple[Recorded, list[str]]]) -> tuple[str, str]:
-    """`killed`, `survived`, `too slow` (counted as killed) or `no test`; and the test file that killed it."""
-    for file, cases in files:
-        limit = int(20 + 4 * file.seconds(cases))
-        outcome = forked(partial(meet, mutant, file.name, cases), limit)
+    """`killed`, `survived`, `too slow` (counted as killed) or `no test`; and the test that killed it.
+
+    The first files have a process of their own, since to collect the rest takes longer than most tests do."""
+    for some in (files[:FIRST], files[FIRST:]):
+        FAILED.write_text(" ".join(sorted({file.name for file, _ in some})))
+        limit = int(20 + 4 * sum(file.seconds(cases) for file, cases in some))
+        outcome = forked(partial(meet, mutant, some), limit) if some else 0
         if outcome not in (0, 5):  # pytest's codes of tests that all pass, and of no tests
-            return "too slow" if outcome is None else "killed", file.name
+            return "too slow" if outcome is None else "killed", FAILED.read_text()
     return ("survived", "") if files else ("no test", "")
 
 
-def meet(mutant: Mutant, test_file: str, cases: list[str]) -> int:
-    """Exit code of pytest on a test file and a mutant, in this process."""
+def meet(mutant: Mutant, files: list[tuple[Recorded, list[str]]]) -> int:
+    """Exit code of pytest on test files and a mutant, in this process."""
     tree, target = mutated(mutant), (ROOT / mutant.path).resolve()
 
     def changed(path: Path) -> ast.Module | None:
         return tree if path == target else None
 
-    return run(test_file, changed, [Only(cases)], mutant.key)
+    cases = [case for _, some in files for case in some]
+    return run(dict.fromkeys(file.name for file, _ in files), changed, [Only(cases, FAILED)], mutant.key)
 
 
 def every_mutant() -> list[Mutant]:
@@ -97,9 +105,11 @@ def main() -> None:
     for number, mutant in enumerate(sample):
         if (asked.only is not None and number not in asked.only) or (asked.only is None and mutant.key in known):
             continue
-        begun, met = time.monotonic(), chosen(mutant, files, asked.budget)
+        begun, spent = time.monotonic(), sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])
+        met = chosen(mutant, files, asked.budget)
         known[mutant.key], by = verdict(mutant, met)
-        took = f"{time.monotonic() - begun:.0f} s, {len(met)} test files"
+        cost = sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2]) - spent
+        took = f"{time.monotonic() - begun:.0f} s, {cost:.1f} s of the processor, {len(met)} test files"
         print(f"{number} {known[mutant.key]} {by} ({took}) line {mutant.line} {mutant.key}", flush=True)
         results.write_text(json.dumps(known, indent=1))
     print(summary(sample, known))

@@ -331,6 +331,7 @@ def test_the_truth_is_at_no_distance_and_everything_else_at_some() -> None:
         (lambda: CushionedFloor(ONES, forgetting=-1.0), "cushioned floor: forgetting: expected at least 0"),
         (lambda: on("puma560_arm3", CushionedFloor(np.ones(30))), "30 parameters, of which the basis keeps 15"),
         (lambda: Subspace(np.ones(2), np.ones((K, 2))), "directions are not independent"),
+        (lambda: Subspace(np.ones(1), np.zeros((K, 1))), "directions are not independent"),
         (lambda: Subspace(np.ones(3), np.eye(K)[:, :2]), r"subspace: gain: expected shape \(2,\)"),
         (lambda: Subspace(np.zeros(2), np.eye(K)[:, :2]), "subspace: gain: expected positive"),
         (lambda: Subspace(np.ones(K), np.ones(K)), r"expected shape \(k, s\)"),

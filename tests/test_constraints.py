@@ -15,6 +15,7 @@ from random_trees import random_tree
 from adaptctl.arrays import Array
 from adaptctl.control import ReferencePoint, SlotineLi
 from adaptctl.dynamics import Mechanism, load
+from adaptctl.dynamics.constrained_mechanism import ConstrainedMechanism
 from adaptctl.dynamics.recursion.momentum import momentum_terms
 from adaptctl.errors import FileError, InputError, NotFoundError
 from adaptctl.identifiability import (
@@ -223,6 +224,14 @@ def test_what_follows_from_others_is_left_out_and_what_contradicts_them_refused(
         constrained(mechanism, Constraints(relations=(one, against)))
     with pytest.raises(InputError, match=r"relation 'fork' contradicts those before it: they make it 1\.5$"):
         constrained(mechanism, Constraints({"link5.m": 0.5, "link4.m": 2.0}, (one,)))
+
+
+def test_a_zero_of_either_sign_is_the_same_geometry() -> None:
+    one = constrained(arm("semi_direct_drive"), Constraints({"link5.m": 1.0}))
+    given = one.parametrisation
+    matrix, known = (np.where(values == 0.0, -0.0, values) for values in (given.matrix, given.known))
+    other = ConstrainedMechanism(one.whole, replace(given, matrix=matrix, known=known))
+    assert one.geometry_sha256 == other.geometry_sha256
 
 
 def test_nothing_known_changes_nothing() -> None:

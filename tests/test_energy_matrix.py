@@ -8,11 +8,18 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_trees import random_chain
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.identifiability import States, essential_space, random_states
-from adaptctl.identifiability.energy_matrix import EnergyFactor, energies, energy_blocks, energy_differences
+from adaptctl.identifiability.energy_matrix import (
+    EnergyFactor,
+    energies,
+    energy_blocks,
+    energy_differences,
+    torque_rows,
+)
 from adaptctl.identifiability.factorisation import singular_values
 from adaptctl.identifiability.sampling import random_halves
 from adaptctl.identifiability.scaled_rank import ScaledRegressor
@@ -91,3 +98,11 @@ def test_halves_are_drawn_one_after_the_other(puma: Mechanism) -> None:
     )
     assert sum(map(len, once)) == 10_000
     np.testing.assert_array_equal(np.vstack(once), np.vstack(again))
+
+
+@pytest.mark.parametrize("links", [1, 2, 3])
+def test_torques_are_at_least_twice_as_many_as_parameters(links: int) -> None:
+    mechanism = random_chain(0, links)
+    rows = torque_rows(mechanism, np.random.default_rng(0))
+    assert rows.shape[1] == 10 * links
+    assert 20 * links <= len(rows) < 20 * links + mechanism.dof

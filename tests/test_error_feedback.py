@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import control
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
@@ -146,3 +147,23 @@ def test_faster_poles_are_farther_out(bandwidth: float, ratio: float, factor: fl
 def test_gains_that_cannot_be_are_refused(make: object, error: type[Exception], message: str) -> None:
     with pytest.raises(error, match=message):
         make()  # type: ignore[operator]
+
+
+@pytest.mark.parametrize(("gain", "more", "less"), [(-0.5, 2.0, 0.0), (-1.0, math.inf, 1.0), (-4.0, math.inf, 0.25)])
+def test_a_loop_without_memory_turns_at_minus_one(gain: float, more: float, less: float) -> None:
+    """Its response crosses no axis at any frequency: it lies on one."""
+    found = margins(control.ss([], [], [], [[gain]], 0.01))
+    assert (found.gain, found.gain_reduction) == (more, less)
+
+
+@pytest.mark.parametrize(("delay", "last"), [(3, 1.0), (5, 1.0), (48, 47.5 / 48.5)])
+def test_of_many_crossings_the_last_counts_that_comes_before_half_the_sampling_rate(delay: int, last: float) -> None:
+    """A late difference, g z^-d (1 - z^-1), is 2 g sin(x/2) at an angle x and turns by (d + 1/2) x - pi/2: it grows
+    up to half the sampling rate, which it meets at -1 for odd d."""
+    shifts = np.eye(delay + 1, k=-1)
+    late = control.ss(
+        shifts, np.eye(delay + 1, 1), 0.2 * (np.eye(delay + 1)[-2:-1] - np.eye(delay + 1)[-1:]), 0.0, 0.01
+    )
+    found = margins(late)
+    assert found.gain == pytest.approx(2.5 / math.sin(0.5 * math.pi * last), rel=1e-9)
+    assert found.gain_reduction == 0.0

@@ -34,6 +34,7 @@ from adaptctl.identifiability import (
     states_within_limits,
 )
 from adaptctl.identifiability.energy_matrix import energy_differences
+from adaptctl.identifiability.essential_space import _sample_count
 from adaptctl.identifiability.factorisation import singular_values
 from adaptctl.identifiability.right_angles import near_right_angles
 from adaptctl.identifiability.sampling import characteristic_length
@@ -353,6 +354,12 @@ def test_the_rank_is_at_the_largest_gap() -> None:
     assert NumericalRank.of([1.0, 0.5]) == NumericalRank(2, pytest.approx(5e14), 0.5)  # type: ignore[arg-type]
     assert NumericalRank.of([0.0, 0.0]).rank == NumericalRank.of([]).rank == NumericalRank.of([1e-15, 1e-17]).rank == 0
     np.testing.assert_array_equal(singular_values(np.array([[3.0, 0.0, 0.0]])), [3.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize(("parameters", "states"), [(0, 3), (1, 3), (10, 21)])
+def test_unless_asked_for_there_is_one_state_more_than_twice_the_parameters(parameters: int, states: int) -> None:
+    assert _sample_count(None, parameters) == states
+    assert _sample_count(2 * parameters, parameters) == 2 * parameters
 
 
 def test_the_length_is_the_largest_between_joints(puma: Mechanism) -> None:

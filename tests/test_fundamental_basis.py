@@ -324,3 +324,11 @@ def test_a_choice_within_round_off_of_another_is_named(seed: int) -> None:
     kept = {names[j] for j in basis.columns} - {names[j] for j in exact}
     assert kept
     assert kept <= set(basis.passed_over)
+
+
+def test_a_basis_keeps_a_copy_that_cannot_be_written(basis: FundamentalBasis) -> None:
+    given = np.array(basis.regrouping)
+    own = replace(basis, regrouping=given)
+    given[0, 0] += 1.0
+    np.testing.assert_array_equal(own.regrouping, basis.regrouping)
+    assert not own.regrouping.flags.writeable

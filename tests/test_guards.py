@@ -13,6 +13,7 @@ from random_trees import random_chain
 from adaptctl.arrays import Array
 from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.control import ComputedTorque, Controller, Guarded, ReferencePoint, SlotineLi, adaptation_gain
+from adaptctl.control.guards import _differ, _sound
 from adaptctl.control.memory import leaves
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs import TrackingEnv
@@ -267,3 +268,20 @@ def test_a_sliding_variable_beyond_measure_leaves_the_state_finite(law: SlotineL
     _, states = ticks(Guarded(law, torque_limits=10.0), inputs)
     for state in states:
         assert all(np.isfinite(part).all() for part in leaves(state))
+
+
+@pytest.mark.parametrize(("change", "told"), [(0.0, 0.0), (1e-9, 1.0), (-1e-9, 1.0)])
+@pytest.mark.parametrize("joint", range(3))
+def test_a_torque_that_is_another_by_however_little_is_told(joint: int, change: float, told: float) -> None:
+    given = [0.5, -2.0, 30.0]
+    asked = [x + change * (j == joint) for j, x in enumerate(given)]
+    assert _differ(Column(asked), Column(given)) == told
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("place", range(5))
+def test_one_number_that_is_not_finite_is_found_wherever_it_is(place: int, bad: float) -> None:
+    numbers = [1.0, -2.0, 3.0, -4.0, 5.0]
+    assert _sound((Column(numbers[:2]), Column(numbers[2:])))
+    numbers[place] = bad
+    assert not _sound((Column(numbers[:2]), Column(numbers[2:])))

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from random_trees import random_chain
 
-from adaptctl.identifiability.proof.joint_frames import FloatFrame, _axis_frame
+from adaptctl.identifiability.proof.joint_frames import FloatFrame, _axis_frame, _upright
 from adaptctl.identifiability.proof.simplest import AS_GIVEN
 from adaptctl.identifiability.tree.joint_frames import twist_entries, twist_matrices
 from adaptctl.scalars import Mat, Vec
@@ -42,3 +44,18 @@ def test_twists_are_matrices_and_back_in_stacks_of_any_shape(shape: tuple[int, .
     point = np.array([0.3, -0.2, 0.5])
     turned = np.cross(twists[..., :3], point) + twists[..., 3:]
     np.testing.assert_allclose((matrices @ np.append(point, 1.0))[..., :3], turned, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    "gravity", [(0.0, 0.0, -9.81), (0.0, 9.81, 0.0), (-1.6, 0.0, 0.0), (1.0, -2.0, 3.0), (0.0,) * 3]
+)
+def test_the_world_is_turned_about_its_origin_until_z_is_up(gravity: tuple[float, ...]) -> None:
+    frame = _upright(replace(random_chain(0, 1).description, gravity=np.array(gravity)))
+    rotation = np.array([[*row] for row in frame.rotation])
+    np.testing.assert_allclose(rotation.T @ rotation, np.eye(3), atol=1e-15)
+    assert np.linalg.det(rotation) == pytest.approx(1.0, abs=1e-15)
+    strength = float(np.linalg.norm(gravity))
+    np.testing.assert_allclose(
+        rotation[:, 2], -np.array(gravity) / strength if strength else [0.0, 0.0, 1.0], atol=1e-15
+    )
+    assert [*frame.origin] == [0.0, 0.0, 0.0]

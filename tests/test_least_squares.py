@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from adaptctl.arrays import Array
-from adaptctl.dynamics.loops.least_squares import Factored, factored
+from adaptctl.dynamics.loops.least_squares import Factored, TwoByTwo, factored
 from adaptctl.scalars import Column
 
 EPSILON = float(np.finfo(np.float64).eps)
@@ -75,3 +75,12 @@ def test_two_by_two_systems_are_solved_as_accurately(numbers: list[float]) -> No
     found = np.array(factored([Column(column) for column in A.T.tolist()]).solve(Column(b.tolist())).of)
     error = np.abs(A @ found - b).max()
     assert error <= 50 * EPSILON * np.linalg.cond(A) * (np.abs(b).max() + 1e-300)
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(1, 1), (2, 1), (2, 2), (3, 2), (3, 3)])
+def test_only_two_equations_of_two_unknowns_are_solved_by_determinants(rows: int, columns: int) -> None:
+    A = np.random.default_rng(rows + columns).normal(size=(rows, columns))
+    system = factored([Column(column) for column in A.T.tolist()])
+    assert isinstance(system, TwoByTwo) == (rows == columns == 2)
+    found = np.array(system.solve(Column((A @ np.ones(columns)).tolist())).of)
+    np.testing.assert_allclose(found, 1.0, rtol=1e-12)

@@ -57,6 +57,13 @@ def test_a_system_is_the_controller_that_it_is_there(arm: adaptctl.Mechanism) ->
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
 
 
+@pytest.mark.parametrize("stated", [True, None, 2e-3])
+def test_a_system_whose_period_is_not_stated_takes_the_controllers(stated: bool | float | None) -> None:
+    system = control.ss([[0.5]], [[1.0]], [[3.0]], [[2.0]], stated, inputs=["p[0]"])
+    law = LinearController.of_system(system, 2e-3)
+    np.testing.assert_array_equal(law.D[:, 0], [2.0])
+
+
 def test_closed_loops_are_the_same_there_and_here(arm: adaptctl.Mechanism) -> None:
     gain = np.array([[60.0, 0.0, 12.0, 0.0], [0.0, 40.0, 0.0, 6.0]])
     plant, law = adaptctl.Plant(arm, PERIOD), LinearController.state_feedback(gain)

@@ -15,7 +15,7 @@ from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import FileError, InputError, NotFoundError
 from adaptctl.identifiability import Priority, essential_space, fundamental_basis
-from adaptctl.identifiability.priority import KINDS
+from adaptctl.identifiability.priority import KINDS, suggestion
 
 HEAD = 'schema = "adaptctl/priority/1"\n'
 
@@ -160,6 +160,13 @@ def test_another_schema_and_a_missing_file(puma: Mechanism, tmp_path: Path) -> N
         Priority.read(tmp_path / "old.toml", puma)
     with pytest.raises(FileError, match="cannot be read"):
         Priority.read(tmp_path / "none.toml", puma)
+
+
+@pytest.mark.parametrize("known", [20, 21])
+def test_an_unknown_name_like_none_is_told_what_there_is(known: int) -> None:
+    names = [f"x{k}" for k in range(known)]
+    more = ", ... (21 in all)" if known > 20 else ""
+    assert suggestion("elbow", names) == f"there are {', '.join(names[:20])}{more}"
 
 
 def test_wrong_names_in_python(puma: Mechanism) -> None:

@@ -50,7 +50,15 @@ def test_residues_reckon_like_fractions(x: Fraction, y: Fraction) -> None:
         assert int((a / b).residues[0]) == residue(x / y)
         assert (1.0 / b).residues == residue(1 / y)
     assert 0.0 * a == 0.0
-    assert modular(Fraction(1)) == 1.0
+    assert [modular(Fraction(n)) for n in (-1, 0, 1)] == [-1.0, 0.0, 1.0]  # floats, which cost nothing
+
+
+def test_the_modulus_is_a_prime_whose_products_fit_and_of_which_no_square_is_minus_one() -> None:
+    """It is large too: residues of two numbers that differ are equal by chance once in two milliards."""
+    assert np.all(PRIME % np.arange(2, int(np.sqrt(PRIME)) + 2) != 0)
+    assert PRIME > 2 * 10**9
+    assert (PRIME - 1) ** 2 < 2**63
+    assert PRIME % 4 == 3
 
 
 @given(fractions, fractions)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import warnings
 
 import numpy as np
@@ -63,3 +64,14 @@ def test_simulations_and_environments_look() -> None:
         simulate_many(adaptctl.Plant(arm, 1e-3), law, Twisted("a", 2.0), duration=0.5)
     with pytest.warns(ReferenceWarning, match="elbow"):
         TrackingEnv(arm, Twisted("a", 2.0), duration=0.5)
+
+
+def test_the_warning_is_about_the_line_that_calls_what_looks() -> None:
+    def simulated() -> None:
+        warn_of_derivatives(Twisted("a", 0.0), NAMES, 5.0)
+
+    lines, first = inspect.getsourcelines(test_the_warning_is_about_the_line_that_calls_what_looks)
+    with pytest.warns(ReferenceWarning) as told:
+        simulated()
+    assert [warned.filename for warned in told] == [__file__]
+    assert lines[told[0].lineno - first].strip() == "simulated()"

@@ -9,6 +9,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from adaptctl.arrays import Array
+from adaptctl.errors import InputError
 from adaptctl.identifiability.regrouping import Regrouping
 from adaptctl.identifiability.selection import independent_columns, removable
 
@@ -88,3 +89,16 @@ def test_a_condition_within_bounds_is_enough_where_its_bound_is_not() -> None:
     found = Regrouping((0, 1), (2, 3), 1e5 * np.eye(2), 2)
     assert found.bound > 1e4 > found.condition
     assert found.determined
+
+
+@pytest.mark.parametrize("negligible", [0.0, 1e-12])
+def test_zeros_have_no_independent_columns(negligible: float) -> None:
+    taken, directions = independent_columns(np.zeros((3, 4)), np.inf, negligible)
+    assert (taken, directions.shape) == ([], (0, 3))
+
+
+@pytest.mark.parametrize("tolerance", [0.0, -1.0, 0.5, np.nan])
+def test_a_tolerance_that_could_not_find_all_rows_is_refused(tolerance: float) -> None:
+    """Of four rows it must be below a half."""
+    with pytest.raises(InputError, match=r"tolerance: expected a number between 0 and 0\.5"):
+        removable(np.eye(4)[:, :2], range(4), tolerance)

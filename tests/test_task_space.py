@@ -39,6 +39,14 @@ def test_damping_grows_from_zero_to_a_hundredth_where_a_jacobian_is_nearly_singu
     assert _guard(gram.tolist()) / mean == pytest.approx(expected, rel=1e-8, abs=1e-15)
 
 
+@pytest.mark.parametrize("m", [1, 2, 3])
+def test_a_point_that_nothing_moves_has_an_inverse_too(m: int) -> None:
+    """Without the damping it would be one over zero."""
+    damped = _guard(np.zeros((m, m)).tolist())
+    assert damped > 0.0
+    assert np.isfinite(1.0 / damped)
+
+
 def planar(links: int) -> Mechanism:
     """Joints about z in a row, 0.3 m apart: all that they move stays in its plane."""
     rng = np.random.default_rng(0)

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from random_trees import random_chain
 
 from adaptctl.arrays import Array
 from adaptctl.control import Workspace
-from adaptctl.control.gains.workspace import STARTS, Worst, sampled_configurations
+from adaptctl.control.gains.workspace import STARTS, Worst, position_range, sampled_configurations
+from adaptctl.description import Description, JointKind, Limits
+from adaptctl.dynamics import Mechanism
 
 LOW, HIGH = np.array([0.2, 0.2, 0.2]), np.array([0.9, 0.8, 0.9])
 
@@ -60,3 +64,22 @@ def test_a_workspace_of_all_limits_has_the_samples_that_any_search_has() -> None
     mechanism = random_chain(0, 3)
     found = Workspace.within_limits(mechanism)
     np.testing.assert_array_equal(found.samples, sampled_configurations(mechanism))
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "expected"),
+    [
+        (-2.0 * np.pi, 2.0 * np.pi, (-2.0 * np.pi, 2.0 * np.pi)),
+        (-2.1 * np.pi, 2.0 * np.pi, (-np.pi, np.pi)),
+        (-np.inf, 1.0, (-np.pi, 1.0)),
+        (-4.0, np.inf, (-4.0, np.pi)),
+    ],
+)
+def test_limits_of_two_turns_are_kept_and_those_farther_apart_are_none(
+    lower: float, upper: float, expected: tuple[float, float]
+) -> None:
+    """Many an arm may turn twice around; some files state limits of thousands of turns where there are none."""
+    (link,) = random_chain(1, 1).links
+    joint = replace(link.joint, kind=JointKind.REVOLUTE, limits=Limits(lower, upper))
+    found = position_range(Mechanism(Description("one", (replace(link, joint=joint),))))
+    np.testing.assert_array_equal(np.concatenate(found), expected)

@@ -48,12 +48,12 @@ class Ringing(NamedTuple):
     @property
     def alarm(self) -> Any:
         """Alarm: 1 where a joint has rung for a while, else 0."""
-        return where(self.lasting[0] > LASTING - 0.5, 1.0, 0.0)
+        return where(self.lasting[0] >= LASTING, 1.0, 0.0)
 
     @property
     def brake(self) -> Any:
         """Signal to brake: 1 where a joint has hardly done anything but ring for a while, else 0."""
-        return where(self.lasting[1] > LASTING - 0.5, 1.0, 0.0)
+        return where(self.lasting[1] >= LASTING, 1.0, 0.0)
 
 
 def correlation(product: Column, square: Column) -> Column:

@@ -44,7 +44,7 @@ class Subspace(AdaptationLaw[NoMemory]):
         if np.any(self.gain <= 0.0):
             raise InputError("subspace: gain: expected positive numbers, one a direction")
         values = np.linalg.svd(self.directions, compute_uv=False)
-        if values[-1] < INDEPENDENT * values[0]:
+        if not values[-1] > INDEPENDENT * values[0]:
             raise InputError("subspace: the directions are not independent: leave out what others combine to")
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:

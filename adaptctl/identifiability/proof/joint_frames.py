@@ -179,7 +179,8 @@ def _upright(description: Description) -> FloatFrame:
     g = Vec(*description.gravity.tolist())
     strength = math.sqrt(dot(g, g))
     up = (-1.0 / strength) * g if strength > 0.0 else Vec(0.0, 0.0, 1.0)
-    helper = min((Vec(1.0, 0.0, 0.0), Vec(0.0, 1.0, 0.0), Vec(0.0, 0.0, 1.0)), key=lambda e: abs(dot(e, up)))
-    side = cross(helper, up)
+    shares = [abs(share) for share in up]
+    level = shares.index(min(shares))  # the axis of the world that is nearest to level
+    side = cross(Vec(*(float(k == level) for k in range(len(shares)))), up)
     x = (1.0 / math.sqrt(dot(side, side))) * side
     return FloatFrame(Mat(x, cross(up, x), up).T, Vec(0.0, 0.0, 0.0))

@@ -1,0 +1,40 @@
+"""Ringing is heard in whichever joint it is, after as long as it must last, and told from what only resembles it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from adaptctl.arrays import Array
+from adaptctl.control.ringing import LASTING, Ringing
+from adaptctl.scalars import Column
+
+
+def heard(s: Array) -> list[tuple[float, float]]:
+    """Alarm and brake after each row of a sliding variable (T, r)."""
+    state, told = Ringing(*map(Column, Ringing.silent(s.shape[1]))), []
+    for row in s:
+        state = state.heard(Column(row.tolist()))
+        told.append((float(state.alarm), float(state.brake)))
+    return told
+
+
+@pytest.mark.parametrize("joint", range(3))
+def test_one_joint_that_rings_is_enough_whichever_it_is(joint: int) -> None:
+    """The first product of two ticks is of the second: from there on it must last."""
+    s = np.full((LASTING + 2, 3), 2.0)
+    s[1::2, joint] = -2.0
+    told = heard(s)
+    assert told[LASTING - 1 :] == [(0.0, 0.0), (1.0, 1.0), (1.0, 1.0)]
+    assert not np.any(told[:LASTING])
+
+
+@pytest.mark.parametrize(("kept", "alarm", "brake"), [(0, 1.0, 1.0), (3, 1.0, 0.0), (6, 0.0, 0.0)])
+def test_the_share_of_ticks_with_another_sign_decides(kept: int, alarm: float, brake: float) -> None:
+    """Of twenty ticks this many keep the sign: rho is about -1 with none, -0.7 with three and -0.4 with six."""
+    flips = np.tile([1.0] * kept + [-1.0] * (20 - kept), 40)
+    assert heard(np.cumprod(flips)[:, None])[-1] == (alarm, brake)
+
+
+def test_a_joint_that_hardly_moves_does_not_ring() -> None:
+    assert not np.any(heard(1e-3 * np.cumprod(np.full(200, -1.0))[:, None]))

@@ -1,0 +1,26 @@
+"""Torque limits of actions where a mechanism states none: some multiple of what motions ask."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from random_trees import random_chain
+
+from adaptctl.control.gains.torque_limits import ACCELERATION, MARGIN, finite_torque_limits
+from adaptctl.description import Description, JointKind, Limits
+from adaptctl.dynamics import Mechanism
+
+
+@pytest.mark.parametrize("effort", [np.inf, 3.0])
+def test_a_joint_alone_without_gravity_is_asked_for_its_inertia_times_accelerations_of_either_sign(
+    effort: float,
+) -> None:
+    """Of 200 random accelerations up to the largest the greatest is near it, and never it."""
+    (link,) = random_chain(1, 1).links
+    link = replace(link, joint=replace(link.joint, kind=JointKind.REVOLUTE, limits=Limits(effort=effort)))
+    mechanism = Mechanism(Description("one", (link,), np.zeros(3)))
+    most = MARGIN * ACCELERATION * float(mechanism.mass_matrix(np.zeros(1))[0, 0])
+    found = float(finite_torque_limits(mechanism)[0])
+    assert found == effort if np.isfinite(effort) else max(1.0, 0.9 * most) <= found < most
