@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -48,20 +47,29 @@ def test_tables_lose_no_number_whatever_the_width(width: int, rows: list[list[fl
         assert shown == row
 
 
-@pytest.mark.parametrize("columns", ["40", "80", "200"])
-def test_gains_are_whole_into_a_pipe(columns: str, capsys: pytest.CaptureFixture[str]) -> None:
-    found = told(capsys, "gains", ARM, "--json")
-    done = subprocess.run(
-        [sys.executable, "-m", "adaptctl", "gains", ARM],
-        capture_output=True,
-        text=True,
-        check=True,
-        env={**os.environ, "COLUMNS": columns},
-    )
-    assert "…" not in done.stdout
-    for joint in found["joints"]:  # type: ignore[attr-defined]
+def require_whole(found: dict[str, object], text: str) -> None:
+    assert "…" not in text
+    for joint in found["joints"]:  # type: ignore[attr-defined]  # as JSON has them
         for name in ("inertia", "stiffness", "rate", "slotine_li_damping"):
-            assert f"{joint[name]:.4g}" in done.stdout.split()
+            assert f"{joint[name]:.4g}" in text.split()
+
+
+@pytest.mark.parametrize("columns", ["40", "80", "200"])
+def test_gains_are_whole_at_any_width(
+    columns: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = told(capsys, "gains", ARM, "--json")
+    monkeypatch.setenv("COLUMNS", columns)
+    assert main(["gains", ARM]) == 0
+    text = capsys.readouterr().out
+    require_whole(found, text)
+    assert max(map(len, text.splitlines())) <= max(int(columns), 80)
+
+
+def test_gains_are_whole_into_a_pipe(capsys: pytest.CaptureFixture[str]) -> None:
+    found = told(capsys, "gains", ARM, "--json")
+    command = [sys.executable, "-m", "adaptctl", "gains", ARM]
+    require_whole(found, subprocess.run(command, capture_output=True, text=True, check=True).stdout)
 
 
 def test_doctor_tells_what_is_there(capsys: pytest.CaptureFixture[str]) -> None:
