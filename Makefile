@@ -19,7 +19,7 @@ demo: $(STAMP) ## an adaptive PUMA 560, from energies to a recording, in results
 	@echo '(rerun is $(BIN)/rerun)'
 
 test: $(STAMP) ## the tests, and every example of README.md and docs/
-	$(BIN)/python -m pytest -n 2 --dist worksteal
+	$(BIN)/python -m pytest -n 3 --dist worksteal
 
 search: $(STAMP) ## the tests that draw their cases, on cases drawn anew each time
 	$(BIN)/python -m pytest -n 2 --dist worksteal --hypothesis-profile=search $$(grep -l '^from hypothesis import' tests/test_*.py)
