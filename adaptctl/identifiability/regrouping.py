@@ -71,13 +71,17 @@ class Regrouping:
 
     def matrix(self, scales: Array) -> Array:
         """The regrouping matrix K (k, P) among unscaled parameters, which are the scaled ones times `scales` (P,)."""
-        kept, removed = list(self.kept), list(self.removed)
-        coefficients = np.where(np.abs(self.coefficients) < EXACT_ZERO, 0.0, self.coefficients)
+        kept, removed = np.array(self.kept, dtype=np.intp), np.array(self.removed, dtype=np.intp)
+        i, j = np.nonzero(np.abs(self.coefficients) >= EXACT_ZERO)
+        rows, columns = kept[i], removed[j]
+        values = self.coefficients[i, j] * scales[rows] / scales[columns]
+        whole = (
+            values.round()
+        )  # as -1 and 1 are by geometry: a product with them is left out, whatever the last bits are
         K = np.zeros((len(kept), len(scales)))
-        K[:, removed] = coefficients * scales[kept, None] / scales[removed]
+        K[i, columns] = np.where(np.abs(values - whole) <= ROUND_OFF * np.abs(whole), whole, values)
         K[range(len(kept)), kept] = 1.0
-        whole = K.round()  # as -1 and 1 are by geometry: a product with them is left out, whatever the last bits are
-        return np.where(np.abs(K - whole) <= ROUND_OFF * np.abs(whole), whole, K)
+        return K
 
 
 def by_null_vectors(null_basis: Array, order: Sequence[int], tolerance: float) -> Regrouping:
