@@ -202,7 +202,24 @@ def test_folder_that_cannot_be_written_is_refused_before_anything_is_run(
     assert "choose another folder" in refused(capsys, *RUN, "--out", "/proc/results")
 
 
-def test_reader_that_goes_away_is_no_error_to_tell(tmp_path: Path) -> None:
-    command = f"{sys.executable} -m adaptctl.cli.main experiment list | true"
-    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=True)
-    assert done.stderr == ""
+LISTED = f"{sys.executable} -m adaptctl.cli.main experiment list"
+
+
+def printed_at_once_and_at_the_end(command: str) -> list[subprocess.CompletedProcess[str]]:
+    """A shell's command line with standard output that keeps nothing, and with one that is written at the end."""
+    kept = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    return [
+        subprocess.run(["bash", "-o", "pipefail", "-c", command], env=env, capture_output=True, text=True, check=False)
+        for env in (kept, kept | {"PYTHONUNBUFFERED": "1"})
+    ]
+
+
+def test_reader_that_goes_away_is_no_error_to_tell() -> None:
+    for done in printed_at_once_and_at_the_end(f"{LISTED} | true"):
+        assert (done.returncode, done.stderr) == (1, "")
+
+
+def test_full_disk_behind_standard_output_is_told_in_a_line() -> None:
+    for done in printed_at_once_and_at_the_end(f"{LISTED} > /dev/full"):
+        assert done.returncode == 1
+        assert re.fullmatch(r"adaptctl: .*No space left on device\n", done.stderr)

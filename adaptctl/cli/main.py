@@ -81,7 +81,9 @@ def main(argv: Sequence[str] | None = None) -> int:
                 offer_own(given)
             _require_command(given)
             with needed(_called(app.parse_commands(given)[0])):
-                return int(app(given) or DONE)
+                code = int(app(given) or DONE)
+            sys.stdout.flush()  # here, where a reader that went away or a full disk can be told of
+            return code
         except CycloptsError as error:
             return _complain(_reason(error), WRONG_INPUT)
         except InputError as error:
@@ -112,11 +114,20 @@ def _called(chain: Sequence[str]) -> str:
 
 
 def _failed(error: BaseException) -> int:
+    if not _flushes(sys.stdout):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is kept would fail at the exit too
     if isinstance(error, BrokenPipeError):  # the reader of our output went away, as `head` does
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
     reason = str(error) or type(error).__name__
     return _complain("out of memory" if isinstance(error, MemoryError) else reason, FAILED)
+
+
+def _flushes(stream: TextIO) -> bool:
+    try:
+        stream.flush()
+    except OSError:
+        return False
+    return True
 
 
 def _complain(message: object, code: int) -> int:
