@@ -91,6 +91,16 @@ def test_the_papers_puma_is_5_9_percent_from_realisable(measured: ReducedModel) 
     np.testing.assert_allclose(paper.regrouping @ lift.parameters, lift.fundamental)
 
 
+@settings(max_examples=10, deadline=None)
+@given(seed=st.integers(0, 2**31 - 1), size=st.floats(0.5, 3.0))
+def test_bodies_nearest_to_what_none_have_are_consistent(five_bar: ReducedModel, seed: int, size: float) -> None:
+    """Clarabel ends without a solution in one of some ten, and outside the cone by its accuracy in others."""
+    own = five_bar.fundamental_parameters
+    lift = nearest_consistent(five_bar, own * np.random.default_rng(seed).normal(1.0, size, own.shape))
+    assert all_consistent(lift.parameters)
+    assert lift.distance < 1.1
+
+
 def test_a_prior_no_bodies_have_is_refused(measured: ReducedModel) -> None:
     prior = measured.mechanism.inertial_parameters.copy()
     prior[10] = -1.0

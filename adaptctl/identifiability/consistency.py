@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -20,8 +21,12 @@ if TYPE_CHECKING:
 
 REALISABLE = 1e-6
 """Relative distance below which fundamental parameters count as realisable: the solver's accuracy."""
-SLACK = 1e-3
-"""Share by which the distance may be exceeded to come nearer to the prior, where nothing is realisable."""
+SLACKS = (1e-3, 1e-2, 1e-1)
+"""Shares by which the distance may be exceeded to come nearer to the prior, where nothing is realisable: the next one
+where the solver ends without a result."""
+
+EDGE = 1e-9
+"""Smallest eigenvalue of a body relative to the prior's, as a share of the largest one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +72,7 @@ def nearest_consistent(model: ReducedModel, beta: ArrayLike, prior: ArrayLike | 
     bodies = _Bodies(model, known)
     nearest = bodies.nearest(wanted)
     away = Lift(nearest, model.regrouping @ nearest, wanted)
-    parameters = bodies.likeliest(wanted, None if away.realisable else away.distance * (1.0 + SLACK))
+    parameters = bodies.likeliest(wanted, None) if away.realisable else bodies.likeliest_near(wanted, away)
     return Lift(parameters, model.regrouping @ parameters, wanted)
 
 
@@ -105,15 +110,33 @@ class _Bodies:
             divergence = divergence + cp.sum(self._share - cp.log(self._share))
         return self._solved(divergence, [away == 0 if within is None else cp.norm(away) <= within])
 
+    def likeliest_near(self, wanted: Array, nearest: Lift) -> Array:
+        """The consistent parameters nearest to the prior among those almost as near to beta as any are: with the least
+        slack that the solver can do; the nearest to beta where it can do none."""
+        for slack in SLACKS:
+            with suppress(AdaptctlError):
+                return self.likeliest(wanted, nearest.distance * (1.0 + slack))
+        return nearest.parameters
+
     def _solved(self, goal: Any, constraints: list[Any]) -> Array:
         cp = self._cp
         problem = cp.Problem(cp.Minimize(goal), constraints)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of lower accuracy: the lift tells its distance itself
-            problem.solve(solver=cp.CLARABEL)
+            with suppress(cp.SolverError):  # its status says so too
+                problem.solve(solver=cp.CLARABEL)
         if problem.status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
             raise AdaptctlError(f"consistency: the semidefinite programme ended as {problem.status!r}")
+        self._move_inside()
         return np.asarray(self._parameters.value, dtype=np.float64)
+
+    def _move_inside(self) -> None:
+        """Bodies at the cone's edge, which an interior-point method may leave by its accuracy, are moved inside it."""
+        for X in self._relative:
+            values, vectors = np.linalg.eigh(X.value)
+            X.value = (vectors * np.maximum(values, EDGE * values[-1])) @ vectors.T
+        if self._share is not None:
+            self._share.value = np.maximum(self._share.value, EDGE)
 
 
 def _solver() -> Any:
