@@ -121,6 +121,15 @@ def test_infinity_is_no_json_and_is_computed_anew(folder: Path) -> None:
     assert once.times == 2
 
 
+@pytest.mark.parametrize("variable", ["OPENBLAS_CORETYPE", "OPENBLAS_NUM_THREADS", "ADAPTCTL_PROCESSOR"])
+def test_other_arithmetic_computes_anew(folder: Path, monkeypatch: pytest.MonkeyPatch, variable: str) -> None:
+    once = Computation(Found([], ""))
+    for setting, times in (("1", 1), ("2", 2), ("1", 2)):
+        monkeypatch.setenv(variable, setting)
+        kept("test", 0, Found, once)
+        assert once.times == times
+
+
 def test_errors_are_not_kept(folder: Path) -> None:
     def fails() -> Found:
         raise InputError("no")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import os
+import platform
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -18,12 +19,15 @@ from adaptctl.files import hashed
 MOST = 16
 """Results that one process keeps: those of its first searches, and not a hundred thousand of a sweep."""
 
+_CHOOSING = ("OPENBLAS_", "MKL_", "OMP_NUM_THREADS", "ADAPTCTL_PROCESSOR")
+"""Beginnings of the names of environment variables that choose between code paths."""
+
 Result = TypeVar("Result")
 _left = iter(range(MOST))
 
 
 def kept(what: str, inputs: object, kind: type[Result], compute: Callable[[], Result]) -> Result:
-    """The result of a computation, or what an earlier process computed from equal inputs by the same source code.
+    """The result of a computation, or what an earlier process computed from equal inputs by equal code and arithmetic.
 
     `inputs`, in JSON's types, are all that the result depends on; `kind` is its type, of numbers and text alone, which
     come back to the last bit. Errors are not kept. Nothing is kept where the cache is off.
@@ -31,7 +35,7 @@ def kept(what: str, inputs: object, kind: type[Result], compute: Callable[[], Re
     folder, source = cache_folder(), source_state()
     if folder is None or not source:
         return compute()
-    cache, key = ObjectCache(folder), bytes.fromhex(hashed([what, inputs, np.__version__, source]))
+    cache, key = ObjectCache(folder), bytes.fromhex(hashed([what, inputs, source, arithmetic()]))
     data = cache.get(key)
     if data is not None:
         with suppress(msgspec.DecodeError):
@@ -40,6 +44,14 @@ def kept(what: str, inputs: object, kind: type[Result], compute: Callable[[], Re
     if next(_left, None) is not None:
         cache.put(key, msgspec.json.encode(result))
     return result
+
+
+def arithmetic() -> list[str]:
+    """What decides last bits: NumPy, what the processor can do, and settings that choose the code it runs."""
+    features = np._core._multiarray_umath.__cpu_features__  # type: ignore[attr-defined]  # no public name
+    chosen = [f"{name}={value}" for name, value in os.environ.items() if name.startswith(_CHOOSING)]
+    able = [name for name, has in features.items() if has]
+    return [np.__version__, platform.machine(), *sorted(able), *sorted(chosen)]
 
 
 @functools.cache
