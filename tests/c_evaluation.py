@@ -10,6 +10,9 @@ from typing import Any
 import pycparser
 from pycparser import c_ast
 
+LIBRARY: dict[str, Callable[[float], float]] = {
+    "sqrt": math.sqrt, "fabs": abs, "rint": lambda x: float(round(x)) if math.isfinite(x) else x,
+}  # fmt: skip
 OPERATORS = {"+", "-", "*", "/", "<", "<="}
 
 
@@ -22,7 +25,7 @@ def functions_of(text: str, prefix: str) -> dict[str, Callable[..., None]]:
     names = f"typedef double {prefix}_real; typedef struct m {prefix}_memory; typedef struct g {prefix}_gains;"
     bare = _without_sine(bare, prefix)
     tree = pycparser.CParser().parse(f"{names} typedef struct r {prefix}_reference; {bare}")
-    made: dict[str, Any] = {"sqrt": math.sqrt, "fabs": abs, f"{prefix}_sincos": _sincos, "NULL": None}
+    made: dict[str, Any] = {f"{prefix}_sincos": _sincos, "NULL": None} | LIBRARY
     for item in tree.ext:
         if isinstance(item, c_ast.FuncDef):
             exec(compile(_python(item), item.decl.name, "exec"), made)

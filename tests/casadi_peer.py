@@ -26,7 +26,7 @@ def casadi_source(law: Controller[Any], folder: Path) -> Path | None:
         Op.ADD: lambda x, y: x + y, Op.SUBTRACT: lambda x, y: x - y, Op.MULTIPLY: lambda x, y: x * y,
         Op.DIVIDE: lambda x, y: x / y, Op.NEGATE: lambda x: -x, Op.SIN: ca.sin, Op.COS: ca.cos, Op.SQRT: ca.sqrt,
         Op.ABSOLUTE: ca.fabs, Op.MINIMUM: ca.fmin, Op.MAXIMUM: ca.fmax, Op.LESS: lambda x, y: x < y,
-        Op.LESS_EQUAL: lambda x, y: x <= y, Op.SELECT: ca.if_else,
+        Op.LESS_EQUAL: lambda x, y: x <= y, Op.SELECT: ca.if_else, Op.ROUND: lambda x: ca.floor(x + 0.5),
     }  # fmt: skip
     known: dict[int, Any] = {}
     for x in routine.body:

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from adaptctl.compilation import Kernel, compile_function, compile_step, outlined, pieces, trace
 from adaptctl.compilation.lanes import Lanes
 from adaptctl.compilation.llvm import program
-from adaptctl.scalars import Column, Dual, absolute, clip, cos, maximum, minimum, sin, sqrt, where
+from adaptctl.scalars import Column, Dual, absolute, clip, cos, maximum, minimum, nearest_whole, sin, sqrt, where
 
 moderate = st.floats(-3.0, 3.0)
 triples = st.tuples(moderate, moderate, moderate)
@@ -31,6 +31,7 @@ OPERATIONS: dict[str, Callable[[Any, Any], Any]] = {
     "/": lambda x, y: x / y,
     "neg": lambda x, y: -x,
     "sqrt": lambda x, y: sqrt(x),
+    "nearest whole": lambda x, y: nearest_whole(x),
     "absolute": lambda x, y: absolute(x),
     "minimum": minimum,
     "maximum": maximum,

@@ -151,6 +151,7 @@ def _divided(a: float, b: float) -> float:
 ONE = {
     0x99: abs,
     0x9A: lambda a: -a,
+    0x9E: lambda a: float(round(a)) if math.isfinite(a) else a,
     0x9F: lambda a: math.sqrt(a) if a >= 0.0 else math.nan,
     0xA7: lambda a: a & 0xFFFFFFFF,
     0xBD: lambda a: struct.unpack("<Q", struct.pack("<d", a))[0],

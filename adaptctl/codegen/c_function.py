@@ -14,6 +14,7 @@ from adaptctl.compilation.routine import Routine
 LONGEST = 90
 """Characters of what is written in place of a name, where it is used once."""
 
+LIBRARY = {Op.SQRT: "sqrt", Op.ROUND: "rint", Op.ABSOLUTE: "fabs"}
 INFIX = {Op.ADD: "+", Op.SUBTRACT: "-", Op.MULTIPLY: "*", Op.DIVIDE: "/", Op.LESS: "<", Op.LESS_EQUAL: "<="}
 TRUTHS = (Op.LESS, Op.LESS_EQUAL)
 ANGLES = {Op.SIN: "s", Op.COS: "c"}
@@ -83,7 +84,7 @@ class CStatements:
             return f"{a} ? {rest[0]} : {rest[1]}"
         if x.op in (Op.MINIMUM, Op.MAXIMUM):
             return f"{self._prefix}_{x.op.value}({a}, {rest[0]})"
-        return f"{'sqrt' if x.op is Op.SQRT else 'fabs'}{end}({a})"
+        return f"{LIBRARY[x.op]}{end}({a})"
 
     def _turn(self, x: Expression) -> None:
         """Sine and cosine of an angle, both at once."""

@@ -13,7 +13,7 @@ BINARY = {
     Op.ADD: b"\xa0", Op.SUBTRACT: b"\xa1", Op.MULTIPLY: b"\xa2", Op.DIVIDE: b"\xa3", Op.MINIMUM: b"\xa4",
     Op.MAXIMUM: b"\xa5", Op.LESS: b"\x63", Op.LESS_EQUAL: b"\x65",
 }  # fmt: skip
-UNARY = {Op.NEGATE: b"\x9a", Op.SQRT: b"\x9f", Op.ABSOLUTE: b"\x99"}
+UNARY = {Op.NEGATE: b"\x9a", Op.SQRT: b"\x9f", Op.ROUND: b"\x9e", Op.ABSOLUTE: b"\x99"}
 TRUTHS, ANGLES = (Op.LESS, Op.LESS_EQUAL), {Op.SIN: 0, Op.COS: 1}
 
 

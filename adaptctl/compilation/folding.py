@@ -95,6 +95,18 @@ def elementary(op: Op) -> Callable[[Any], Any]:
     return lambda x: _make(op, x)
 
 
+def sine(x: Any) -> Any:
+    """The sine of an angle, which may be known."""
+    known = x.graph.sines.get(x)
+    return known[0] if known else _make(Op.SIN, x)
+
+
+def cosine(x: Any) -> Any:
+    """The cosine of an angle, which may be known."""
+    known = x.graph.sines.get(x)
+    return known[1] if known else _make(Op.COS, x)
+
+
 def _make(op: Op, *operands: Any) -> Any:
     traced = next(x for x in operands if isinstance(x, Expression))
     return traced.graph.make(type(traced), op, *operands)

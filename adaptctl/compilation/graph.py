@@ -23,6 +23,7 @@ class Op(StrEnum):
     SIN = "sin"
     COS = "cos"
     SQRT = "sqrt"
+    ROUND = "round"
     ABSOLUTE = "abs"
     MINIMUM = "min"
     MAXIMUM = "max"
@@ -52,12 +53,14 @@ class Expression:
 class Graph:
     """The expression graph of one trace. Operands come before what uses them, so the indices are a schedule.
 
-    `routines` remembers the functions called; the graph of a called function shares its caller's.
+    `routines` remembers the functions called; the graph of a called function shares its caller's. `sines` has the
+    sines and cosines of angles that were made of them.
     """
 
     def __init__(self, routines: dict[Any, Any] | None = None) -> None:
         self._expressions: dict[Any, Expression] = {}
         self.routines = {} if routines is None else routines
+        self.sines: dict[Expression, tuple[Any, Any]] = {}
 
     def make(self, kind: type[E], op: Op, *operands: Any, detail: Any = None) -> E:
         """The one expression with this operation, these operands and this detail."""

@@ -95,6 +95,11 @@ class Node(_Traced):
     def __abs__(self) -> Any:
         return folding.absolute(self)
 
+    def with_sine(self, sine: Value, cosine: Value) -> Node:
+        """This angle, known to have a sine and a cosine."""
+        self.graph.sines[self] = sine, cosine
+        return self
+
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
         if any(isinstance(x, np.ndarray) and x.ndim for x in inputs):
             raise untraceable("a traced value cannot meet an array: make the array a Column, Vec or Mat")
@@ -137,13 +142,14 @@ _RULES: dict[np.ufunc, Callable[..., Any]] = {
     np.multiply: folding.multiply,
     np.divide: folding.divide,
     np.negative: folding.negate,
-    np.sin: folding.elementary(Op.SIN),
-    np.cos: folding.elementary(Op.COS),
+    np.sin: folding.sine,
+    np.cos: folding.cosine,
     np.sqrt: folding.elementary(Op.SQRT),
     np.exp: elementary.exponential,
     np.log: elementary.logarithm,
     np.tanh: elementary.hyperbolic_tangent,
     np.arctan2: elementary.arc_tangent,
+    np.rint: folding.elementary(Op.ROUND),
     np.absolute: folding.absolute,
     np.minimum: folding.minimum,
     np.maximum: folding.maximum,

@@ -47,7 +47,7 @@ def kept(what: str, inputs: object, kind: type[Result], compute: Callable[[], Re
 
 
 def arithmetic() -> list[str]:
-    """The arithmetic that decides last bits: NumPy, what the processor can do, settings that choose the code it runs."""
+    """The arithmetic that decides last bits: NumPy, what the processor can do, settings that choose its code."""
     features = np._core._multiarray_umath.__cpu_features__  # type: ignore[attr-defined]  # no public name
     chosen = [f"{name}={value}" for name, value in os.environ.items() if name.startswith(_CHOOSING)]
     able = [name for name, has in features.items() if has]

@@ -8,6 +8,7 @@ from itertools import islice
 
 from adaptctl.dynamics.equations import Equations, Motion
 from adaptctl.dynamics.loops.constraint import Closing
+from adaptctl.dynamics.loops.dyad import Rule
 from adaptctl.dynamics.loops.least_squares import factored
 from adaptctl.dynamics.loops.posture import Following, Posture
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
@@ -54,6 +55,8 @@ class LoopEquations(Equations):
 
     tree: TreeEquations
     closing: Closing
+    rules: tuple[Rule, ...] = ()
+    """rules by which dependent joints follow in closed form, one after the other; empty where Newton's steps do"""
 
     @property
     def dof(self) -> int:
@@ -71,19 +74,36 @@ class LoopEquations(Equations):
         return self.tree.segments
 
     def closed(self, p: Column, guess: Column) -> Column:
-        """The closed configuration q = U(p) (n,), by Newton steps from a nearby one (n,), so that the branch is kept.
+        """The closed configuration q = U(p) (n,): where rules close all loops, on the reference's branch, with angles
+        whole turns apart from one nearby (n,); else by Newton steps from there, so that its branch is kept.
 
         The number of steps is fixed, so nothing branches on a value: from 0.05 rad away the first leaves 1e-3,
         the second 1e-6, the third round-off.
         """
         entries = dict(zip(self.closing.primary, p, strict=True))
         q = Column(entries.get(i, guess[i]) for i in range(self.joints))
+        if self.rules:
+            return self.projected(q)
         for _ in range(NEWTON_STEPS):
             q = self.projected(q)
         return q
 
     def projected(self, q: Column) -> Column:
-        """The configuration (n,) after one Newton step of the dependent joints."""
+        """The configuration (n,) with its loops closed, or after one Newton step of the dependent joints."""
+        return self._placed(q) if self.rules else self._stepped(q)
+
+    def _placed(self, q: Column) -> Column:
+        """The configuration whose dependent joints follow from the primary ones, whole turns apart the nearest to q."""
+        links, at, known = self.tree.segments, list(q), [*self.closing.primary]
+        for rule in self.rules:
+            places = {i: links[i].at(at[i]) for i in known}
+            for joint, x in zip(rule.joints, rule.followed(places, links, at), strict=True):
+                at[joint] = x
+            known += rule.joints
+        return Column(at)
+
+    def _stepped(self, q: Column) -> Column:
+        """The configuration after one Newton step of the dependent joints."""
         places = placements(self.tree.segments, q)
         columns = self.closing.jacobian(places)
         factor = factored([columns[d] for d in self.closing.dependent])

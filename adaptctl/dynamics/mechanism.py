@@ -15,7 +15,6 @@ from adaptctl.description import Description, Joint, Link
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics.array_equations import ArrayEquations
 from adaptctl.dynamics.equations import Equations
-from adaptctl.dynamics.recursion.segment import segments
 from adaptctl.dynamics.tree_equations import TreeEquations
 from adaptctl.errors import InputError, LoopError
 from adaptctl.markup import table, titled
@@ -83,9 +82,11 @@ class Mechanism:
             return None
         from adaptctl.dynamics.loop_equations import LoopEquations
         from adaptctl.dynamics.loops.assembly import assembled
+        from adaptctl.dynamics.loops.dyad import rules
 
-        closing, reference = assembled(self.description, loops, segments(self.description))
-        return LoopEquations(TreeEquations.of(self.description), closing), reference
+        tree = TreeEquations.of(self.description)
+        closing, reference = assembled(self.description, loops, tree.segments)
+        return LoopEquations(tree, closing, rules(closing, tree.segments, reference)), reference
 
     @cached_property
     def continuation(self) -> Continuation | None:

@@ -5,6 +5,7 @@ from adaptctl.scalars.dual import Dual
 from adaptctl.scalars.scalar import (
     Scalar,
     absolute,
+    angle,
     atan2,
     clip,
     cos,
@@ -12,6 +13,7 @@ from adaptctl.scalars.scalar import (
     log,
     maximum,
     minimum,
+    nearest_whole,
     sin,
     sqrt,
     tanh,
@@ -21,7 +23,7 @@ from adaptctl.scalars.tunable import Keyed, Structure, Tunable
 from adaptctl.scalars.vector import ZERO, Mat, Vec, cross, dot, product
 
 __all__ = [
-    "ZERO", "Column", "Dual", "Keyed", "Mat", "Scalar", "Structure", "Tunable", "Vec", "absolute", "atan2", "clip",
-    "column", "cos", "cross", "dot", "each", "exp", "log", "maximum", "minimum", "product", "sin", "spread", "sqrt",
-    "tanh", "where",
+    "ZERO", "Column", "Dual", "Keyed", "Mat", "Scalar", "Structure", "Tunable", "Vec", "absolute", "angle", "atan2",
+    "clip", "column", "cos", "cross", "dot", "each", "exp", "log", "maximum", "minimum", "nearest_whole", "product",
+    "sin", "spread", "sqrt", "tanh", "where",
 ]  # fmt: skip

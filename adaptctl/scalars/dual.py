@@ -10,7 +10,20 @@ from typing import Any
 
 import numpy as np
 
-from adaptctl.scalars.scalar import absolute, atan2, cos, exp, log, maximum, minimum, sin, sqrt, tanh, where
+from adaptctl.scalars.scalar import (
+    absolute,
+    atan2,
+    cos,
+    exp,
+    log,
+    maximum,
+    minimum,
+    nearest_whole,
+    sin,
+    sqrt,
+    tanh,
+    where,
+)
 
 
 class Dual:
@@ -140,6 +153,7 @@ _RULES: dict[np.ufunc, Callable[..., Any]] = {
     np.log: lambda a: Dual(log(a.value), a.slope / a.value),
     np.tanh: _tanh,
     np.arctan2: _atan2,
+    np.rint: lambda a: Dual(nearest_whole(a.value)),
     np.absolute: lambda a: Dual(absolute(a.value), where(a.value < 0.0, -a.slope, a.slope)),
     np.minimum: _minimum,
     np.maximum: _maximum,

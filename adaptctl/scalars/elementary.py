@@ -84,9 +84,8 @@ def hyperbolic_tangent(x: Any) -> Any:
 def arc_tangent(y: Any, x: Any) -> Any:
     """The angle of the point x, y from the x axis, in [-pi, pi]; zero of the origin."""
     high, low = maximum(absolute(x), absolute(y)), minimum(absolute(x), absolute(y))
-    slope = low / where(high > 0.0, high, 1.0)
-    upper = slope > math.tan(math.pi / 8.0)
-    t = where(upper, (slope - 1.0) / (slope + 1.0), slope)
+    upper = low > math.tan(math.pi / 8.0) * high
+    t = where(upper, low - high, low) / where(upper, low + high, where(high > 0.0, high, 1.0))
     z = t * t
     angle = where(upper, math.pi / 4.0, 0.0) + (t + t * z * (polynomial(_ATAN, z) / polynomial(_ATAN_BELOW, z)))
     angle = where(absolute(y) > absolute(x), math.pi / 2.0 - angle, angle)

@@ -73,6 +73,21 @@ def atan2(y: Any, x: Any) -> Any:
     return math.atan2(y, x) if isinstance(x, float) and isinstance(y, float) else np.arctan2(y, x)
 
 
+def nearest_whole(x: Any) -> Any:
+    """The whole number that is nearest to a scalar; of two, the even one."""
+    return np.rint(x)
+
+
+def angle(sine: Any, cosine: Any, near: Any) -> Any:
+    """The angle with a sine and a cosine, in rad: of all, whole turns apart, the nearest to `near`.
+
+    Their squares add up to 1. A traced angle is known to have them: its sine costs nothing.
+    """
+    least = atan2(sine, cosine)
+    whole = least + 2.0 * math.pi * nearest_whole((near - least) * (0.5 / math.pi))
+    return whole.with_sine(sine, cosine) if hasattr(whole, "with_sine") else whole
+
+
 def absolute(x: Any) -> Any:
     """Magnitude of a scalar."""
     return np.absolute(x)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -50,7 +50,7 @@ class Reach(NamedTuple):
     origin: Vec
 
 
-def reach(places: Sequence[Placement], side: ClosureSide) -> Reach:
+def reach(places: Sequence[Placement] | Mapping[int, Placement], side: ClosureSide) -> Reach:
     """The closure's side at a configuration, followed outward from the common link."""
     rotation, origin, hinges = _AXES, ZERO, []
     for i in side.links:
@@ -151,6 +151,15 @@ class Follower:
     leader: int
     ratio: float
     offset: float
+
+    @property
+    def joints(self) -> tuple[int]:
+        """The joint that follows."""
+        return (self.follower,)
+
+    def followed(self, _places: object, _links: object, q: Sequence[Scalar]) -> tuple[Scalar, ...]:
+        """The joint's position, rad or m, where the leader is at that of q (n,)."""
+        return (self.ratio * q[self.leader] + self.offset,)
 
 
 @dataclass(frozen=True)
