@@ -129,12 +129,13 @@ def test_the_rule() -> None:
     p = states(arm, 10_000)[0]
     assert [is_native(arm, "mass_matrix", p[0]) for _ in range(rule.CALLS)] == [False] * (rule.CALLS - 1) + [True]
     assert [is_native(arm, "inverse_dynamics", p, p, p) for _ in range(3)] == [False, False, True]
-    long = random_chain(0, rule.QUADRATIC + 1)
+    long = random_chain(0, rule.LONGEST_REGRESSOR + 1)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(rule, "CALLS", 1)
         zeros = np.zeros((3, long.dof))
         assert not is_native(long, "torque_regressor", *zeros)
         assert is_native(long, "inverse_dynamics", *zeros)
+        assert is_native(random_chain(0, 60), "forward_dynamics", *np.zeros((3, 60)))
 
 
 def is_native(mechanism: Mechanism, name: str, *arguments: Array) -> bool:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, checked, same_samples, stacked, stacked_rows, writable
+from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.errors import NonFiniteError
 from adaptctl.scalars import Column, column
 
@@ -19,8 +20,8 @@ if TYPE_CHECKING:
 CALLS, STATES = 50, 25_000
 """Calls and states after which an equation is compiled: until then NumPy has taken about as long as LLVM would."""
 
-LINEAR, QUADRATIC = 48, 24
-"""Links up to which equations are compiled, by how the number of their operations grows with them."""
+LONGEST_REGRESSOR = 24
+"""Links up to which whole regressors are compiled, whose operations grow with the square of the links."""
 
 
 class ArrayEquation:
@@ -60,7 +61,7 @@ class ArrayEquation:
         sizes: Callable[[], Mapping[str, int]],
         links: int,
         *,
-        longest: int = LINEAR,
+        longest: int = LARGEST_COMPILED,
         configured: Callable[[Array], Array] | None = None,
     ) -> None:
         self._name, self._function, self._lengths = name, function, sizes

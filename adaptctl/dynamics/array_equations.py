@@ -8,8 +8,9 @@ from typing import Protocol
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array
+from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.description import Description
-from adaptctl.dynamics.array_equation import LINEAR, QUADRATIC, ArrayEquation
+from adaptctl.dynamics.array_equation import LONGEST_REGRESSOR, ArrayEquation
 from adaptctl.dynamics.equations import Equations
 from adaptctl.scalars import Column
 
@@ -67,7 +68,7 @@ class ArrayEquations:
 
         self.inverse_dynamics = self.of(torque, "v", "a", "parameters")
         self.forward_dynamics = self.of(accelerations, "v", "torque", "parameters")
-        self.mass_matrix = self.of(inertia, "parameters", longest=QUADRATIC)
+        self.mass_matrix = self.of(inertia, "parameters")
 
     def on_columns(self, regressor: str, columns: tuple[int, ...]) -> ArrayEquation:
         """The equation on arrays of a regressor, "torque_regressor" or "slotine_li_regressor", with the asked columns
@@ -81,7 +82,7 @@ class ArrayEquations:
         self,
         function: Callable[..., Column | list[Column]],
         *arguments: str,
-        longest: int = LINEAR,
+        longest: int = LARGEST_COMPILED,
         sizes: Mapping[str, int] | None = None,
     ) -> ArrayEquation:
         """An equation on arrays from a function of columns: of q, the configuration of the p that it is called with,
@@ -105,5 +106,5 @@ class ArrayEquations:
             )
 
         if name == "slotine_li_regressor":
-            return self.of(rows, "v", "v_r", "a_r", longest=QUADRATIC)
-        return self.of(lambda q, v, a: rows(q, v, v, a), "v", "a", longest=QUADRATIC)
+            return self.of(rows, "v", "v_r", "a_r", longest=LONGEST_REGRESSOR)
+        return self.of(lambda q, v, a: rows(q, v, v, a), "v", "a", longest=LONGEST_REGRESSOR)
