@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 TIMED_TICKS, REPETITIONS = 1000, 30
 """control ticks that are timed to find out how long one takes"""
+LONG = 20_000
+"""operations of a tick above which its native time is not told: to compile it for that takes LLVM ten seconds"""
 MANY, FEW = 600_000, 60_000
 """samples of all runs: so many are kept as they are, and of more so few: with what draws them they fit into 500 MB"""
 
@@ -171,12 +173,15 @@ def tick_cost(controller: Controller[Any], run: Rollout) -> TickCost:
     called, kernel = _called(controller, states), controller.kernel
     if kernel is None:
         return TickCost(called)
+    flops = kernel.operations.flops
+    if flops > LONG:
+        return TickCost(called, flops=flops)
     memory = controller.init(run.p[0], run.v[0])
     kept = [np.concatenate([np.zeros(0), *leaves(memory)]), *([controller.packed] if controller.packed.size else [])]
     arguments = [*states, *(np.tile(part, (TIMED_TICKS, 1)) for part in kept)]
     results = [np.empty((TIMED_TICKS, *shape)) for shape in kernel.outputs]  # fresh ones would time page faults
     native = min(_duration(partial(kernel.map, out=results), *arguments) for _ in range(REPETITIONS))
-    return TickCost(called, native / TIMED_TICKS, kernel.operations.flops)
+    return TickCost(called, native / TIMED_TICKS, flops)
 
 
 def _called(controller: Controller[Any], states: list[Array]) -> float:

@@ -14,6 +14,7 @@ from adaptctl.cli.main import main
 from adaptctl.description.inertia import is_physically_consistent
 from adaptctl.dynamics import load
 from adaptctl.errors import InputError, NotFoundError
+from adaptctl.experiments import contest
 from adaptctl.experiments.adaptation_laws import LAWS, AdaptationLaws
 from adaptctl.experiments.rough_model import deviations
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
@@ -64,6 +65,15 @@ def test_each_tick_has_its_price(said: dict[str, Any]) -> None:
     assert ticks["adaptation-off"]["flops"] < ticks["gradient"]["flops"] < ticks["composite"]["flops"]
     for name, tick in ticks.items():
         assert 0.0 < tick["native"] < 1e-6 * said["findings"][f"tick_floats.{name}"]["value"]
+
+
+def test_a_long_tick_is_not_compiled_once_more_to_be_timed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(contest, "LONG", 1000)
+    runs = AdaptationLaws(laws=("gradient",), duration=0.5).compare(lambda what, share: None).runs
+    costs = {run.name: run.cost for run in runs}
+    assert costs["gradient"] is not None and costs["gradient"].flops is not None
+    assert costs["gradient"].flops > 1000 and costs["gradient"].native is None
+    assert costs["adaptation-off"] is not None and costs["adaptation-off"].native is not None
 
 
 def test_the_lyapunov_function_hardly_rises_between_samples(said: dict[str, Any]) -> None:
