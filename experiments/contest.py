@@ -29,7 +29,7 @@ TIMED_TICKS, REPETITIONS = 1000, 30
 """control ticks that are timed to find out how long one takes"""
 LONG = 20_000
 """operations of a tick above which its native time is not told: to compile it for that takes LLVM ten seconds"""
-MANY, FEW = 600_000, 60_000
+MANY, FEW = 600_000, 30_000
 """samples of all runs: so many are kept as they are, and of more so few: with what draws them they fit into 500 MB"""
 
 

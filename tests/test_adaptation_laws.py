@@ -18,6 +18,7 @@ from adaptctl.experiments import contest
 from adaptctl.experiments.adaptation_laws import LAWS, AdaptationLaws
 from adaptctl.experiments.rough_model import deviations
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
+from adaptctl.recording import TickCost
 from adaptctl.tuning.rough_links import scaled_links
 
 COMMAND = ("experiment", "run", "adaptation-laws")
@@ -70,10 +71,9 @@ def test_each_tick_has_its_price(said: dict[str, Any]) -> None:
 def test_a_long_tick_is_not_compiled_once_more_to_be_timed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(contest, "LONG", 1000)
     runs = AdaptationLaws(laws=("gradient",), duration=0.5).compare(lambda what, share: None).runs
-    costs = {run.name: run.cost for run in runs}
-    assert costs["gradient"] is not None and costs["gradient"].flops is not None
-    assert costs["gradient"].flops > 1000 and costs["gradient"].native is None
-    assert costs["adaptation-off"] is not None and costs["adaptation-off"].native is not None
+    costs = {run.name: run.cost or TickCost(0.0) for run in runs}
+    assert [costs[name].native is None for name in ("gradient", "adaptation-off")] == [True, False]
+    assert [(costs[name].flops or 0) > 1000 for name in ("gradient", "adaptation-off")] == [True, False]
 
 
 def test_the_lyapunov_function_hardly_rises_between_samples(said: dict[str, Any]) -> None:
