@@ -135,7 +135,10 @@ def test_the_rule() -> None:
         zeros = np.zeros((3, long.dof))
         assert not is_native(long, "torque_regressor", *zeros)
         assert is_native(long, "inverse_dynamics", *zeros)
-        assert is_native(random_chain(0, 60), "forward_dynamics", *np.zeros((3, 60)))
+        longer = random_chain(0, rule.LONGEST_MATRIX + 1)
+        zeros = np.zeros((3, longer.dof))
+        assert is_native(longer, "forward_dynamics", *zeros)
+        assert not is_native(longer, "mass_matrix", zeros[0])
 
 
 def is_native(mechanism: Mechanism, name: str, *arguments: Array) -> bool:

@@ -219,6 +219,11 @@ def test_reader_that_goes_away_is_no_error_to_tell() -> None:
         assert (done.returncode, done.stderr) == (1, "")
 
 
+def test_no_standard_output_is_no_error() -> None:
+    for done in printed_at_once_and_at_the_end(f"{LISTED} >&-"):
+        assert (done.returncode, done.stderr) == (0, "")
+
+
 def test_full_disk_behind_standard_output_is_told_in_a_line() -> None:
     for done in printed_at_once_and_at_the_end(f"{LISTED} > /dev/full"):
         assert done.returncode == 1

@@ -99,6 +99,7 @@ def test_bodies_nearest_to_what_none_have_are_consistent(five_bar: ReducedModel,
     lift = nearest_consistent(five_bar, own * np.random.default_rng(seed).normal(1.0, size, own.shape))
     assert all_consistent(lift.parameters)
     assert lift.distance < 1.1
+    assert nearest_consistent(five_bar, lift.fundamental).distance < 1e-5  # some have it, at the cone's edge
 
 
 def test_a_prior_no_bodies_have_is_refused(measured: ReducedModel) -> None:

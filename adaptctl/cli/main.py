@@ -82,7 +82,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             _require_command(given)
             with needed(_called(app.parse_commands(given)[0])):
                 code = int(app(given) or DONE)
-            sys.stdout.flush()  # here, where a reader that went away or a full disk can be told of
+            if sys.stdout is not None:
+                sys.stdout.flush()  # here, where a reader that went away or a full disk can be told of
             return code
         except CycloptsError as error:
             return _complain(_reason(error), WRONG_INPUT)
@@ -114,7 +115,7 @@ def _called(chain: Sequence[str]) -> str:
 
 
 def _failed(error: BaseException) -> int:
-    if not _flushes(sys.stdout):
+    if sys.stdout is not None and not _flushes(sys.stdout):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is kept would fail at the exit too
     if isinstance(error, BrokenPipeError):  # the reader of our output went away, as `head` does
         return FAILED

@@ -47,11 +47,19 @@ def kept(what: str, inputs: object, kind: type[Result], compute: Callable[[], Re
 
 
 def arithmetic() -> list[str]:
-    """The arithmetic that decides last bits: NumPy, what the processor can do, settings that choose its code."""
-    features = np._core._multiarray_umath.__cpu_features__  # type: ignore[attr-defined]  # no public name
-    chosen = [f"{name}={value}" for name, value in os.environ.items() if name.startswith(_CHOOSING)]
-    able = [name for name, has in features.items() if has]
-    return [np.__version__, platform.machine(), *sorted(able), *sorted(chosen)]
+    """The arithmetic that decides last bits: NumPy and its BLAS, the processor, settings that choose its code."""
+    chosen = sorted(f"{name}={value}" for name, value in os.environ.items() if name.startswith(_CHOOSING))
+    return [*_here(), *chosen]
+
+
+@functools.cache
+def _here() -> tuple[str, ...]:
+    """What of the arithmetic is the same for all of a process."""
+    features = getattr(np._core._multiarray_umath, "__cpu_features__", {})  # type: ignore[attr-defined]  # not public
+    able = sorted(name for name, has in features.items() if has)
+    blas = np.show_config(mode="dicts")["Build Dependencies"]["blas"]
+    cores = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else range(os.cpu_count() or 1)
+    return np.__version__, repr(blas), platform.machine(), str(len(cores)), *able
 
 
 @functools.cache

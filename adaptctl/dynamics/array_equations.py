@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array
 from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.description import Description
-from adaptctl.dynamics.array_equation import LONGEST_REGRESSOR, ArrayEquation
+from adaptctl.dynamics.array_equation import LONGEST_MATRIX, LONGEST_REGRESSOR, ArrayEquation
 from adaptctl.dynamics.equations import Equations
 from adaptctl.scalars import Column
 
@@ -68,7 +68,7 @@ class ArrayEquations:
 
         self.inverse_dynamics = self.of(torque, "v", "a", "parameters")
         self.forward_dynamics = self.of(accelerations, "v", "torque", "parameters")
-        self.mass_matrix = self.of(inertia, "parameters")
+        self.mass_matrix = self.of(inertia, "parameters", longest=LONGEST_MATRIX)
 
     def on_columns(self, regressor: str, columns: tuple[int, ...]) -> ArrayEquation:
         """The equation on arrays of a regressor, "torque_regressor" or "slotine_li_regressor", with the asked columns

@@ -79,7 +79,7 @@ class ConstrainedEquations(Equations):
         return self.whole.closed(p, guess)
 
     def projected(self, q: Column) -> Column:
-        """The configuration (n,) after one Newton step of the dependent joints."""
+        """The configuration (n,) with loops closed better, by one Newton step or all the way."""
         return self.whole.projected(q)
 
     def rates(self, q: Column, v: Column) -> Column:

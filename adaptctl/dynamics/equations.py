@@ -82,7 +82,8 @@ class Equations(ABC):
 
     @abstractmethod
     def projected(self, q: Column) -> Column:
-        """A configuration (n,) that closes all loops better, with the same primary positions: one Newton step."""
+        """A configuration (n,) that closes all loops better, with the same primary positions: by one Newton step, or
+        all the way."""
 
     @abstractmethod
     def rates(self, q: Column, v: Column) -> Column:

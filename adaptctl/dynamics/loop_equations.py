@@ -74,11 +74,11 @@ class LoopEquations(Equations):
         return self.tree.segments
 
     def closed(self, p: Column, guess: Column) -> Column:
-        """The closed configuration q = U(p) (n,): where rules close all loops, on the reference's branch, with angles
-        whole turns apart from one nearby (n,); else by Newton steps from there, so that its branch is kept.
+        """The closed configuration q = U(p) (n,) on the branch of one nearby (n,): by rules where they close all loops,
+        else by Newton steps.
 
-        The number of steps is fixed, so nothing branches on a value: from 0.05 rad away the first leaves 1e-3,
-        the second 1e-6, the third round-off.
+        By rules, joints are within half a turn of the nearby ones. The number of steps is fixed, so nothing branches on
+        a value: from 0.05 rad away the first leaves 1e-3, the second 1e-6, the third round-off.
         """
         entries = dict(zip(self.closing.primary, p, strict=True))
         q = Column(entries.get(i, guess[i]) for i in range(self.joints))
@@ -93,7 +93,7 @@ class LoopEquations(Equations):
         return self._placed(q) if self.rules else self._stepped(q)
 
     def _placed(self, q: Column) -> Column:
-        """The configuration whose dependent joints follow from the primary ones, whole turns apart the nearest to q."""
+        """The configuration whose dependent joints follow from the primary ones, on the branch of q."""
         links, at, known = self.tree.segments, list(q), [*self.closing.primary]
         for rule in self.rules:
             places = {i: links[i].at(at[i]) for i in known}

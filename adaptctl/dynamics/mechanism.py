@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -72,21 +73,26 @@ class Mechanism:
     @cached_property
     def equations(self) -> Equations:
         """The equations of motion over scalars of any kind, to trace or to differentiate: see `Equations`."""
-        return TreeEquations.of(self.description) if self._looped is None else self._looped[0]
+        if self._looped is None:
+            return TreeEquations.of(self.description)
+        from adaptctl.dynamics.loops.dyad import rules
+
+        stepped, reference = self._looped
+        return replace(stepped, rules=rules(stepped.closing, stepped.tree.segments, reference))
 
     @cached_property
     def _looped(self) -> tuple[LoopEquations, Array] | None:
-        """The equations with loops, imported here since a tree has none, and the closed reference (n,)."""
+        """The equations with loops, imported here since a tree has none, closed by Newton's steps, and the closed
+        reference (n,)."""
         loops = self.description.loops
         if loops is None:
             return None
         from adaptctl.dynamics.loop_equations import LoopEquations
         from adaptctl.dynamics.loops.assembly import assembled
-        from adaptctl.dynamics.loops.dyad import rules
 
         tree = TreeEquations.of(self.description)
         closing, reference = assembled(self.description, loops, tree.segments)
-        return LoopEquations(tree, closing, rules(closing, tree.segments, reference)), reference
+        return LoopEquations(tree, closing), reference
 
     @cached_property
     def continuation(self) -> Continuation | None:

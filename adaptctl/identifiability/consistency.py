@@ -72,7 +72,7 @@ def nearest_consistent(model: ReducedModel, beta: ArrayLike, prior: ArrayLike | 
     bodies = _Bodies(model, known)
     nearest = bodies.nearest(wanted)
     away = Lift(nearest, model.regrouping @ nearest, wanted)
-    parameters = bodies.likeliest(wanted, None) if away.realisable else bodies.likeliest_near(wanted, away)
+    parameters = bodies.likeliest_near(wanted, away)
     return Lift(parameters, model.regrouping @ parameters, wanted)
 
 
@@ -112,10 +112,13 @@ class _Bodies:
 
     def likeliest_near(self, wanted: Array, nearest: Lift) -> Array:
         """The consistent parameters nearest to the prior among those almost as near to beta as any are: with the least
-        slack that the solver can do; the nearest to beta where it can do none."""
-        for slack in SLACKS:
+        slack that the solver can do, and keeps; the nearest to beta where it can do none."""
+        least = max(nearest.distance, 0.5 * REALISABLE)
+        for within in (*([None] if nearest.realisable else []), *(least * (1.0 + slack) for slack in SLACKS)):
             with suppress(AdaptctlError):
-                return self.likeliest(wanted, nearest.distance * (1.0 + slack))
+                found = self.likeliest(wanted, within)
+                if Lift(found, self._regrouping @ found, wanted).distance < (within or REALISABLE):
+                    return found
         return nearest.parameters
 
     def _solved(self, goal: Any, constraints: list[Any]) -> Array:
@@ -123,10 +126,11 @@ class _Bodies:
         problem = cp.Problem(cp.Minimize(goal), constraints)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of lower accuracy: the lift tells its distance itself
-            with suppress(cp.SolverError):  # its status says so too
+            with suppress(cp.SolverError):  # then there is no status
                 problem.solve(solver=cp.CLARABEL)
         if problem.status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
-            raise AdaptctlError(f"consistency: the semidefinite programme ended as {problem.status!r}")
+            ended = "without a solution" if problem.status is None else f"as {problem.status!r}"
+            raise AdaptctlError(f"consistency: the semidefinite programme ended {ended}")
         self._move_inside()
         return np.asarray(self._parameters.value, dtype=np.float64)
 

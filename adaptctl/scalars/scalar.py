@@ -75,7 +75,7 @@ def atan2(y: Any, x: Any) -> Any:
 
 def nearest_whole(x: Any) -> Any:
     """The whole number that is nearest to a scalar; of two, the even one."""
-    return np.rint(x)
+    return float(np.rint(x)) if isinstance(x, float) else np.rint(x)
 
 
 def angle(sine: Any, cosine: Any, near: Any) -> Any:

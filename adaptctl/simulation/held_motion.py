@@ -46,7 +46,7 @@ def held_motion(
     of any kind.
 
     Where an integrator has several stages, they share one body of the forward dynamics. With loops the dependent
-    joints are integrated too, and one Newton step a substep projects them back.
+    joints are integrated too, and projected back in every substep.
     """
     dt, several = control_period / substeps, integrator.stages > 1
     bodies = _rigid(mechanism, integrator, friction, dt)

@@ -32,7 +32,8 @@ NEAREST = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Continuation:
-    """The branch of closed configurations that holds the reference (n,)."""
+    """The branch of closed configurations that holds the reference (n,), followed by Newton's steps: they do not lead
+    past a singularity unnoticed, as closed forms may."""
 
     equations: LoopEquations
     reference: Array

@@ -12,7 +12,7 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.dynamics.loops.constraint import Closing, ClosureSide, Follower, Loop, Reach, reach
 from adaptctl.dynamics.recursion.segment import Placement, Segment
-from adaptctl.scalars import Scalar, Vec, angle, dot, maximum, sqrt
+from adaptctl.scalars import Scalar, Vec, angle, cos, dot, maximum, sin, sqrt, where
 
 PARALLEL = 1e-12
 """Sine of the largest angle between axes that count as parallel."""
@@ -57,7 +57,8 @@ class Dyad:
     """A dyad of turning joints (RRR): two links between three pivots, whose axes are parallel, of which one is where
     the loop is cut.
 
-    Where other joints have put the outer pivots, the links' lengths fix the middle one but for the side it is on.
+    Where other joints have put the outer pivots, the links' lengths fix the middle one but for the side it is on, which
+    is that of a configuration nearby.
     """
 
     sides: tuple[ClosureSide, ClosureSide]
@@ -68,10 +69,8 @@ class Dyad:
     """unit vectors across the axes, in the common link's axes"""
     squares: tuple[float, float]
     """squared lengths of the links, m^2"""
-    left: float
-    """1 where the middle pivot is to the left of the way from one outer pivot to the other, else -1"""
-    senses: tuple[float, float]
-    """1 where a joint turns to the left in the plane, else -1"""
+    sense: float
+    """1 where the second joint turns to the left in the plane, as the first one does, else -1"""
 
     @property
     def is_cut_in_the_middle(self) -> bool:
@@ -81,25 +80,28 @@ class Dyad:
     def followed(
         self, places: Mapping[int, Placement], links: Sequence[Segment], q: Sequence[Scalar]
     ) -> tuple[Scalar, ...]:
-        """The two joints' angles (rad), of all that close the loop the nearest to those of q (n,).
+        """The two joints' angles (rad) that close the loop, within half a turn of those of q (n,), on whose side the
+        middle pivot is.
 
-        `places` has the placements of the other links. Where the loop cannot close, the angles leave it open.
+        `places` has the placements of the other links. Where the loop cannot close, the angles leave it open, and a
+        traced angle's sine and cosine are not of length 1.
         """
         zero = {**places, **{joint: links[joint].placed((1.0, 0.0)) for joint in self.joints}}
         at_zero = self._links(*(reach(zero, side) for side in self.sides))
         way = at_zero.other_pivot.minus(at_zero.pivot)
         apart, (square, other_square) = way.dot(way), self.squares
         along = 0.5 * apart + 0.5 * (square - other_square)  # times the distance of the outer pivots, like the next
-        aside = self.left * sqrt(maximum(square * apart - along * along, 0.0))
-        inverse = 1.0 / apart
+        aside = sqrt(maximum(square * apart - along * along, 0.0))
+        nearby = at_zero.over.turned(cos(q[self.joints[0]]), sin(q[self.joints[0]]))
+        aside, inverse = where(way.cross(nearby) < 0.0, -aside, aside), 1.0 / apart
         over = way.turned(inverse * along, inverse * aside)
         cosine, sine = _turn(at_zero.over, over, square)
         if self.is_cut_in_the_middle:
             other_cosine, other_sine = _turn(at_zero.other_over, over.minus(way), other_square)
         else:
             other_cosine, other_sine = _turn(at_zero.other_over.turned(cosine, sine), way.minus(over), other_square)
-        (i, j), (sense, other_sense) = self.joints, self.senses
-        return angle(sense * sine, cosine, q[i]), angle(other_sense * other_sine, other_cosine, q[j])
+        one, other = self.joints
+        return angle(sine, cosine, q[one]), angle(self.sense * other_sine, other_cosine, q[other])
 
     def _links(self, one: Reach, other: Reach) -> Links:
         """The dyad's links where the sides of the closure reach."""
@@ -124,7 +126,7 @@ Rule: TypeAlias = Dyad | Follower
 def rules(closing: Closing, links: Sequence[Segment], reference: Array) -> tuple[Rule, ...]:
     """The rules by which all dependent joints follow, each after those that it needs; empty where some have none.
 
-    `reference` (n,) closes all loops, on the branch that is meant.
+    `reference` (n,) closes all loops.
     """
     places = {i: link.at(x) for i, (link, x) in enumerate(zip(links, reference.tolist(), strict=True))}
     known, found = set(closing.primary), list[Rule]()
@@ -139,7 +141,7 @@ def rules(closing: Closing, links: Sequence[Segment], reference: Array) -> tuple
             known.update(rule.joints)
             found.append(rule)
         left = [item for item in left if item not in made]
-    return tuple(found) if len(known) == len(links) and len(closing.rows) == len(closing.dependent) else ()
+    return tuple(found) if len(known) == len(links) else ()
 
 
 def _rule(item: Loop | Follower, known: set[int], places: Mapping[int, Placement]) -> Rule | None:
@@ -158,21 +160,21 @@ def _rule(item: Loop | Follower, known: set[int], places: Mapping[int, Placement
 def _dyad(
     sides: tuple[ClosureSide, ClosureSide], joints: tuple[int, int], places: Mapping[int, Placement]
 ) -> Dyad | None:
-    """The dyad of two joints on the branch of these placements; None where a joint of the loop slides, or axes are not
-    parallel."""
-    one, other = (reach(places, side) for side in sides)
-    hinges = {hinge.link: hinge for hinge in (*one.hinges, *other.hinges)}
+    """The dyad of two joints, placed; None where they or joints that turn before them are not parallel, or what slides
+    leaves their plane."""
+    reached = [reach(places, side) for side in sides]
+    hinges = {hinge.link: hinge for one in reached for hinge in one.hinges}
     axes = {link: np.array([*hinge.axis], dtype=np.float64) for link, hinge in hinges.items()}
     normal = axes[joints[0]]
-    apart = max(float(np.abs(np.cross(normal, axis)).max()) for axis in axes.values())
-    if apart > PARALLEL or not all(hinge.turns for hinge in hinges.values()):
+    if not all(hinges[joint].turns for joint in joints):
         return None
-    first, second = (math.copysign(1.0, float(normal @ axes[joint])) for joint in joints)
-    blank = Dyad(sides, joints, _across(normal), (1.0, 1.0), 1.0, (first, second))
-    found = blank._links(one, other)
-    squares = float(found.over.dot(found.over)), float(found.other_over.dot(found.other_over))
-    left = math.copysign(1.0, float(found.other_pivot.minus(found.pivot).cross(found.over)))
-    return replace(blank, squares=squares, left=left)
+    for link, axis in axes.items():
+        leaving = np.cross(normal, axis) if hinges[link].turns else normal @ axis
+        if np.abs(leaving).max() > PARALLEL:
+            return None
+    blank = Dyad(sides, joints, _across(normal), (1.0, 1.0), math.copysign(1.0, float(normal @ axes[joints[1]])))
+    found = blank._links(*reached)
+    return replace(blank, squares=(float(found.over.dot(found.over)), float(found.other_over.dot(found.other_over))))
 
 
 def _across(normal: Array) -> tuple[Vec, Vec]:

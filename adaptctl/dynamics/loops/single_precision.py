@@ -27,7 +27,7 @@ def require_single_precision(mechanism: Mechanism, argument: str) -> None:
     worst = 0.0
     for q, p in _nearby(mechanism):
         guess = Column(np.float32(x) for x in q.tolist())
-        closed = continuation.equations.closed(Column(np.float32(x) for x in p.tolist()), guess)
+        closed = mechanism.equations.closed(Column(np.float32(x) for x in p.tolist()), guess)
         gaps = continuation.equations.residual(column(np.array([float(x) for x in closed])))
         worst = max(worst, *(abs(float(gap)) for gap in gaps))
     if not worst <= OPEN:
