@@ -54,7 +54,7 @@ def arithmetic() -> list[str]:
 
 @functools.cache
 def _here() -> tuple[str, ...]:
-    """What of the arithmetic is the same for all of a process."""
+    """The part of `arithmetic` that is the same for all of a process."""
     features = getattr(np._core._multiarray_umath, "__cpu_features__", {})  # type: ignore[attr-defined]  # not public
     able = sorted(name for name, has in features.items() if has)
     blas = np.show_config(mode="dicts")["Build Dependencies"]["blas"]

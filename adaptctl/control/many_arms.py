@@ -27,7 +27,7 @@ class ManyArms:
     law: Callable[..., tuple[Column, ...]]
     given: Mapping[str, int]
     memory: Mapping[str, int]
-    native: bool = True
+    native: bool
     _spare: dict[int, tuple[Ensemble, Columns]] = field(default_factory=dict, init=False)
     """Lanes that no tick is using, by their number of arms, and what was last read from them: to make new ones, and to
     write again what they hold, costs more than a tick."""
