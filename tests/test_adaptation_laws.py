@@ -135,6 +135,7 @@ def five_bar(folder: Path) -> str:
     return str(path)
 
 
+@pytest.mark.usefixtures("untimed_lanes")
 def test_every_law_runs_through_a_loop(tmp_path: Path) -> None:
     """All laws, on reduced and on full parameters of a closed chain."""
     asked = AdaptationLaws(robot=five_bar(tmp_path), amplitude=0.12, duration=2.0)

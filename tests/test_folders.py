@@ -131,7 +131,7 @@ def require_one_run(place: Path, old: str) -> None:
 def test_a_run_that_is_ended_at_any_moment(tmp_path: Path, number: signal.Signals) -> None:
     """Also in its first moments, and while it writes. `AT_RANDOM=200 pytest -k any_moment` tries as many."""
     rng, place = random.Random(int(number)), tmp_path / "out"
-    for _ in range(int(os.environ.get("AT_RANDOM", "2"))):
+    for _ in range(int(os.environ.get("AT_RANDOM", "1"))):
         place.mkdir(exist_ok=True)
         for inner in place.glob("*"):
             if inner.is_file():

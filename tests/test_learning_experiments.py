@@ -20,6 +20,8 @@ from adaptctl.simulation import Rollout, rollout, simulate
 
 SMALL = "docs/examples/two_link.toml"
 
+pytestmark = pytest.mark.usefixtures("untimed_lanes")
+
 
 def found(comparison: Comparison) -> dict[str, float]:
     return {finding.name: finding.value for finding in comparison.findings}

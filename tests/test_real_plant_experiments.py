@@ -21,6 +21,8 @@ from adaptctl.experiments.noise_and_delay import NoiseAndDelay
 from adaptctl.experiments.payload_drop import PayloadDrop
 from adaptctl.experiments.saturation import Saturation
 
+pytestmark = pytest.mark.usefixtures("untimed_lanes")
+
 
 def found(content: dict[str, Any], name: str) -> float:
     return float(content["findings"][name]["value"])
