@@ -37,7 +37,7 @@ def test_the_worst_of_many_configurations_is_named() -> None:
     crossed = np.array([1.51, -2.610195, -2.432009])
     bars.continuation.require_regular(fine)
     with pytest.raises(SingularityError, match=r"near a singularity at p = \[1\.51\]"):
-        bars.continuation.require_regular(np.stack([fine[0], crossed, fine[1]])[None])
+        bars.continuation.require_regular(np.stack([fine[0], crossed, fine[1], fine[0]])[None])
 
 
 @pytest.mark.parametrize(("stiffness", "rate"), [(0.0, 10.0), (10.0, 0.0)])
