@@ -68,7 +68,7 @@ class LearningEnv(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     """
     ## Description
 
-    A tracking environment as learners want it: `TrackingEnv` with what is seen and what is done in [-1, 1]. Rewards,
+    A wrapper of `TrackingEnv` for reinforcement learning: observations and actions are scaled to [-1, 1]. Rewards,
     episodes, options and `info` are the environment's own, so that returns compare with those of controllers that
     drive it: `adaptctl.envs.baselines` tells them.
 

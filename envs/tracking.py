@@ -260,7 +260,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return self._observation(episode), reward, terminated, truncated, self._info(episode, state.applied)
 
     def render(self) -> NDArray[np.uint8] | None:
-        """The arm and, as a ghost, where it should be: an image (height, width, 3). None without a render mode."""
+        """The image (height, width, 3) of the arm and, as a ghost, of where it should be; None without a render mode.
+        Raises `ResetNeeded` before the first reset."""
         episode = self._running("render")
         if self.render_mode is None:
             gymnasium.logger.warn("render: choose a mode when making the environment: render_mode='rgb_array'")
@@ -273,7 +274,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return self._renderer.image(episode.state.p, goal, episode.step * self.control_period)
 
     def hand_over(self) -> Episode:
-        """The parts of the running episode, for `simulate`, which computes it in native code."""
+        """The parts of the running episode, for `simulate`, which computes it in native code. Raises `ResetNeeded`
+        before the first reset."""
         episode = self._running("hand_over")
         return Episode(
             self.plant,

@@ -75,7 +75,7 @@ def trace(function: Callable[..., Any], arguments: Mapping[str, int], *, name: s
 
 
 def outlined(function: F) -> F:
-    """Let all calls of `function` within a trace share one native subroutine instead of being unrolled.
+    """The function, all of whose calls within a trace share one native subroutine instead of being unrolled.
 
     Its arguments are scalars and Columns by position, its result is as `trace` has it. Constants among the scalars
     are folded into the body: a trace keeps one body for each pattern of nodes and constants. Wrap a function once,

@@ -51,11 +51,12 @@ class AdaptiveState(NamedTuple):
 
 
 class AdaptiveController(Controller[AdaptiveState]):
-    """A control law on a model's k parameters, and an adaptation law chosen apart from it.
+    """Base class of adaptive controllers: a control law on a model's k parameters, and an adaptation law of choice.
 
     `adaptation` is the law, or a gain for `Gradient`, or None to switch adaptation off; `initial` (k,) is the
     first estimate, zero when not given; `period` is the control period T_c in s. Nothing is learned from a period whose
-    torque is beyond `torque_limits` (r,), the mechanism's own unless given.
+    torque is beyond `torque_limits` (r,), N m (N for a prismatic joint), the mechanism's own unless given. Raises
+    `InputError` where period, first estimate or gain do not fit.
     """
 
     model: ReducedModel

@@ -81,7 +81,7 @@ def _faded_in(time: Scalar, length: Any) -> tuple[Scalar, Scalar, Scalar]:
 
 @lru_cache(maxsize=32)
 def sinusoid_kernel(*sizes: int) -> Callable[..., ReferencePoint]:
-    """`sinusoids_at` as native code of a time (1,) and of `SinusoidNumbers` of these lengths."""
+    """Native code of `sinusoids_at`: of a time (1,), s, and the parts of `SinusoidNumbers`, whose lengths these are."""
 
     def equation(time: Column, **numbers: Column) -> ReferencePoint:
         return sinusoids_at(time[0], SinusoidNumbers(**numbers))

@@ -84,10 +84,11 @@ def design_study(
     percent: float = PERCENT,
     seed: int = 0,
 ) -> DesignStudy:
-    """The design study of a body, given itself, by name or as a point mass in kg, and of counterweights on some links.
+    """The design study of an added body (a `Payload`, a known body's name or a point mass in kg) and of counterweights.
 
-    Where no links are named, the heaviest six carry some, but for those that turn about the vertical on the ground.
-    Raises `InputError` as `named_body` and `PlaceBounds` do.
+    Where no `links` are named, the heaviest six carry some, but for those that turn about the vertical on the ground.
+    `share` and `beyond` bound their masses and places as in `bounds`; `objective`, `percent` and `seed` are those of
+    `optimal_counterweights`. Raises `InputError` as these do, `NotFoundError` for an unknown body.
     """
     carried = named_body(body)
     every = bounds(task.mechanism, task.mechanism.description.body_names, share, beyond)

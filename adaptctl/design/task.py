@@ -72,10 +72,10 @@ class DesignTask:
     def within_limits(
         cls, mechanism: Mechanism, samples: int = SAMPLES, seed: int = 0, speed: float = SPEED
     ) -> DesignTask:
-        """The task of random states within the joints' limits, at normal speeds about `speed` sqrt(g/L), or the joints'
-        limits.
+        """The task of so many random states, drawn by seed: positions within the joints' limits, velocities normally
+        distributed with a deviation of `speed` sqrt(g/L), L being the mechanism's characteristic length, and clipped.
 
-        Accelerations are normal about the square of that. At a `speed` of 1 kinetic and potential energy weigh alike;
+        Accelerations are normal with the square of that. At a `speed` of 1 kinetic and potential energy weigh alike;
         an arm at work moves at about a quarter of it. With loops, positions are on the reference's branch. Raises
         `InputError` for another number of samples or a negative speed.
         """
@@ -169,8 +169,8 @@ class DesignTask:
         )
 
     def weights(self, parameters: ArrayLike | None = None) -> Array:
-        """Shares (k,) of the energy that would be lost with each fundamental parameter alone, for parameters (P,), the
-        mechanism's own by default."""
+        """Share (k,) of the root mean square energy that each fundamental parameter makes alone, for parameters (P,) in
+        SI units, the mechanism's own by default. Raises `InputError` for another number of parameters."""
         D = self._given(parameters)
         each = np.linalg.norm(self._energy[:, list(self.basis.columns)], axis=0)
         return each * np.abs(self.basis.regrouping @ D) / max(self.cost("energy", D), np.finfo(float).tiny)

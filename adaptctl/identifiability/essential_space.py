@@ -92,7 +92,7 @@ class EssentialSpace:
 
     @cached_property
     def scales(self) -> Array:
-        """Scales (P,) that make parameters of different units comparable."""
+        """The scales (P,) of the parameters, in their SI units: parameters over scales compare with one another."""
         return frozen_array(self.null_space.scales, (len(self.parameter_names),), "scales")
 
     @cached_property

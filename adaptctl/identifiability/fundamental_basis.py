@@ -127,14 +127,14 @@ class FundamentalBasis:
 def fundamental_basis(
     space: EssentialSpace, priority: Priority | None = None, *, tolerance: float = TOLERANCE, prove: bool = False
 ) -> FundamentalBasis:
-    """The fundamental basis of an essential space, by removing parameters in the order of a priority (default: Table
-    4's rule).
+    """The fundamental basis of an essential space, by removing parameters in the order of a priority (default: the rule
+    of Table 4 in Sheu and Walker 1991).
 
-    Where the space has a proof, the kept parameters are also found on its exact geometry; with `prove` it must have
-    one.
-    Raises `RankError` when both differ although every choice is clear, and when the removed parameters determine the
-    kept ones too poorly (condition above 1e4 among scaled parameters): the priority then removes parameters that very
-    nearly depend on each other.
+    A parameter is removed where more than `tolerance` of its row, scaled, is left by those removed before. Where the
+    space has a proof, the kept parameters are also found on its exact geometry; with `prove` it must have one, or
+    `InputError` is raised. Raises `RankError` when both differ although every choice is clear, and when the removed
+    parameters determine the kept ones too poorly (condition above 1e4 among scaled parameters): the priority then
+    removes parameters that very nearly depend on each other.
     """
     order = (priority or Priority()).indices(space.parameter_names)
     inputs = [space.search.inputs, [int(j) for j in order], repr(tolerance), bool(prove)]

@@ -78,7 +78,9 @@ class ReducedModel(Keyed):
         )
 
     def torque_regressor(self, p: ArrayLike, v: ArrayLike, a: ArrayLike, out: Array | None = None) -> Array:
-        """The torque regressor Y[:, columns] (..., r, k) at positions, velocities and accelerations (..., r)."""
+        """The torque regressor Y[:, columns] (..., r, k) of the kept parameters, at positions, velocities and
+        accelerations (..., r): torques are Y beta. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or
+        infinity."""
         equation = self._torque_regressor
         return equation.call(p, v, a) if out is None else equation.into(out, p, v, a)
 

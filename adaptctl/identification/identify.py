@@ -126,8 +126,9 @@ def identify(
     `robot` is its mechanism or its file (with links as a first guess); `drives` how motors turn joints, or, where
     joints are measured themselves, `columns` and `units` (`joint_columns`) and perhaps a sampling `rate` (Hz).
     Without logs to `validate` on, the last 40 % of the given ones are held out for it, and everything is chosen on
-    the rest; the estimate then takes them all. `skip` names steps of the preparation, `friction` the terms, `cutoff`
-    (Hz) and `weight` (of the prior) what else is chosen by an inner validation. With `instruments`, regressors are
+    the rest; the estimate then takes them all. `topic` names that of a log with several, `skip` steps of the
+    preparation to leave out, `friction` the terms as `FrictionModel.named` reads them; `cutoff` (Hz) and `weight` (of
+    the prior) are chosen by an inner validation unless given. With `instruments`, regressors are
     freed of noise by instrumental variables, for encoders that are coarse or noisy. Raises `InputError`, `FileError`.
     """
     mechanism = load(robot, snap=True) if not isinstance(robot, Mechanism) else robot

@@ -84,8 +84,7 @@ def each(values: Any, n: int) -> Column:
 
 
 def spread(values: Column, columns: Sequence[int], size: int) -> Column:
-    """Column (size,) with the values at their columns and exact zeros elsewhere, so that the rest is never computed
-    once traced."""
+    """Column (size,) with the values at these indices and exact zeros elsewhere, of which a trace computes nothing."""
     entries: list[Any] = [0.0] * size
     for column, value in zip(columns, values, strict=True):
         entries[column] = value

@@ -173,7 +173,8 @@ class Plant(Tunable):
         return np.minimum(np.maximum(self._finite(torque), -self._limits), self._limits)
 
     def energy(self, state: PlantState, parameters: ArrayLike | None = None) -> float:
-        """Kinetic plus potential energy, in J, with parameters (P,) as in `step`."""
+        """Kinetic plus potential energy of one arm, J, with springs and motors of elastic joints; true parameters (P,)
+        are the mechanism's own unless given. Raises `InputError` on a wrong shape."""
         true = self._true(state.time) if parameters is None else parameters
         motors = (state.drives,) if self.is_elastic else ()
         (energy,) = self._energy(state.q, state.v, true, *motors)

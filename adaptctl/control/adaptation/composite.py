@@ -24,7 +24,8 @@ class Composite(Descent[Filtered]):
         estimate' = -Gamma (Y's + W'R (W estimate - F[tau]))
 
     W is the regressor behind the filter F = lambda/(d/dt + lambda), from positions and velocities alone;
-    `weight` is R (r,) in 1/(N m s) (its diagonal, one number or one a joint), `cutoff` is lambda in 1/s.
+    `weight` is R (r,) in 1/(N m s) (its diagonal, one number or one a joint), `cutoff` is lambda in 1/s. Raises
+    `InputError` for numbers that are not positive, and, with a controller, of other sizes.
 
     Guarantees, without disturbance: with eps = W error, V = s'Ms/2 + error' Gamma^-1 error/2 falls as
     -s'Ks - eps'R eps: besides s, what the torques say of the parameters goes to zero, and under persistent

@@ -47,7 +47,8 @@ class PriorRanges:
 
     @lru_cache(maxsize=64)  # noqa: B019  # a few numbers each, asked for by every controller of a sweep
     def of(self, names: tuple[str, ...]) -> Array:
-        """The range (k,) of every named parameter, in SI units; read-only."""
+        """The ranges (k,), SI units, of parameters by their full names, such as `link1.m`: what follows the last dot
+        counts; read-only."""
         return frozen(np.array([self._range(name.rsplit(".", 1)[-1]) for name in names]))
 
     def _range(self, kind: str) -> float:
@@ -69,7 +70,8 @@ def adaptation_gain(
     period: float = 1e-3,
     workspace: Workspace | None = None,
 ) -> Array:
-    """The diagonal (k,) of Gamma: rate times the square of each kept parameter's prior range.
+    """The diagonal (k,) of the adaptation gain Gamma, in the parameters' units: `rate` times the square of each kept
+    parameter's prior range, `PriorRanges()` unless given.
 
     1/Gamma then weighs every parameter's error by its range in the Lyapunov function. With the `gains` of a control law
     and its `period` (s), no range is taken greater than HOLD_SHARE of what the gains leave of the hold number, 2 - h,

@@ -16,13 +16,14 @@ from adaptctl.simulation.effects.effect import SensorEffect, require_positive
 
 @dataclass(frozen=True)
 class FilteredDifferences(SensorEffect):
-    """Velocity estimates from the measured positions: backward differences through a first-order low-pass filter.
+    """Sensor effect that estimates velocities from measured positions: backward differences through a first-order
+    low-pass filter.
 
         w_k = a w_(k-1) + (1 - a) (p_k - p_(k-1))/T_c,   a = exp(-2 pi cutoff T_c)
 
     `cutoff` is in Hz. This is the derivative that controllers use in practice (Astrom and Hagglund, Advanced PID
     Control, 2006, section 3.3); it is late by about T_c/2 + 1/(2 pi cutoff). An encoder's counts q make it jump by
-    (1 - a) q/T_c.
+    (1 - a) q/T_c. Raises `InputError` for a cutoff that is not positive.
     """
 
     cutoff: float
