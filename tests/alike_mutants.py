@@ -9,7 +9,6 @@ ALIKE = {
     "adaptctl/dynamics/loops/dyad.py::_across np.cross(normal, first) + 0.0 -> np.cross(normal, first) - 0.0": (
         "the sign of a zero is not kept"
     ),
-    "adaptctl/dynamics/loops/dyad.py::_dyad 1.0 -> 2.0 (again 1)": "a blank's squares are replaced",
     "adaptctl/dynamics/array_equation.py::ArrayEquation._into_native self._kernel is not None and "
     "np.ndim(arguments[0]) == 1 -> self._kernel is not None or np.ndim(arguments[0]) == 1": (
         "there is a kernel by then, and what fills one state's array leaves others to the same"

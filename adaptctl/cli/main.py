@@ -82,8 +82,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             _require_command(given)
             with needed(_called(app.parse_commands(given)[0])):
                 code = int(app(given) or DONE)
-            if sys.stdout is not None:
-                sys.stdout.flush()  # here, where a reader that went away or a full disk can be told of
+            print(end="", flush=True)  # here, where a reader that went away or a full disk can be told of
             return code
         except CycloptsError as error:
             return _complain(_reason(error), WRONG_INPUT)
@@ -115,20 +114,14 @@ def _called(chain: Sequence[str]) -> str:
 
 
 def _failed(error: BaseException) -> int:
-    if sys.stdout is not None and not _flushes(sys.stdout):
+    try:
+        print(end="", flush=True)
+    except OSError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is kept would fail at the exit too
     if isinstance(error, BrokenPipeError):  # the reader of our output went away, as `head` does
         return FAILED
     reason = str(error) or type(error).__name__
     return _complain("out of memory" if isinstance(error, MemoryError) else reason, FAILED)
-
-
-def _flushes(stream: TextIO) -> bool:
-    try:
-        stream.flush()
-    except OSError:
-        return False
-    return True
 
 
 def _complain(message: object, code: int) -> int:

@@ -12,7 +12,7 @@ from adaptctl.dynamics.loops.dyad import Rule
 from adaptctl.dynamics.loops.least_squares import factored
 from adaptctl.dynamics.loops.posture import Following, Posture
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
-from adaptctl.dynamics.recursion.segment import Segment, placements
+from adaptctl.dynamics.recursion.segment import Placement, Segment, placements
 from adaptctl.dynamics.tree_equations import TreeEquations, TreeMotion
 from adaptctl.scalars import Column, Scalar
 
@@ -82,9 +82,7 @@ class LoopEquations(Equations):
         """
         entries = dict(zip(self.closing.primary, p, strict=True))
         q = Column(entries.get(i, guess[i]) for i in range(self.joints))
-        if self.rules:
-            return self.projected(q)
-        for _ in range(NEWTON_STEPS):
+        for _ in range(1 if self.rules else NEWTON_STEPS):
             q = self.projected(q)
         return q
 
@@ -94,12 +92,13 @@ class LoopEquations(Equations):
 
     def _placed(self, q: Column) -> Column:
         """The configuration whose dependent joints follow from the primary ones, on the branch of q."""
-        links, at, known = self.tree.segments, list(q), [*self.closing.primary]
+        links, at, known = self.tree.segments, list(q), self.closing.primary
+        places: dict[int, Placement] = {}
         for rule in self.rules:
-            places = {i: links[i].at(at[i]) for i in known}
-            for joint, x in zip(rule.joints, rule.followed(places, links, at), strict=True):
+            places |= {i: links[i].at(at[i]) for i in known}
+            known = rule.joints
+            for joint, x in zip(known, rule.followed(places, links, at), strict=True):
                 at[joint] = x
-            known += rule.joints
         return Column(at)
 
     def _stepped(self, q: Column) -> Column:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -49,7 +49,18 @@ class Links(NamedTuple):
     """from the first pivot to the middle one"""
     other_pivot: Flat
     other_over: Flat
-    """from the second pivot to the middle one; where the loop is cut there, from the middle one to the second pivot"""
+    """where the loop is cut at the middle pivot, from the second one to it; else from it to the second one"""
+
+    @classmethod
+    def of(cls, one: Reach, other: Reach, plane: tuple[Vec, Vec], is_cut_in_the_middle: bool) -> Links:
+        """The links of a dyad where the sides of its closure reach."""
+        if is_cut_in_the_middle:
+            points = one.hinges[-1].origin, one.origin, other.hinges[-1].origin, other.origin
+        else:
+            points = one.hinges[-2].origin, one.hinges[-1].origin, other.origin, one.origin
+        pivot, middle, other_pivot, end = (Flat(*(dot(u, point) for u in plane)) for point in points)
+        start = other_pivot if is_cut_in_the_middle else middle
+        return cls(pivot, middle.minus(pivot), other_pivot, end.minus(start))
 
 
 @dataclass(frozen=True)
@@ -87,7 +98,8 @@ class Dyad:
         traced angle's sine and cosine are not of length 1.
         """
         zero = {**places, **{joint: links[joint].placed((1.0, 0.0)) for joint in self.joints}}
-        at_zero = self._links(*(reach(zero, side) for side in self.sides))
+        one, other = (reach(zero, side) for side in self.sides)
+        at_zero = Links.of(one, other, self.plane, self.is_cut_in_the_middle)
         way = at_zero.other_pivot.minus(at_zero.pivot)
         apart, (square, other_square) = way.dot(way), self.squares
         along = 0.5 * apart + 0.5 * (square - other_square)  # times the distance of the outer pivots, like the next
@@ -100,18 +112,8 @@ class Dyad:
             other_cosine, other_sine = _turn(at_zero.other_over, over.minus(way), other_square)
         else:
             other_cosine, other_sine = _turn(at_zero.other_over.turned(cosine, sine), way.minus(over), other_square)
-        one, other = self.joints
-        return angle(sine, cosine, q[one]), angle(self.sense * other_sine, other_cosine, q[other])
-
-    def _links(self, one: Reach, other: Reach) -> Links:
-        """The dyad's links where the sides of the closure reach."""
-        if self.is_cut_in_the_middle:
-            points = one.hinges[-1].origin, one.origin, other.hinges[-1].origin, other.origin
-        else:
-            points = one.hinges[-2].origin, one.hinges[-1].origin, other.origin, one.origin
-        pivot, middle, other_pivot, end = (Flat(*(dot(u, point) for u in self.plane)) for point in points)
-        start = other_pivot if self.is_cut_in_the_middle else middle
-        return Links(pivot, middle.minus(pivot), other_pivot, end.minus(start))
+        i, j = self.joints
+        return angle(sine, cosine, q[i]), angle(self.sense * other_sine, other_cosine, q[j])
 
 
 def _turn(before: Flat, after: Flat, square: float) -> tuple[Any, Any]:
@@ -132,22 +134,20 @@ def rules(closing: Closing, links: Sequence[Segment], reference: Array) -> tuple
     known, found = set(closing.primary), list[Rule]()
     left: list[Loop | Follower] = [*closing.loops, *closing.followers]
     while left:
-        made = {item: rule for item in left if (rule := _rule(item, known, places)) is not None}
-        if not made:
+        ready = ((item, rule) for item in left if (rule := _rule(item, known, places)) is not None)
+        item, rule = next(ready, (None, None))
+        if item is None or rule is None:
             return ()
-        for rule in made.values():
-            if known.intersection(rule.joints):
-                return ()
-            known.update(rule.joints)
-            found.append(rule)
-        left = [item for item in left if item not in made]
+        left.remove(item)
+        known.update(rule.joints)
+        found.append(rule)
     return tuple(found) if len(known) == len(links) else ()
 
 
 def _rule(item: Loop | Follower, known: set[int], places: Mapping[int, Placement]) -> Rule | None:
     """The rule of a coupling whose leader is known, or of a loop in a plane of which all but a dyad is; else None."""
     if isinstance(item, Follower):
-        return item if item.leader in known else None
+        return item if item.leader in known and item.follower not in known else None
     pairs = (item.first, item.second), (item.second, item.first)
     for sides in pairs:
         one, other = (list(side.links) for side in sides)
@@ -162,7 +162,7 @@ def _dyad(
 ) -> Dyad | None:
     """The dyad of two joints, placed; None where they or joints that turn before them are not parallel, or what slides
     leaves their plane."""
-    reached = [reach(places, side) for side in sides]
+    reached = reach(places, sides[0]), reach(places, sides[1])
     hinges = {hinge.link: hinge for one in reached for hinge in one.hinges}
     axes = {link: np.array([*hinge.axis], dtype=np.float64) for link, hinge in hinges.items()}
     normal = axes[joints[0]]
@@ -172,9 +172,10 @@ def _dyad(
         leaving = np.cross(normal, axis) if hinges[link].turns else normal @ axis
         if np.abs(leaving).max() > PARALLEL:
             return None
-    blank = Dyad(sides, joints, _across(normal), (1.0, 1.0), math.copysign(1.0, float(normal @ axes[joints[1]])))
-    found = blank._links(*reached)
-    return replace(blank, squares=(float(found.over.dot(found.over)), float(found.other_over.dot(found.other_over))))
+    plane, sense = _across(normal), math.copysign(1.0, float(normal @ axes[joints[1]]))
+    found = Links.of(*reached, plane, joints[1] not in sides[0].links)
+    squares = float(found.over.dot(found.over)), float(found.other_over.dot(found.other_over))
+    return Dyad(sides, joints, plane, squares, sense)
 
 
 def _across(normal: Array) -> tuple[Vec, Vec]:
