@@ -37,9 +37,11 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
 
         estimate' = -P (Y's + W'R (W estimate - F[tau])),  P' = lambda(t) P - P W'R W P
 
-    lambda(t) = forgetting (1 - tr(Gamma^-1 P)/(k bound)). P starts at Gamma = diag(`gain`) (k,); `weight` R
-    (r,) and `cutoff` (1/s) are those of `Composite`; `forgetting` is in 1/s; `bound` of at least 1 is how far
-    the mean gain may rise above Gamma.
+    lambda(t) = forgetting (1 - tr(Gamma^-1 P)/(k bound)). P (k, k) starts at Gamma = diag(`gain`), `gain` (k,)
+    positive, in units of the parameters squared per J; `weight` R in 1/(N m s), one number or (r,), and `cutoff` (1/s)
+    of the filter F are those of `Composite`; `forgetting` of at least 0 is in 1/s; `bound` of at least 1, without a
+    unit, is how many times Gamma the mean gain may become. s (r,) is the sliding variable in rad/s (m/s), Y (r, k) the
+    torque regressor, W (r, k) the filtered one. Raises `InputError` for other numbers.
 
     Guarantees, without disturbance: 0 < P, tr(Gamma^-1 P) <= k bound, and V = s'Ms/2 + error' P^-1 error/2
     falls as -s'Ks - eps'R eps/2 - lambda(t) error' P^-1 error/2, eps = W error: s and eps go to zero. Under
@@ -67,7 +69,11 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
             raise InputError(f"{self.called}: bound: expected at least 1, got {self.bound}")
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Raise `InputError` where gain, weight or cutoff do not fit, or the period is too long to forget so fast."""
+        """Raise `InputError` unless there is a gain for each of the model's k parameters and one positive weight or one
+        for each joint, and cutoff is positive and times period at most 1, forgetting times period at most 0.1.
+
+        `initial` is the first estimate (k,), `period` the control period T_c in s.
+        """
         super().require(model, initial, period)
         if self.forgetting * period > 0.1:
             raise InputError(
@@ -76,15 +82,22 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
             )
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> CovarianceMemory:
-        """The memory before the first tick: P = Gamma, and the filters at rest."""
+        """The memory before the first tick: P = Gamma, and the filters at rest.
+
+        `initial` is the first estimate (k,), q (n,) the configuration of the tree's joints in rad (m), v (r,) the
+        velocities in rad/s (m/s), `period` T_c in s.
+        """
         filtered = TorqueFilter(self.cutoff, period).start(model, q, v)
         return CovarianceMemory(first_triangle(self.gain.shape[-1]), filtered)
 
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: CovarianceMemory
     ) -> tuple[Column, CovarianceMemory]:
-        """The estimate (k,) after a trapezium step for the tracking error, then each joint's equation; and the
-        covariance after forgetting."""
+        """The estimate (k,) after a trapezium step for the tracking error, then each joint's equation; and the memory,
+        of which the covariance has forgotten.
+
+        `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period `period`.
+        """
         covariance, scale = memory.covariance, self._scale
         gradient = scale * period.gradient(period.integral)
         moved = estimate - scale * symmetric_product(covariance, gradient)
@@ -99,7 +112,7 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
         return moved, CovarianceMemory((1.0 + period.elapsed * rate) * covariance, filtered)
 
     def covariance(self, memory: CovarianceMemory) -> Array:
-        """The covariance P (k, k), in units of the parameters squared per J s."""
+        """The covariance P (k, k) that a memory holds, in units of the parameters squared per J."""
         scale = np.sqrt(self.gain)
         return from_triangle(memory.covariance, len(self.gain)) * np.outer(scale, scale)
 

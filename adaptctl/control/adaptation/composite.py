@@ -23,20 +23,22 @@ class Composite(Descent[Filtered]):
 
         estimate' = -Gamma (Y's + W'R (W estimate - F[tau]))
 
-    W is the regressor behind the filter F = lambda/(d/dt + lambda), from positions and velocities alone;
-    `weight` is R (r,) in 1/(N m s) (its diagonal, one number or one a joint), `cutoff` is lambda in 1/s. Raises
-    `InputError` for numbers that are not positive, and, with a controller, of other sizes.
+    s (r,) is the sliding variable in rad/s (m/s), Y (r, k) the torque regressor, W (r, k) that behind the filter
+    F = lambda/(d/dt + lambda), from positions and velocities alone. `gain` is Gamma, (k,) its diagonal or (k, k), in
+    units of the parameters squared per J; `weight` is R (r,) in 1/(N m s) (its diagonal, one number or one a joint),
+    `cutoff` is lambda in 1/s. Raises `InputError` for a gain that is not positive definite and a weight that is not
+    positive, and, with a controller, for other sizes and for a cutoff that is not positive or above 1/T_c.
 
-    Guarantees, without disturbance: with eps = W error, V = s'Ms/2 + error' Gamma^-1 error/2 falls as
-    -s'Ks - eps'R eps: besides s, what the torques say of the parameters goes to zero, and under persistent
-    excitation s and the error go to zero exponentially. Sampled, the second part is solved implicitly, so that
-    no weight is too large for the period.
+    Guarantees, without disturbance: with eps = W error, V = s'Ms/2 + error' Gamma^-1 error/2 falls as -s'Ks - eps'R
+    eps: besides s, what the torques say of the parameters goes to zero, and under persistent excitation s and the error
+    go to zero exponentially. Sampled, the second part is solved implicitly, so that no weight is too large for the
+    period.
 
-    Gives up: the torque that is commanded must be the torque that acts: friction that is no parameter, actuator
-    lag and delay are learned as inertia. Noise of velocities enters W with the gain lambda, and pulls the estimate
-    to zero along what is little excited: choose lambda about as fast as the motion. Without excitation it drifts
-    under disturbance as `Gradient` does, but not along what W sees. Costs the momenta's regressor and r filters for
-    each parameter.
+    Gives up: the torque that is commanded must be the torque that acts: friction that is no parameter, actuator lag and
+    delay are learned as inertia. Noise of velocities enters W with the gain lambda, and pulls the estimate to zero
+    along what is little excited: choose lambda about as fast as the motion. Without excitation it drifts under
+    disturbance as `Gradient` does, but not along what W sees. Costs the momenta's regressor and r filters for each
+    parameter.
     """
 
     tunable = ("gain", "weight", "cutoff")
@@ -49,18 +51,29 @@ class Composite(Descent[Filtered]):
         positive_per_joint(self.weight, np.size(self.weight), "composite: weight")
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Raise `InputError` unless gain, weight and cutoff fit the parameters, the joints and the period (s)."""
+        """Raise `InputError` unless there is a gain for each of the model's k parameters and one positive weight or one
+        for each joint, and cutoff is positive and times period at most 1.
+
+        `initial` is the first estimate (k,), `period` the control period T_c in s.
+        """
         super().require(model, initial, period)
         positive_per_joint(self.weight, model.mechanism.dof, "composite: weight")
         require_cutoff(self.cutoff, period)
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Filtered:
-        """The memory before the first tick: the filters at rest."""
+        """The memory before the first tick: the filters at rest.
+
+        `initial` is the first estimate (k,), q (n,) the configuration of the tree's joints in rad (m), v (r,) the
+        velocities in rad/s (m/s), `period` T_c in s.
+        """
         return TorqueFilter(self.cutoff, period).start(model, q, v)
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Filtered) -> tuple[Column, Filtered]:
         """The estimate (k,) after a trapezium step for the tracking error, then an implicit one for the prediction
-        error; and the filters' memory."""
+        error; and the filters' memory.
+
+        `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period `period`.
+        """
         moved = estimate - self.applied(period.gradient(period.integral))
         rows, torque, after = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory)
         loaded = [self.applied(row) for row in rows]
@@ -70,7 +83,8 @@ class Composite(Descent[Filtered]):
 
 
 def residual(rows: list[Column], estimate: Column, torque: Column) -> Column:
-    """The prediction error W estimate - torque (r,), N m, of filtered torques."""
+    """The prediction error W estimate - torque (r,), in N m (N for a prismatic joint), for the rows of W (r, k), an
+    estimate (k,) and filtered torques (r,)."""
     return Column(row @ estimate for row in rows) - torque
 
 

@@ -53,8 +53,13 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
 
     Along what W sees now the past is forgotten, at `forgetting` (1/s); what it does not see is kept for as long as it
     is not seen again. `recall` (1/s) is how fast the estimate returns to what the memory says, along all that was well
-    excited alike, and `threshold` the excitation w'Gamma w R (1/s) below which a joint's equation is noise: nothing is
-    learned from it, nor forgotten. `gain`, `weight` and `cutoff` are those of `CushionedFloor`.
+    excited alike, and `threshold` the excitation w'Gamma w R (1/s) below which a joint's equation, w its row of W, is
+    noise: nothing is learned from it, nor forgotten; 0, the default, lets all count. `alarm` (W) is the power eps'R eps
+    beyond which all of the memory is forgotten as well, at forgetting (eps'R eps/alarm - 1); infinity, the default,
+    leaves that out. `gain` Gamma (k,), in units of the parameters squared per J, `weight` R (r,) in 1/(N m s) and
+    `cutoff` of the filter F (1/s) are those of `CushionedFloor`; s (r,) is the sliding variable in rad/s (m/s),
+    Y (r, k) the torque regressor, W (r, k) the filtered one. Raises `InputError` for a gain, a weight or an alarm that
+    is not positive, and a forgetting, recall or threshold below 0.
 
     Guarantees, without disturbance: with V = s'Ms/2 + error' P^-1 error/2 and eps = W error, V' <= -s'Ks - eps'R eps/2
     - recall error'Q error: s and eps go to zero, and so does the error in the excited subspace, the range of Q, also
@@ -87,7 +92,11 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
             raise InputError(f"{self.called}: alarm: expected a positive number of W, or infinity, got {self.alarm}")
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Raise `InputError` where gain, weight or cutoff do not fit, or the period is too long to recall so fast."""
+        """Raise `InputError` unless there is a gain for each of the model's k parameters and one positive weight or one
+        for each joint, and cutoff is positive and times period at most 1, recall times period at most 0.5.
+
+        `initial` is the first estimate (k,), `period` the control period T_c in s.
+        """
         super().require(model, initial, period)
         if self.recall * period > 0.5:
             raise InputError(
@@ -96,7 +105,11 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
             )
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> LearningMemory:
-        """The memory before the first tick: nothing is remembered, and the filters are at rest."""
+        """The memory before the first tick: Q and z are zero, and the filters at rest.
+
+        `initial` is the first estimate (k,), q (n,) the configuration of the tree's joints in rad (m), v (r,) the
+        velocities in rad/s (m/s), `period` T_c in s.
+        """
         k = len(model.columns)
         filtered = TorqueFilter(self.cutoff, period).start(model, q, v)
         return LearningMemory(np.zeros(k * (k + 1) // 2), np.zeros(k), np.zeros(1), filtered)
@@ -104,8 +117,11 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: LearningMemory
     ) -> tuple[Column, LearningMemory]:
-        """The estimate (k,) after a descent by the gain of the memory, and the memory after forgetting and learning,
-        joint by joint."""
+        """The estimate (k,) after a descent by the gain of the memory; and the memory after forgetting and learning,
+        joint by joint.
+
+        `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period `period`.
+        """
         rows, torque, filtered = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory.filtered)
         missed, weights = residual(rows, estimate, torque), each(self.weight, model.mechanism.dof)
         kept, scale = self._kept(missed @ (weights * missed), period), self._scale
@@ -132,12 +148,12 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
         return 1.0 / (1.0 + (self.forgetting * period.elapsed) * excess)
 
     def covariance(self, memory: LearningMemory) -> Array:
-        """The covariance P (k, k), in units of the parameters squared per J s."""
+        """The covariance P (k, k) that a memory holds, in units of the parameters squared per J."""
         k, scale = len(self.gain), np.sqrt(self.gain)
         return np.asarray(np.linalg.inv(np.eye(k) + from_triangle(memory.information, k)) * np.outer(scale, scale))
 
     def remembered(self, memory: LearningMemory) -> Array:
-        """The remembered information Q (k, k), in J s per unit of the parameters squared."""
+        """The information Q (k, k) that a memory holds, in J per unit of the parameters squared."""
         scale = np.sqrt(self.gain)
         return np.asarray(from_triangle(memory.information, len(self.gain)) / np.outer(scale, scale))
 

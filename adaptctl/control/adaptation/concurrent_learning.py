@@ -45,11 +45,15 @@ class ConcurrentLearning(Descent[Stack]):
 
         estimate' = -Gamma (Y's + sum_j W_j'R (W_j estimate - F[tau]_j))
 
-    `gain`, `weight` R and `cutoff` are those of `Composite`; `samples` is how many are kept.
+    s (r,) is the sliding variable in rad/s (m/s), Y (r, k) the torque regressor, W_j that of a sample, behind the
+    filter F. `gain` is Gamma, (k,) its diagonal or (k, k), in units of the parameters squared per J; `weight` R in
+    1/(N m s), one number or (r,), and `cutoff` of F (1/s) are those of `Composite`; `samples`, from 1 to 64, is how
+    many are kept. Raises `InputError` for a gain that is not positive definite, a weight or threshold that is not
+    positive, and samples out of range.
 
-    A sample is kept where it tells something new: where its rows differ from those kept last by
-    sum_i R_i d_i'Gamma d_i (1/s) above `threshold`. It then takes the oldest one's place, so that what has changed,
-    a payload, is forgotten with the samples of before.
+    A sample is kept where it tells something new: where its rows differ from those kept last by sum_i R_i d_i'Gamma d_i
+    above `threshold` (1/s), which is positive, d_i (k,) the difference of row i. It then takes the oldest one's place,
+    so that what has changed, a payload, is forgotten with the samples of before.
 
     Guarantees, without disturbance: V = s'Ms/2 + error' Gamma^-1 error/2 falls as -s'Ks - sum_j eps_j'R eps_j with
     eps_j = W_j error; where the stack's W_j are of full rank together, under interval excitation, s and the error go to
@@ -85,20 +89,31 @@ class ConcurrentLearning(Descent[Stack]):
             )
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Raise `InputError` unless gain, weight and cutoff fit the parameters, the joints and the period (s)."""
+        """Raise `InputError` unless there is a gain for each of the model's k parameters and one positive weight or one
+        for each joint, and cutoff is positive and times period at most 1.
+
+        `initial` is the first estimate (k,), `period` the control period T_c in s.
+        """
         super().require(model, initial, period)
         positive_per_joint(self.weight, model.mechanism.dof, "concurrent learning: weight")
         require_cutoff(self.cutoff, period)
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Stack:
-        """The memory before the first tick: an empty stack, and the filters at rest."""
+        """The memory before the first tick: an empty stack, and the filters at rest.
+
+        `initial` is the first estimate (k,), q (n,) the configuration of the tree's joints in rad (m), v (r,) the
+        velocities in rad/s (m/s), `period` T_c in s.
+        """
         entries, r = sum(map(len, momentum_columns(model))), model.mechanism.dof
         filtered = TorqueFilter(self.cutoff, period).start(model, q, v)
         return Stack(np.zeros(self.samples * entries), np.zeros(self.samples * r), np.zeros(1), filtered)
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Stack) -> tuple[Column, Stack]:
         """The estimate (k,) after a trapezium step for the tracking error, then each equation of the stack in turn; and
-        the stack."""
+        the memory with the stack.
+
+        `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period `period`.
+        """
         estimate = estimate - self.applied(period.gradient(period.integral))
         rows, torque, filtered = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory.filtered)
         sample = Column(row[j] for row, places in zip(rows, momentum_columns(model), strict=True) for j in places)

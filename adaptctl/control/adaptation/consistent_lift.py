@@ -49,14 +49,16 @@ class LiftMemory(NamedTuple):
 class ConsistentLift(AdaptationLaw[LiftMemory]):
     """Natural adaptation of a physically consistent lift D of the estimate (Lee, Kwon and Park 2018).
 
-    estimate = K D, where D are parameters (P,) of rigid bodies that move by natural adaptation along the slope
-    K'(Y's + W'R (W estimate - F[tau])), Y and W on the k fundamental parameters alone.
+    estimate = K D, where D are parameters (P,) of rigid bodies that move by natural adaptation along the slope K'(Y's +
+    W'R (W estimate - F[tau])), Y and W (r, k) on the k fundamental parameters alone, K (k, P) the model's `regrouping`,
+    s (r,) the sliding variable in rad/s (m/s).
 
     All P parameters have the slope K'Y's, for their regressor is Y K: what removed columns would add is never computed.
     `lift` (P,) is the first D, physically consistent; the first estimate is K lift. `rate` is that of `Natural`, one
     number in 1/J or one for each link with a body and then for each drive's parameter. With a `weight` R (1/(N m s),
-    one number or (r,)) torques are predicted as in `Composite`, behind a filter of `cutoff` (1/s); without, they are
-    not.
+    one number or (r,)) torques are predicted as in `Composite`, behind a filter F of `cutoff` (1/s); with None, the
+    default, they are not, and W and F have no part. Raises `InputError` for a rate or a weight that is not positive and
+    a lift that is not finite.
 
     Guarantees, without disturbance: V = s'Ms/2 + sum_i D(P_i true, P_i)/rate_i falls as -s'Ks - eps'R eps, with
     eps = W error, as with `Natural`, whose controller on all parameters this is, tick for tick, without a weight. And
@@ -83,7 +85,11 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
             positive_per_joint(self.weight, np.size(self.weight), "consistent lift: weight")
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Raise `InputError` unless the lift is consistent and has the first estimate, and all else fits."""
+        """Raise `InputError` unless the lift (P,) is physically consistent and K lift is the first estimate, to 1e-9 of
+        its largest entry, and rates, weight, and cutoff times period of at most 1 fit the model.
+
+        `initial` is the first estimate (k,), `period` the control period T_c in s.
+        """
         P = len(model.mechanism.parameter_names)
         if len(self.lift) != P:
             raise InputError(f"consistent lift: lift: expected all {P} parameters, got {len(self.lift)}")
@@ -95,7 +101,11 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
             require_cutoff(self.cutoff, period)
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> LiftMemory:
-        """The memory before the first tick: the first lift, and the filters at rest."""
+        """The memory before the first tick: the first lift (P,), and the filters at rest where torques are predicted.
+
+        `initial` is the first estimate (k,), q (n,) the configuration of the tree's joints in rad (m), v (r,) the
+        velocities in rad/s (m/s), `period` T_c in s.
+        """
         filtered = NoMemory() if self.weight is None else TorqueFilter(self.cutoff, period).start(model, q, v)
         return LiftMemory(np.array(self.lift), filtered)
 
@@ -103,7 +113,10 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
         self, model: ReducedModel, estimate: Column, period: Period, memory: LiftMemory
     ) -> tuple[Column, LiftMemory]:
         """The estimate (k,), K D of a lift D after a step for the tracking error, then one for the prediction error,
-        along geodesics; and the memory."""
+        along geodesics; and the memory with D (P,).
+
+        `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period `period`.
+        """
         rates, bodies = each_rate(self.rate, model), len(model.mechanism.description.bodies)
 
         def stepped(lift: Column, slope: Column) -> Column:

@@ -37,8 +37,10 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
 
         estimate' = -P (Y's + W'R (W estimate - F[tau])),  (P^-1)' = -lambda (P^-1 - Gamma^-1) + W'R W
 
-    The information P^-1 starts at its floor Gamma^-1, Gamma = diag(`gain`) (k,). `forgetting` is lambda in 1/s;
-    `weight` R (r,) and `cutoff` (1/s) are those of `Composite`.
+    The information P^-1 (k, k) starts at its floor Gamma^-1, Gamma = diag(`gain`), `gain` (k,) positive, in units of
+    the parameters squared per J. `forgetting` is lambda of at least 0 in 1/s; `weight` R in 1/(N m s), one number or
+    (r,), and `cutoff` (1/s) of the filter F are those of `Composite`. s (r,) is the sliding variable in rad/s (m/s), Y
+    (r, k) the torque regressor, W (r, k) the filtered one. Raises `InputError` for other numbers.
 
     Guarantees, without disturbance: P <= Gamma, and V = s'Ms/2 + error' P^-1 error/2 falls as -s'Ks - eps'R eps/2
     - lambda error' (P^-1 - Gamma^-1) error/2, eps = W error: s and eps go to zero, and under persistent excitation
@@ -55,7 +57,11 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
     called: ClassVar[str] = "cushioned floor"
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> InformationMemory:
-        """The memory before the first tick: P = Gamma, and the filters at rest."""
+        """The memory before the first tick: P = Gamma, and the filters at rest.
+
+        `initial` is the first estimate (k,), q (n,) the configuration of the tree's joints in rad (m), v (r,) the
+        velocities in rad/s (m/s), `period` T_c in s.
+        """
         filtered = TorqueFilter(self.cutoff, period).start(model, q, v)
         return InformationMemory(first_triangle(self.gain.shape[-1]), filtered)
 
@@ -63,7 +69,10 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
         self, model: ReducedModel, estimate: Column, period: Period, memory: InformationMemory
     ) -> tuple[Column, InformationMemory]:
         """The estimate (k,) after forgetting by the implicit rule, learning from the period's torques, and a descent
-        with the new covariance; and the memory after it."""
+        with the new covariance; and the memory after it.
+
+        `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period `period`.
+        """
         rows, torque, filtered = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory.filtered)
         scaled = [self._scale * row for row in rows]
         weights = each(self.weight, model.mechanism.dof)
@@ -86,6 +95,6 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
         return estimate - self._scale * step, InformationMemory(after, filtered)
 
     def covariance(self, memory: InformationMemory) -> Array:
-        """The covariance P (k, k), in units of the parameters squared per J s."""
+        """The covariance P (k, k) that a memory holds, in units of the parameters squared per J."""
         scale = np.sqrt(self.gain)
         return np.asarray(np.linalg.inv(from_triangle(memory.information, len(self.gain))) * np.outer(scale, scale))

@@ -21,7 +21,9 @@ class DeadZone(Descent[NoMemory]):
 
         estimate' = -Gamma Y's outside the ellipsoid sum (s_i / width_i)^2 <= 1, and 0 within
 
-    `width` (r,) is in rad/s (m/s), one number for all joints or one each.
+    s (r,) is the sliding variable in rad/s (m/s), Y (r, k) the torque regressor; `gain` is Gamma, (k,) its diagonal or
+    (k, k), in units of the parameters squared per J. `width` (r,) is in rad/s (m/s), one number for all joints or one
+    each. Raises `InputError` for a gain that is not positive definite or a width that is not positive.
 
     Guarantees: within the zone the estimate stands still, so nothing that keeps s there makes it drift. Outside
     V' = -s'Ks + s'd is not positive where the zone holds {s: s'Ks <= d'K^-1d} for the disturbance d;
@@ -41,23 +43,36 @@ class DeadZone(Descent[NoMemory]):
 
     @classmethod
     def against(cls, gain: ArrayLike, damping: ArrayLike, torque: ArrayLike) -> DeadZone:
-        """The law with the dead zone for disturbance torques of at most `torque` (r,) N m under a damping K (r,) in N m
-        s/rad; `gain` (k,) is Gamma."""
+        """The law with the dead zone for disturbance torques of at most `torque` (r,), in N m (N for a prismatic
+        joint), under a damping K in N m s/rad (N s/m), one number or (r,).
+
+        `gain` is Gamma, (k,) or (k, k), in units of the parameters squared per J. Raises `InputError` for a damping
+        that is not positive or of another size, a gain that is not positive definite, and torques that are all zero or
+        not finite.
+        """
         d = np.atleast_1d(np.asarray(torque, dtype=np.float64))
         K = positive_per_joint(damping, len(d), "damping")
         return cls(np.asarray(gain), np.sqrt((d**2 / K).sum() / K))
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Raise `InputError` without a gain for each parameter and a width for each joint."""
+        """Raise `InputError` unless there is a gain for each of the model's k parameters, and one positive width or one
+        for each joint.
+
+        `initial` is the first estimate (k,), `period` the control period T_c in s.
+        """
         super().require(model, initial, period)
         positive_per_joint(self.width, model.mechanism.dof, "dead zone: width")
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
-        """The empty memory: this law remembers nothing."""
+        """The empty memory: this law remembers nothing, whatever the first estimate `initial` (k,), the configuration
+        q (n,) in rad (m), the velocities v (r,) in rad/s (m/s) and the period T_c (s)."""
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (k,) after a step down the gradient, or unchanged where s is within the zone; and no memory."""
+        """The estimate (k,) after a step down the gradient, or unchanged where s is within the zone; and no memory.
+
+        `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period `period`.
+        """
         scaled = Column(1.0 / width for width in each(self.width, model.mechanism.dof)) * period.mean
         outside = where(scaled @ scaled > 1.0, 1.0, 0.0)
         return estimate - self.applied(period.gradient(outside * period.integral)), memory

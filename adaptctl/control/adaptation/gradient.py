@@ -25,7 +25,10 @@ class Gradient(Descent[NoMemory]):
     estimate -= T_c n Gamma x, x = Y_k' s, s = s_k + theta (s_k+1 - s_k), n = s'Ks/(s'Ks + cap T_c x'Gamma x)
 
     `theta` is 1 for the backward rule, which is the default, 1/2 for the trapezium and 0 for Euler's; `cap` of 0 leaves
-    out the share n. With n the step is never worth more than 1/cap of what K takes out.
+    out the share n. With n the step is never worth more than 1/cap of what K takes out. s (r,) is the sliding variable
+    in rad/s (m/s), Y (r, k) the torque regressor, K the damping, T_c the period; `gain` is Gamma, (k,) its diagonal or
+    (k, k), in units of the parameters squared per J. Raises `InputError` for a gain that is not positive definite, a
+    theta outside [0, 1] or a negative cap.
 
     Guarantees, in continuous time and without disturbance: V = s'Ms/2 + error' Gamma^-1 error/2 falls as -s'Ks, so the
     tracking error goes to zero and the estimate stays bounded. Sampled, with M constant, the hold number
@@ -51,11 +54,15 @@ class Gradient(Descent[NoMemory]):
             raise InputError(f"gradient: cap: expected a finite number of at least 0, got {self.cap}")
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
-        """The empty memory: this law remembers nothing."""
+        """The empty memory: this law remembers nothing, whatever the first estimate `initial` (k,), the configuration
+        q (n,) in rad (m), the velocities v (r,) in rad/s (m/s) and the period T_c (s)."""
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (k,) after a step down the gradient, and no memory."""
+        """The estimate (k,) after a step down the gradient, and no memory.
+
+        `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period `period`.
+        """
         s = period.after if self.theta == 1.0 else period.before + self.theta * (period.after - period.before)
         slope = period.gradient(s)
         step = self.applied(slope)

@@ -47,7 +47,11 @@ class SigmaModification(_Leaking):
 
         estimate' = -Gamma Y's - sigma (estimate - prior),  `rate` is sigma, in 1/s
 
-    The leak is Gamma times sigma Gamma^-1 (estimate - prior), so that parameters of different units leak alike.
+    s (r,) is the sliding variable in rad/s (m/s), Y (r, k) the torque regressor; `gain` is Gamma, (k,) its diagonal or
+    (k, k), in units of the parameters squared per J; `prior` (k,) is in the parameters' SI units, zero when None.
+    Raises `InputError` for a gain that is not positive definite, a rate that is not positive and a prior of another
+    size or not finite. The leak is Gamma times sigma Gamma^-1 (estimate - prior), so that parameters of different units
+    leak alike.
 
     Guarantees: under any bounded disturbance s and the estimate stay bounded, without excitation: with
     c = min(sigma, 2 min lambda(M^-1 K)), V' <= -c V + sigma V_prior, V_prior = (prior - true)' Gamma^-1
@@ -60,7 +64,10 @@ class SigmaModification(_Leaking):
     tunable = ("gain", "rate", "prior")
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (k,) after a step that leaks at sigma (1/s), and no memory."""
+        """The estimate (k,) after a step down the gradient that leaks to the prior at sigma (1/s), and no memory.
+
+        `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period `period`.
+        """
         return self.leaked(estimate, period, self.rate), memory
 
 
@@ -69,6 +76,11 @@ class EModification(_Leaking):
     """Gradient adaptation with e-modification, a leak that stops with s (Narendra and Annaswamy 1987).
 
         estimate' = -Gamma Y's - nu |s| (estimate - prior),  `rate` is nu, in 1/rad
+
+    s (r,) is the sliding variable in rad/s (m/s), Y (r, k) the torque regressor; `gain` is Gamma, (k,) its diagonal or
+    (k, k), in units of the parameters squared per J; `prior` (k,) is in the parameters' SI units, zero when None.
+    Raises `InputError` for a gain that is not positive definite, a rate that is not positive and a prior of another
+    size or not finite. |s| is the Euclidean norm.
 
     Guarantees: under any bounded disturbance s and the estimate stay bounded, without excitation. The leak
     stops with s, so true estimates on the trajectory stay where they are.
@@ -80,6 +92,10 @@ class EModification(_Leaking):
     tunable = ("gain", "rate", "prior")
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (k,) after a step that leaks at nu |s|, s the mean over the period; and no memory."""
+        """The estimate (k,) after a step down the gradient that leaks to the prior at nu |s| (1/s), s the mean over the
+        period; and no memory.
+
+        `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period `period`.
+        """
         s = period.mean
         return self.leaked(estimate, period, self.rate * sqrt(s @ s)), memory

@@ -30,8 +30,9 @@ class Natural(AdaptationLaw[NoMemory]):
 
         P_i' = -rate_i P_i L_i P_i for every link's pseudo-inertia P_i, tr(L_i P) = (Y's)_i' (the ten of P)
 
-    and the same for every drive's parameter. `rate` is in 1/J, one number, or one for each link with a body and then
-    for each drive's parameter.
+    and the same for every drive's parameter, P_i then a number. P_i and L_i are (4, 4), s (r,) is the sliding variable
+    in rad/s (m/s), Y (r, P) the torque regressor on all parameters. `rate` is in 1/J, one number, or one for each link
+    with a body and then for each drive's parameter. Raises `InputError` unless it is positive.
 
     It is the gradient in the affine-invariant metric of positive definite matrices: no gain depends on units
     or on frames. Near an estimate of mass m a rate is the gain rate m^2 on that mass, so heavy links learn faster
@@ -59,7 +60,12 @@ class Natural(AdaptationLaw[NoMemory]):
         object.__setattr__(self, "rate", checked_rate(self.rate))
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Raise `InputError` unless all parameters are adapted, from a first estimate that rigid bodies can have."""
+        """Raise `InputError` unless the model keeps all P parameters, the rates are as many as links with a body and
+        drives' parameters, or one, and the first estimate is physically consistent: positive definite pseudo-inertias,
+        positive parameters of drives.
+
+        `initial` is the first estimate (P,), `period` the control period T_c in s.
+        """
         if model.basis is not None:
             raise InputError(
                 f"natural adaptation: moves the pseudo-inertia of whole links, and {len(model.columns)} fundamental "
@@ -71,16 +77,21 @@ class Natural(AdaptationLaw[NoMemory]):
         require_consistent(model, initial, "natural adaptation", "the first estimate")
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
-        """The empty memory: this law remembers nothing."""
+        """The empty memory: this law remembers nothing, whatever the first estimate `initial` (P,), the configuration
+        q (n,) in rad (m), the velocities v (r,) in rad/s (m/s) and the period T_c (s)."""
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (k,) after a step along the geodesic of every link's pseudo-inertia, and no memory."""
+        """The estimate (P,) after a step along the geodesic of every link's pseudo-inertia, and no memory.
+
+        `estimate` (P,), in the parameters' SI units, and `memory` are those before the control period `period`.
+        """
         slope = each_rate(self.rate, model) * period.gradient(period.integral)
         return moved_bodies(estimate, slope, len(model.mechanism.description.bodies)), memory
 
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar:
-        """Sum of Bregman divergences over their rates, J; not a number where the truth is no rigid bodies'."""
+        """Sum, in J, of the Bregman divergences D(true, estimate) of all links and drives' parameters, each over its
+        rate, for estimates (P,) and true parameters (P,); not a number where either is no rigid bodies'."""
         rates, bodies = each_rate(self.rate, model), 10 * len(model.mechanism.description.bodies)
         total: Scalar = 0.0
         for i in range(0, bodies, 10):
@@ -91,8 +102,9 @@ class Natural(AdaptationLaw[NoMemory]):
         return total
 
     def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array:
-        """The Lyapunov function's term of the parameters (...), J, at estimates (..., P) where the truth is (P,) or
-        (..., P): `lyapunov_term` on arrays; infinite where the truth is no rigid bodies'."""
+        """The Lyapunov function's term of the parameters (...), in J, at estimates (..., P) where the true parameters
+        are (P,) or (..., P): `lyapunov_term` on arrays; infinite where it is not a number at a finite estimate, as
+        where the true parameters are no rigid bodies'."""
         with np.errstate(invalid="ignore", divide="ignore"):
             found = np.asarray(super().distance(model, estimate, true))
         return np.where(np.isnan(found) & np.isfinite(estimate).all(axis=-1), np.inf, found)

@@ -22,8 +22,9 @@ HOLD_SHARE = 0.2
 
 @dataclass(frozen=True)
 class PriorRanges:
-    """Prior ranges of parameters by kind, the greatest plausible distances from a first guess. Raises `InputError`
-    unless all are positive and finite.
+    """Prior ranges of parameters by kind, the greatest plausible distances from a first guess: `mass` in kg,
+    `first_moment` in kg m, `inertia` in kg m^2, `viscous` friction in N m s/rad (N s/m) and `coulomb` friction in N m
+    (N). Raises `InputError` unless all are positive and finite.
 
     A kilogram and a kilogram square metre are not alike: one gain for both would learn one of them far too
     slowly or far too fast.
@@ -47,8 +48,12 @@ class PriorRanges:
 
     @lru_cache(maxsize=64)  # noqa: B019  # a few numbers each, asked for by every controller of a sweep
     def of(self, names: tuple[str, ...]) -> Array:
-        """The ranges (k,), SI units, of parameters by their full names, such as `link1.m`: what follows the last dot
-        counts; read-only."""
+        """The ranges (k,), in the parameters' SI units, of parameters by their full names, such as `link1.m`: what
+        follows the last dot counts; read-only.
+
+        `m` is a mass, `mc_...` a first moment; `viscous` and `square_root` have the range `viscous`, `coulomb`,
+        `stribeck` and `offset` the range `coulomb`, and all others the range `inertia`.
+        """
         return frozen(np.array([self._range(name.rsplit(".", 1)[-1]) for name in names]))
 
     def _range(self, kind: str) -> float:
@@ -70,14 +75,16 @@ def adaptation_gain(
     period: float = 1e-3,
     workspace: Workspace | None = None,
 ) -> Array:
-    """The diagonal (k,) of the adaptation gain Gamma, in the parameters' units: `rate` times the square of each kept
-    parameter's prior range, `PriorRanges()` unless given.
+    """The diagonal (k,) of the adaptation gain Gamma, in units of the parameters squared per J: `rate`, in 1/J, times
+    the square of each kept parameter's prior range, `PriorRanges()` where `ranges` is None.
 
     1/Gamma then weighs every parameter's error by its range in the Lyapunov function. With the `gains` of a control law
-    and its `period` (s), no range is taken greater than HOLD_SHARE of what the gains leave of the hold number, 2 - h,
-    over the hold number that a unit of the parameter causes (`parameter_holds`): a light wrist whose inertia is learned
-    a hundred times too large would ring, and its prior range allows that. Raises `GainError` where the period carries
-    no adaptation with these gains.
+    and its `period` (s), which has no part where `gains` is None, no range is taken greater than HOLD_SHARE of what the
+    gains leave of the hold number, 2 - h, over the hold number that a unit of the parameter causes (`parameter_holds`),
+    both over a `workspace`, all that the joints' limits allow where None; h is without a unit, HOLD_SHARE is 0.2: a
+    light wrist whose inertia is learned a hundred times too large would ring, and its prior range allows that. Raises
+    `GainError` where the period carries no adaptation with these gains, and `InputError`, with gains, for a period that
+    is not positive.
     """
     reach = (ranges or PriorRanges()).of(model.names)
     if gains is not None:
@@ -90,10 +97,12 @@ def adaptation_gain(
 
 
 def mapped_gain(model: ReducedModel, gain: ArrayLike) -> Array:
-    """Gamma_beta = K_r Gamma_D K_r' (k, k) of a gain (P,) on all P parameters.
+    """The adaptation gain Gamma_beta = K_r Gamma_D K_r' (k, k) of the fundamental parameters, for a diagonal gain
+    Gamma_D (P,) on all P parameters; both in units of the parameters squared per J.
 
-    With it, adapting the k fundamental parameters is the same controller as adapting all P, to round-off. It is
-    symmetric to the last bit.
+    K_r (k, P) is the model's `regrouping`. With it, adapting the k fundamental parameters is the same controller as
+    adapting all P, to round-off. It is symmetric to the last bit. Raises `InputError` unless the gain is P finite
+    numbers.
     """
     full = frozen_array(gain, (model.regrouping.shape[1],), "gain on all parameters")
     mapped = (model.regrouping * full) @ model.regrouping.T

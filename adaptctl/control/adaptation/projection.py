@@ -22,7 +22,9 @@ class Projection(AdaptationLaw[Memory]):
     """An adaptation law, one that weighs parameters one by one, with its estimate clipped to [lower, upper] (k,) after
     each period.
 
-    `lower` and `upper` may be infinite; `limits` makes them from parameters' names.
+    `of` is that law; `lower` and `upper` (k,), in the parameters' SI units, may be infinite; `limits` makes them from
+    parameters' names. Raises `InputError` unless lower < upper everywhere, and for a law that weighs parameters
+    together (`by_parameter` false), as one with a gain (k, k).
 
     Guarantees, where the truth is within: the estimate stays within, whatever disturbs; and what the law
     itself guarantees, because with a diagonal Gamma clipping is the projection in the law's own distance, which
@@ -53,7 +55,11 @@ class Projection(AdaptationLaw[Memory]):
             )
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Raise `InputError` without two bounds a parameter, and for a first estimate outside them."""
+        """Raise `InputError` where the wrapped law does, unless there are two bounds for each of the model's k
+        parameters, and for a first estimate outside them.
+
+        `initial` is the first estimate (k,), `period` the control period T_c in s.
+        """
         self.of.require(model, initial, period)
         require_size(self.lower, model, "projection: bounds")
         outside = np.flatnonzero((initial < self.lower) | (initial > self.upper))
@@ -70,24 +76,32 @@ class Projection(AdaptationLaw[Memory]):
         return True
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Memory:
-        """The wrapped law's memory before the first tick."""
+        """The wrapped law's memory before the first tick.
+
+        `initial` is the first estimate (k,), q (n,) the configuration of the tree's joints in rad (m), v (r,) the
+        velocities in rad/s (m/s), `period` T_c in s.
+        """
         return self.of.start(model, initial, q, v, period)
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Memory) -> tuple[Column, Memory]:
-        """The estimate (k,) after a step of the wrapped law, clipped to the bounds; and that law's memory."""
+        """The estimate (k,) after a step of the wrapped law, clipped to the bounds; and that law's memory.
+
+        `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period `period`.
+        """
         moved, after = self.of.law(model, estimate, period, memory)
         return Column(map(clip, moved, column(self.lower), column(self.upper))), after
 
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar | None:
-        """The parameters' term, in J, of the wrapped law's Lyapunov function at an estimate (k,) where the truth is
-        (k,); None where it has none."""
+        """The parameters' term, in J, of the wrapped law's Lyapunov function at an estimate (k,) where the true
+        parameters are (k,); None where that law has none."""
         return self.of.lyapunov_term(model, estimate, true)
 
 
 def limits(model: ReducedModel, bounds: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:
-    """Lower and upper bounds (k,) of a model's parameters from those named; the others have none.
+    """Lower and upper bounds, (k,) each, of a model's parameters, from those named: infinite for the others.
 
-    Raises `NotFoundError` for a parameter that the model does not have.
+    `bounds` gives (lower, upper) by a parameter's full name, such as `link1.m`, in its SI unit. Raises `NotFoundError`
+    for a parameter that the model does not have.
     """
     lower, upper = np.full(len(model.names), -np.inf), np.full(len(model.names), np.inf)
     for name, (low, high) in bounds.items():

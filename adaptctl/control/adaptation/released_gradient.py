@@ -31,7 +31,10 @@ class ReleasedGradient(Descent[Normaliser]):
 
         estimate -= (T_c/n) Gamma Y_k' s_k+1,  n_k = max(1, share T_c tr(K^-1 Y Gamma Y'), n_k-1/(1 + release T_c))
 
-    `release` is in 1/s. Arguments that the theorem allows come from `ReleasedGradient.certified`.
+    `release` is in 1/s, `share` without a unit. s (r,) is the sliding variable in rad/s (m/s), Y (r, k) the torque
+    regressor, Y_k its value at tick k, K the damping, T_c the period; `gain` is Gamma, (k,) its diagonal or (k, k), in
+    units of the parameters squared per J. Arguments that the theorem allows come from `ReleasedGradient.certified`.
+    Raises `InputError` for a gain that is not positive definite and a release or share that is not positive.
 
     Guarantees, sampled, with M constant over the ticks considered, for any Gamma and any Y from tick to tick:
     V = s'Ms/(2n) + error' Gamma^-1 error/2 never rises where share > 1/(2 - h), h = T_c lambda_max(M^-1 K) < 2, and
@@ -57,9 +60,12 @@ class ReleasedGradient(Descent[Normaliser]):
     def certified(
         cls, model: ReducedModel, gain: ArrayLike, damping: ArrayLike, period: float, workspace: Workspace | None = None
     ) -> ReleasedGradient:
-        """The law with share and release by the theorem, for a damping K (r,), a period T_c (s) and a workspace.
+        """The law with share and release by the theorem, for a damping K in N m s/rad (N s/m), one number or (r,), a
+        period T_c (s) and a workspace, all that the joints' limits allow where None.
 
-        Raises `GainError` where the period does not carry the damping.
+        `gain` is Gamma, (k,) or (k, k), in units of the parameters squared per J. Raises `GainError` where the period
+        does not carry the damping, and `InputError` for a gain that is not positive definite and a damping or period
+        that is not positive.
         """
         h = hold_number(model.mechanism, damping, period, workspace=workspace).value
         if not h < 2.0:
@@ -68,13 +74,20 @@ class ReleasedGradient(Descent[Normaliser]):
         return cls(np.asarray(gain), 0.5 * (2.0 - h) * slowest, 2.0 / (2.0 - h))
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Normaliser:
-        """The memory before the first tick: a normaliser n of 1."""
+        """The memory before the first tick: a normaliser n of 1.
+
+        `initial` is the first estimate (k,), q (n,) the configuration of the tree's joints in rad (m), v (r,) the
+        velocities in rad/s (m/s), `period` T_c in s.
+        """
         return Normaliser(np.ones(1))
 
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: Normaliser
     ) -> tuple[Column, Normaliser]:
-        """The estimate (k,) after a step down the gradient by the backward rule, and the memory of the normaliser."""
+        """The estimate (k,) after a step down the gradient by the backward rule, and the memory of the normaliser.
+
+        `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period `period`.
+        """
         released = memory.n[0] / (1.0 + self.release * period.elapsed)
         n = maximum(maximum(released, 1.0), (self.share * period.elapsed) * self._trace(period))
         moved = estimate - (period.elapsed / n) * self.applied(period.gradient(period.after))

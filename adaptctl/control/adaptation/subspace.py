@@ -21,8 +21,10 @@ INDEPENDENT = 1e-10
 class Subspace(AdaptationLaw[NoMemory]):
     """Gradient adaptation of s numbers, the estimate's along the columns of W: estimate' = -W diag(gain) W'Y's.
 
-    `directions` is W (k, s), independent; `gain` (s,) positive. With W = K V_s, V_s some right singular vectors
-    of the energies, it adapts essential parameters of a model reduced as Sheu and Walker (1991, section 3.2) do.
+    `directions` is W (k, s), independent columns, s of at most k; `gain` (s,) is positive, in 1/J where W carries the
+    parameters' SI units. In Y's, Y (r, k) is the torque regressor and s (r,) the sliding variable in rad/s (m/s).
+    Raises `InputError` for other directions and gains. With W = K V_s, V_s some right singular vectors of the energies,
+    it adapts essential parameters of a model reduced as Sheu and Walker (1991, section 3.2) do.
 
     Guarantees: where the truth is within the first estimate plus the span of W, all that `Gradient` does.
 
@@ -48,24 +50,28 @@ class Subspace(AdaptationLaw[NoMemory]):
             raise InputError("subspace: the directions are not independent: leave out what others combine to")
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Raise `InputError` unless the directions have one entry for each parameter."""
+        """Raise `InputError` unless the directions have one row for each of the model's k parameters; `initial`, the
+        first estimate (k,), and `period` (s) are not looked at."""
         require_size(self.directions, model, "subspace: directions")
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
-        """The empty memory: this law remembers nothing."""
+        """The empty memory: this law remembers nothing, whatever the first estimate `initial` (k,), the configuration
+        q (n,) in rad (m), the velocities v (r,) in rad/s (m/s) and the period T_c (s)."""
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (k,) after a step down the gradient along every direction, by the trapezium rule; and no
-        memory."""
+        """The estimate (k,) after a step down the gradient along every direction, by the trapezium rule; and no memory.
+
+        `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period `period`.
+        """
         gradient = period.gradient(period.integral)
         for step, direction in zip(column(self.gain), map(column, self.directions.T), strict=True):
             estimate = estimate - (step * (direction @ gradient)) * direction
         return estimate, memory
 
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar:
-        """The parameters' term, in J, of the law's Lyapunov function within the subspace; an error beyond its span does
-        not count."""
+        """The parameters' term, in J, of the law's Lyapunov function within the subspace, at an estimate (k,) where the
+        true parameters are (k,); an error beyond the span of W does not count."""
         error = estimate - true
         along = Column(column(row) @ error for row in np.linalg.pinv(self.directions))
         return 0.5 * (along @ Column(x / g for x, g in zip(along, column(self.gain), strict=True)))
