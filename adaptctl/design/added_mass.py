@@ -20,7 +20,14 @@ PERCENT = 1.0
 
 @dataclass(frozen=True, eq=False)
 class AddedMass:
-    """The effect of an added body on the energy, torques and essential parameters of an arm, over a task's states."""
+    """The effect of a body added to a link on the energy, torques and essential parameters of an arm, over the states
+    of a `task`.
+
+    `link` is the link's name, `body` what is fixed to it, placed in its frame, and `percent` the energy error (%) at
+    which components are counted. P counts ten parameters a link, about its frame's origin (kg, kg m, kg m^2), and rotor
+    inertias; friction is left out. `essential`, `components`, `changed` and `becomes_essential` raise `RankError` where
+    the mechanism's rank cannot be certified.
+    """
 
     task: DesignTask
     link: str
@@ -30,7 +37,8 @@ class AddedMass:
 
     @cached_property
     def change(self) -> Array:
-        """The change of the inertial parameters (P,), SI units."""
+        """The change of the inertial parameters (P,) by the body, SI units. Raises `InputError` for an unknown link and
+        where a number overflows."""
         return change_of(self.task, self.link, self.body)
 
     @cached_property
@@ -40,7 +48,8 @@ class AddedMass:
 
     @cached_property
     def essential(self) -> Array:
-        """The change's projection (P,) on the essential space, V1 V1' times it: all of it that changes any torque."""
+        """The change's projection (P,) on the essential space, V1 V1' times it, in SI units: all of it that changes any
+        torque."""
         return self.task.space.project(self.change)
 
     @property
@@ -50,33 +59,37 @@ class AddedMass:
 
     @property
     def energy_change(self) -> float:
-        """Change of the energy that the arm carries, as a share of it; negative where the body balances the arm."""
+        """Relative change of the energy that the arm carries, 0.1 for 10 % more: of its root mean square about its mean
+        over the states. Negative where the body balances the arm; infinite where the energy was zero."""
         return self._change("energy")
 
     @property
     def torque_change(self) -> float:
-        """Change of the torques, as a share of them: root mean squares over their limits, all joints together."""
+        """Relative change of the torques, 0.1 for 10 % more: of root mean squares over their limits, all joints
+        together. Infinite where the torques were zero."""
         return self._change("torque")
 
     @property
     def torques(self) -> Array:
-        """Root mean square torques (r,) with the body, N m or N."""
+        """Root mean square torques (r,) with the body over the task's states, N m (N for a prismatic joint)."""
         return self.task.torques(self.parameters)
 
     @property
     def components(self) -> int:
-        """Number of essential components that keep the energy to an error of `percent`."""
+        """Number of essential components that keep the energy to an error of `percent`, with the body."""
         return self.task.components(self.percent, self.parameters)
 
     @cached_property
     def becomes_essential(self) -> tuple[str, ...]:
-        """Names of the fundamental parameters that are zero without the body, and are not with it."""
+        """Names of the fundamental parameters that are zero without the body and not with it; zero is a share of the
+        energy of at most 1e-6."""
         before = set(self.task.carried())
         return tuple(name for name in self.task.carried(self.parameters) if name not in before)
 
     @cached_property
     def changed(self) -> tuple[tuple[str, float], ...]:
-        """Names of the fundamental parameters that the body changes, and by how much, in SI units."""
+        """Pairs of a fundamental parameter that the body changes, by name, and its change in SI units (kg, kg m or kg
+        m^2); changes below 1e-9 of the greatest are left out."""
         basis = self.task.basis
         changes = basis.regrouping @ self.change
         size = 1e-9 * float(np.abs(self.change).max(initial=0.0))
@@ -90,10 +103,13 @@ class AddedMass:
 def added_mass(
     task: DesignTask, link: str, body: Payload | float, place: ArrayLike | None = None, *, percent: float = PERCENT
 ) -> AddedMass:
-    """The effect of a body on a link; a number is a point's mass in kg. `place` (3,) is its centre in the link's frame.
+    """The effect of a body on the link of a name, over a task's states. The body is a `Payload`, or a number: a point's
+    mass in kg.
 
-    Without a place, it is where the body says. Raises `InputError` for links that do not exist, masses below zero and
-    places that are not finite.
+    `place` (3,) is the body's centre of mass in the link's frame, m; by default (None) the payload's own `center`, the
+    frame's origin for a point. `percent` is the energy error (%) at which components are counted, by default 1. Raises
+    `InputError` for links that do not exist, masses and percentages below zero, places that are not three finite
+    numbers and tasks with constant energy, `RankError` where the mechanism's rank cannot be certified.
     """
     loaded = Payload.of(body)
     if place is not None:

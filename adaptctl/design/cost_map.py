@@ -33,15 +33,17 @@ class LinkCost:
 
 @dataclass(frozen=True, eq=False)
 class CostMap:
-    """Map of a point mass's (kg) effect on an objective: relative changes of its cost, over places on links."""
+    """Map of the effect of a point `mass` (kg) on an objective's cost over a `task`: relative changes of the cost, over
+    places on links. `objective` is one of `DesignTask.matrix`."""
 
     task: DesignTask
     mass: float
     objective: str
 
     def at(self, link: str, places: ArrayLike) -> Array:
-        """Relative changes (...) of the cost by the mass at places (..., 3), m in a link's frame. Raises `InputError`
-        for unknown links."""
+        """Relative changes (...) of the cost, 0.1 for 10 % more, by the mass at places (..., 3), m in the frame of the
+        link of that name. Raises `InputError` for unknown links and wrong shapes, `NonFiniteError` for places that are
+        not finite."""
         x = checked(places, 3, f"{link}: places")
         M, first = self.task.matrix(self.objective), 10 * self.task.link(link)
         before = M @ self.task.parameters
@@ -51,8 +53,12 @@ class CostMap:
         return np.asarray((after - size) / size)
 
     def over(self, places: PlaceBounds, each: int = EACH) -> LinkCost:
-        """The least and the greatest relative change of the cost on a grid of places on a link, `each` along an axis,
-        and where they are."""
+        """The least and the greatest relative change of the cost on a grid of places on a link, and where they are.
+
+        The grid has `each` places, 9 by default, along each edge of the box of `places`. The `LinkCost` has the link's
+        name, the changes `least` and `most`, their places `cheapest` and `dearest` (3,) in m in the link's frame, and
+        the change `at_center`, at the link's centre of mass. Raises `InputError` for unknown links.
+        """
         grid = places.grid(each)
         changes = self.at(places.link, grid)
         low, high = int(np.argmin(changes)), int(np.argmax(changes))
@@ -61,8 +67,13 @@ class CostMap:
 
 
 def cost_map(task: DesignTask, mass: float = 1.0, objective: str = "energy") -> CostMap:
-    """The map of what a point mass (kg) changes of an objective's cost. Raises `InputError` for other than a positive
-    mass, and for an unknown objective."""
+    """The map of the relative changes that a point mass (kg; 1 by default) makes of an objective's cost over a task.
+
+    The objective is the energy ("energy", by default), the torques ("torque"), the coupling ("coupling") or the
+    components' energy ("components"), as in `DesignTask.matrix`. Raises `InputError` for other than a positive mass,
+    for an unknown objective, and for a task with constant energy, and `RankError` for "components" where the rank
+    cannot be certified.
+    """
     task.matrix(objective)
     task.require_energy()
     return CostMap(task, positive_number(mass, "mass"), objective)

@@ -26,7 +26,8 @@ NO_MASS = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Counterweight:
-    """A counterweight: a ball of a mass (kg) and a density at a place (3,), m in a link's frame."""
+    """A counterweight: a solid ball of a mass (kg) and a density (kg/m^3) on the link of that name, its centre at a
+    place (3,), m in the link's frame."""
 
     link: str
     mass: float
@@ -36,14 +37,20 @@ class Counterweight:
 
     @property
     def body(self) -> Payload:
-        """The counterweight as a rigid body on the link."""
+        """The counterweight as a rigid body in the link's frame. Raises `InputError` for a mass below zero, a density
+        not positive and numbers that are not finite."""
         return sphere(self.mass, self.place, density=self.density)
 
 
 @dataclass(frozen=True, eq=False)
 class Counterweights:
     """Result of `optimal_counterweights`: the counterweights that make an objective's cost least, within bounds, and
-    the costs with and without them."""
+    the costs with and without them.
+
+    `task`, `objective`, `within` (the bounds) and `percent` (the energy error, %, at which components are counted) are
+    those asked for. `weights` are the counterweights found, without those of less than 1e-6 of the mass allowed, and
+    `evaluations` the number of designs evaluated. P counts ten parameters a link and rotor inertias.
+    """
 
     task: DesignTask
     objective: str
@@ -69,7 +76,8 @@ class Counterweights:
 
     @property
     def cost_before(self) -> float:
-        """The objective's cost without counterweights: J, share of torque limits, kg m^2, or number of components."""
+        """The objective's cost without counterweights: J ("energy"), share of torque limits ("torque"), kg m^2
+        ("coupling") or number of components ("components")."""
         return _cost(self.task, self.objective, self.percent)
 
     @property
@@ -79,7 +87,7 @@ class Counterweights:
 
     @property
     def saved(self) -> float:
-        """Share of the cost that the counterweights remove, from 0 to 1."""
+        """Share of the cost that the counterweights remove, from 0 to 1; 0 where there is no cost."""
         return 1.0 - self.cost_after / self.cost_before if self.cost_before > 0.0 else 0.0
 
     @property
@@ -100,14 +108,17 @@ def optimal_counterweights(
     density: float = STEEL,
     seed: int = 0,
 ) -> Counterweights:
-    """The counterweights, one ball on each of some links, with the least cost over masses and places within bounds.
+    """The counterweights, one ball on each of some links, with the least cost over masses and places `within` bounds,
+    one of them for each such link.
 
     The objective is the energy carried ("energy", J), the torques ("torque", share of limits), the mass matrix's
     entries off the diagonal ("coupling", kg m^2), or the number of essential components that keep the energy to an
-    error of `percent` ("components"; among as few, with the least error). Balls have a positive definite
-    pseudo-inertia, so that links which rigid bodies can be stay so. From the best of an even sample, by trust regions
-    within bounds (SciPy's `least_squares`): global as far as the sample is dense. Raises `InputError` for what is
-    unknown or out of bounds.
+    error of `percent`, by default 1 % ("components"; among as few, with the least error). Balls, of a density in kg/m^3
+    (steel's 7850 by default), have a positive definite pseudo-inertia, so that links which rigid bodies can be stay so.
+    From the best of an even sample, drawn by `seed`, by trust regions within bounds (SciPy's `least_squares`): global
+    as far as the sample is dense. Raises `InputError` for an unknown objective or link, for no links or one given
+    twice, for a negative `percent`, a density not positive and a task with constant energy, `RankError` where the
+    mechanism's rank cannot be certified.
     """
     if objective not in OBJECTIVES:
         raise InputError(f"objective: expected one of {', '.join(OBJECTIVES)}, got {objective!r}")

@@ -25,10 +25,11 @@ SLACK = 1e-9
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class PlaceBounds:
-    """Bounds of a counterweight on a link: the box of its places (3,) from `lower` to `upper`, m in the link's frame,
-    and its greatest mass (kg).
+    """Bounds of a counterweight on the link of a name: the box of its places from `lower` (3,) to `upper` (3,), m in
+    the link's frame, and its greatest mass (kg).
 
-    Raises `InputError` for masses below zero and for boxes whose ends are the wrong way around.
+    Raises `InputError` for masses below zero, for boxes whose ends are the wrong way around, for other shapes and for
+    what is not finite.
     """
 
     link: str
@@ -48,10 +49,11 @@ class PlaceBounds:
 
     @classmethod
     def of(cls, mechanism: Mechanism, link: str, share: float = SHARE, beyond: float = BEYOND) -> PlaceBounds:
-        """Bounds about a link: the box of its joints, its ends and its centre of mass, widened by a share `beyond` of
-        its length.
+        """Bounds about a link, by its name: the box of its joints, its ends and its centre of mass, widened on all
+        sides by a share `beyond` (by default 0.5) of the box's diagonal, and by 0.1 m at least.
 
-        The mass is a share of the link's own. Raises `InputError` for unknown links and shares below zero.
+        The greatest mass is a `share` (by default 0.2) of the link's own. Raises `InputError` for unknown links and for
+        shares below zero or not finite.
         """
         if not 0.0 <= share < np.inf or not 0.0 <= beyond < np.inf:
             raise InputError(f"places: expected shares of at least 0, got {share} of mass and {beyond} of length")
@@ -65,14 +67,15 @@ class PlaceBounds:
         return cls(link, low - margin, high + margin, share * float(own.inertia[0]))
 
     def require(self, place: ArrayLike) -> None:
-        """Raise `InputError` with the bounds for a place (3,) outside the box."""
+        """Raise `InputError` with the bounds for a place (3,), m in the link's frame, that is more than 1e-9 m outside
+        the box, or is not three finite numbers."""
         x = frozen_array(place, (3,), f"{self.link}: place")
         if np.any(x < self.lower - SLACK) or np.any(x > self.upper + SLACK):
             low, high = np.round(self.lower, 4).tolist(), np.round(self.upper, 4).tolist()
             raise InputError(f"{self.link}: the place {x.tolist()} is outside the bounds {low} to {high} m")
 
     def grid(self, each: int) -> Array:
-        """Places (each^3, 3) in m, evenly over the box."""
+        """Places (each^3, 3), m in the link's frame, evenly over the box with its faces, `each` along every edge."""
         axes = [np.linspace(a, b, each) for a, b in zip(self.lower, self.upper, strict=True)]
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
 

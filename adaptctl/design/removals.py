@@ -34,7 +34,15 @@ EACH = 13
 
 @dataclass(frozen=True, eq=False)
 class Removal:
-    """A change of design after which certainly fewer fundamental parameters are enough."""
+    """A change of design after which certainly fewer fundamental parameters of a `basis` are enough: k' < k.
+
+    `way` is "symmetry", "balance" or "relocation", and `link` the name of the link to change, empty for all symmetries
+    that links have already. `known` names the inertial parameters that are zero by symmetry, `zero` the fundamental
+    parameters that are zero afterwards. `columns` (k',) are the indices among all P of the parameters that are enough,
+    and `regrouping` (k', P) maps onto them: Y D = Y[:, columns] regrouping D, with the torque regressor Y (r, P), for
+    all D (P,) of the changed design. `mass` (kg) is added, or moved from the link's centre of mass, to `place` (3,), m
+    in the link's frame; 0 and None for a symmetry. `holds` is true where the mechanism has the symmetry already.
+    """
 
     basis: FundamentalBasis
     way: Way
@@ -56,12 +64,12 @@ class Removal:
 
     @property
     def rank(self) -> int:
-        """Number of parameters that are enough after the change."""
+        """Number k' of parameters that are enough after the change."""
         return len(self.columns)
 
     @property
     def gone(self) -> tuple[str, ...]:
-        """Names of the fundamental parameters that need not be carried any more."""
+        """Names of the fundamental parameters that need not be carried after the change."""
         left = {self.basis.parameter_names[j] for j in self.columns}
         return tuple(name for name in self.basis.names if name not in left)
 
@@ -81,12 +89,14 @@ class Removal:
 
     @cached_property
     def before(self) -> tuple[str, ...]:
-        """Regrouping equations, as text, of the parameters that the change affects, before the change."""
+        """Regrouping equations, as text, of the parameters that the change affects, before the change; coefficients in
+        SI units."""
         return tuple(equation for equation in self.basis.equations() if equation not in self._left)
 
     @cached_property
     def after(self) -> tuple[str, ...]:
-        """Regrouping equations, as text, that hold after the change instead of those of `before`."""
+        """Regrouping equations, as text, that hold after the change instead of those of `before`; coefficients in SI
+        units."""
         own = set(self.basis.equations())
         return (*(f"{name}* = 0" for name in self.zero), *(equation for equation in self._left if equation not in own))
 
@@ -104,13 +114,14 @@ def operations_saved(task: DesignTask, removal: Removal) -> int:
 
 
 def removals(task: DesignTask, within: Sequence[PlaceBounds], density: float = STEEL) -> tuple[Removal, ...]:
-    """All changes of design on some links that remove fundamental parameters, the largest first, then the one with the
-    least mass.
+    """All changes of design on some links that remove fundamental parameters: those that leave the fewest first, of
+    equal ones the one with the least mass.
 
-    By symmetry: a link that is its own mirror image along axes of its frame. By balance: a ball added to a link within
-    its bounds makes one fundamental parameter zero that is not. By relocation: a part of the link's own mass, taken
-    from its centre of mass, does so. Each is meant alone, but for one of all symmetries that links have already.
-    Raises `InputError` for unknown links.
+    By symmetry: a link that is its own mirror image along axes of its frame. By balance: a ball of a density in kg/m^3
+    (steel's 7850 by default; not checked), added to a link `within` its bounds, makes one fundamental parameter zero
+    that is not. By relocation: a part of the link's own mass, taken from its centre of mass, does so. Each is meant
+    alone, but for one of all symmetries that links have already. Raises `InputError` for unknown links, `RankError`
+    where the mechanism's rank cannot be certified.
     """
     found = [removal for places in within for removal in _of_link(task, places, density)]
     so_already = dict.fromkeys(name for removal in found if removal.holds for name in removal.known)

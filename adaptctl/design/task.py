@@ -43,12 +43,13 @@ CARRIED = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class DesignTask:
-    """A task to judge a design by: states of a mechanism in motion, positions, velocities and accelerations (samples,
-    r), and where they are from.
+    """A task to judge a design by: states of a mechanism in motion, positions p (rad or m), velocities v (per s) and
+    accelerations a (per s^2), each (samples, r), and their `origin`, in words.
 
-    What a design is judged by is linear in the parameters D (P,): its cost is |M D| with a matrix M (P, P). Raises
-    `InputError` for arrays of other shapes, for a mechanism whose parameters are not ten a link, and for states that
-    are all alike: a task without motion has no energy to carry.
+    What a design is judged by is linear in the parameters D (P,), ten a link and rotor inertias, without friction: its
+    cost is |M D| with a matrix M (n, P), n <= P. Raises `InputError` for arrays of other shapes or not finite, for a
+    mechanism whose parameters are not ten a link, and for states that are all alike: a task without motion has no
+    energy to carry.
     """
 
     mechanism: Mechanism
@@ -72,12 +73,14 @@ class DesignTask:
     def within_limits(
         cls, mechanism: Mechanism, samples: int = SAMPLES, seed: int = 0, speed: float = SPEED
     ) -> DesignTask:
-        """The task of so many random states, drawn by seed: positions within the joints' limits, velocities normally
-        distributed with a deviation of `speed` sqrt(g/L), L being the mechanism's characteristic length, and clipped.
+        """The task of random states, 1000 by default, drawn by seed: positions within the joints' limits, velocities
+        normally distributed with a deviation of `speed` sqrt(g/L) in rad/s, L (m) being the mechanism's characteristic
+        length, and clipped to the joints' limits.
 
-        Accelerations are normal with the square of that. At a `speed` of 1 kinetic and potential energy weigh alike;
-        an arm at work moves at about a quarter of it. With loops, positions are on the reference's branch. Raises
-        `InputError` for another number of samples or a negative speed.
+        Accelerations are normal with a deviation of `speed`^2 g/L in rad/s^2; for prismatic joints both are times L. At
+        a `speed` of 1 kinetic and potential energy weigh alike; an arm at work moves at about a quarter of it, 0.25,
+        the default. With loops, positions are on the reference's branch. Raises `InputError` for other than 2 to 100000
+        samples, a negative speed, and loops that reach hardly any state.
         """
         if not 2 <= samples <= MOST or not 0.0 <= speed < np.inf:
             raise InputError(f"task: expected 2 to {MOST} samples and a speed of at least 0, got {samples} and {speed}")
@@ -91,8 +94,9 @@ class DesignTask:
 
     @classmethod
     def along(cls, mechanism: Mechanism, reference: Reference, duration: float, samples: int = SAMPLES) -> DesignTask:
-        """The task of following a reference: its states at evenly spaced times from 0 to a duration (s). Raises
-        `InputError` for another number of samples or a duration that is not positive."""
+        """The task of following a reference: its states at evenly spaced times from 0 to a duration (s), 1000 of them
+        by default. Raises `InputError` for other than 2 to 100000 samples, for a duration that is not positive and
+        finite, and for a reference that stands still."""
         if not 2 <= samples <= MOST or not 0.0 < duration < np.inf:
             raise InputError(
                 f"task: expected 2 to {MOST} samples and a positive duration, got {samples} and {duration}"
@@ -102,23 +106,27 @@ class DesignTask:
 
     @cached_property
     def space(self) -> EssentialSpace:
-        """The essential space, its singular values and V1 those of the task's energies, in J (RMS)."""
+        """The essential space of the mechanism, its singular values and V1 those of the task's energies, in J (root
+        mean square) per unit of each parameter. Raises `RankError` where the rank cannot be certified."""
         return replace(essential_space(self.mechanism), states=self.origin, energies=partial(_same, self._energy))
 
     @cached_property
     def basis(self) -> FundamentalBasis:
-        """The fundamental basis of the mechanism by the default priority."""
+        """The fundamental basis of the mechanism by the default priority. Raises `RankError` where the rank cannot be
+        certified."""
         return fundamental_basis(self.space, Priority())
 
     @cached_property
     def parameters(self) -> Array:
-        """The mechanism's own parameters D (P,) that enter energies."""
+        """The mechanism's own parameters D (P,) that enter energies: ten a link, about its frame's origin (kg, kg m, kg
+        m^2), and rotor inertias."""
         own = self.mechanism.inertial_parameters[: self.mechanism.energetic]
         return frozen_array(own, own.shape, "parameters")
 
     @cached_property
     def torque_limits(self) -> Array:
-        """Torque limits (r,) that torques are compared with, N m or N."""
+        """Torque limits (r,) that torques are compared with, N m (N for a prismatic joint): the joints' own, and four
+        times the largest torque in random states where a joint has none, at least 1."""
         return finite_torque_limits(self.mechanism)
 
     def require_energy(self) -> None:
@@ -130,13 +138,14 @@ class DesignTask:
             )
 
     def matrix(self, objective: str) -> Array:
-        """The matrix M (n, P) of an objective's cost |M D|: "energy" in J, "torque" as share of the limits, "coupling"
-        in kg m^2.
+        """The matrix M (n, P), n <= P, of an objective's cost |M D| for parameters D (P,) in SI units: "energy" in J,
+        "torque" as share of the limits, "coupling" in kg m^2.
 
         Each is a root of a mean of squares over the states: of energies about their mean, which is half the mean square
         of their differences among all pairs (Sheu and Walker 1991, equation 8); of the joints' torques, which add up;
-        of the mass matrix's entries off the diagonal. "components" has the energy's, its rows S V1'. Raises
-        `InputError` for another objective.
+        of the mass matrix's entries off the diagonal, those of prismatic joints times the characteristic length.
+        "components" has the energy's, its k rows S V1'. Raises `InputError` for another objective, and for "components"
+        `RankError` where the rank cannot be certified.
         """
         rows: dict[str, Callable[[], Array]] = {
             "energy": lambda: self._energy,
@@ -149,34 +158,42 @@ class DesignTask:
         return rows[objective]()
 
     def cost(self, objective: str, parameters: ArrayLike | None = None) -> float:
-        """The cost |M D| of an objective at parameters D (P,), the mechanism's own by default; the unit is that of
-        `matrix`."""
+        """The cost |M D| of an objective at parameters D (P,) in SI units, by default (None) the mechanism's own; the
+        unit and the objectives are those of `matrix`. Raises `InputError` for another objective or number of
+        parameters, `NonFiniteError` where one is not finite."""
         return float(np.linalg.norm(self.matrix(objective) @ self._given(parameters)))
 
     def torques(self, parameters: ArrayLike | None = None) -> Array:
-        """Root mean square torques (r,) of parameters D (P,), N m or N."""
+        """Root mean square torques (r,) over the states, N m (N for a prismatic joint), without friction, for
+        parameters D (P,) in SI units, by default (None) the mechanism's own. Raises `InputError` for another number of
+        parameters, `NonFiniteError` where one is not finite."""
         return np.linalg.norm(self._joint_torques @ self._given(parameters), axis=-1)
 
     def components(self, percent: float, parameters: ArrayLike | None = None) -> int:
-        """The number of essential components that keep the energy to an error in percent (equation 23)."""
+        """The number of essential components that keep the energy to an error of `percent` (%; Sheu and Walker 1991,
+        equation 23), for parameters (P,) in SI units, by default (None) the mechanism's own. Raises `InputError` for a
+        negative percentage or another number of parameters, `NonFiniteError` where one is not finite."""
         return int(component_counts(self._components @ self._given(parameters), percent))
 
     def carried(self, parameters: ArrayLike | None = None, share: float = CARRIED) -> tuple[str, ...]:
-        """Names of the fundamental parameters whose loss would change the energy by more than a share of it, for
-        parameters (P,), the mechanism's own by default."""
+        """Names of the fundamental parameters whose loss would change the root mean square energy by more than a
+        `share` of it, by default 1e-6, for parameters (P,) in SI units, by default (None) the mechanism's own. Raises
+        `InputError` for another number of parameters, `NonFiniteError` where one is not finite."""
         return tuple(
             name for name, weight in zip(self.basis.names, self.weights(parameters), strict=True) if weight > share
         )
 
     def weights(self, parameters: ArrayLike | None = None) -> Array:
         """Share (k,) of the root mean square energy that each fundamental parameter makes alone, for parameters (P,) in
-        SI units, the mechanism's own by default. Raises `InputError` for another number of parameters."""
+        SI units, by default (None) the mechanism's own. Raises `InputError` for another number of parameters,
+        `NonFiniteError` where one is not finite."""
         D = self._given(parameters)
         each = np.linalg.norm(self._energy[:, list(self.basis.columns)], axis=0)
         return each * np.abs(self.basis.regrouping @ D) / max(self.cost("energy", D), np.finfo(float).tiny)
 
     def link(self, name: str) -> int:
-        """Index of a link among those that own parameters. Raises `InputError` naming those that there are."""
+        """Index of the link of a name among those that own ten parameters each, from 0. Raises `InputError` naming
+        those that there are for another name."""
         names = self.mechanism.description.body_names
         if name not in names:
             raise InputError(
@@ -185,12 +202,14 @@ class DesignTask:
         return names.index(name)
 
     def center_of_mass(self, link: str) -> Array:
-        """The centre of mass (3,) of a link in its frame, m; its origin where it has no mass."""
+        """The centre of mass (3,) of the link of a name in its frame, m; the frame's origin where it has no mass.
+        Raises `InputError` for unknown links."""
         ten = self.parameters[10 * self.link(link) :][:4]
         return np.asarray(ten[1:4] / ten[0]) if ten[0] > 0.0 else np.zeros(3)
 
     def with_parameters(self, parameters: ArrayLike) -> DesignTask:
-        """The same task of the mechanism with other parameters (P,) that enter energies, SI units; friction stays."""
+        """The same task of the mechanism with other parameters (P,) that enter energies, SI units; friction stays.
+        Raises `InputError` for another number of parameters, `NonFiniteError` where one is not finite."""
         own = np.array(self.mechanism.inertial_parameters)
         own[: self.mechanism.energetic] = self._given(parameters)
         return replace(self, mechanism=self.mechanism.with_parameters(own))
