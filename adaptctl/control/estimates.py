@@ -24,16 +24,19 @@ class _Saved(msgspec.Struct, forbid_unknown_fields=True):
 
 
 def save_estimate(path: str | Path, model: ReducedModel, estimate: ArrayLike) -> None:
-    """Write an estimate (k,) of the model's parameters as JSON, by name. Raises `InputError` on a wrong shape."""
+    """Write an estimate (k,) of the model's parameters, SI units, as a JSON file at `path`, by name.
+
+    Raises `InputError` on a wrong shape or numbers that are not finite, `FileError` where the file cannot be written.
+    """
     values = frozen_array(estimate, (len(model.names),), "estimate")
     parameters = dict(zip(model.names, values.tolist(), strict=True))
     write_json(path, {"schema": SCHEMA, "mechanism": model.mechanism.name, "parameters": parameters})
 
 
 def load_estimate(path: str | Path, model: ReducedModel) -> Array:
-    """An estimate (k,) that `save_estimate` wrote, in the order of the model's parameters.
+    """The estimate (k,), SI units, that `save_estimate` wrote at `path`, in the order of the model's parameters.
 
-    Raises `FileError` for a file that is no estimate, or whose parameters are not the model's.
+    Raises `FileError` for a file that cannot be read or is no estimate, or whose parameters are not the model's.
     """
     saved = read_json(path, _Saved).parameters
     missing = [name for name in model.names if name not in saved]

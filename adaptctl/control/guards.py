@@ -26,7 +26,12 @@ Parts = TypeVar("Parts", bound=tuple[Any, ...])
 
 
 class Marks(NamedTuple):
-    """Marks of the guards in a tick, each (1,), 1 where a guard acted and 0 where not."""
+    """Marks of the guards in a tick, each (1,), 1 where a guard acted and 0 where not.
+
+    `torque_limited`: a torque was beyond its limit; `rate_limited`: a torque would have changed too fast; `frozen`:
+    nothing is learned from the period that begins; `bounded`: an estimate was brought back to its bounds; `ringing`: a
+    joint's sliding variable changes its sign from tick to tick; `stopped`: the arm is braked, now and until `init`.
+    """
 
     torque_limited: Any
     """a torque was beyond its limit"""
@@ -43,7 +48,8 @@ class Marks(NamedTuple):
 
 
 class GuardedState(NamedTuple):
-    """The memory of a guarded law: the law's own, the last torque, and what the guards did."""
+    """The memory of a guarded law: the law's own `of`, the last `torque` (r,) N m (N), `begun` (1,), 1 after the first
+    tick and 0 before, the detector of ringing `heard`, and the `marks` of what the guards did, (1,) each."""
 
     of: Any
     torque: Any
@@ -55,12 +61,12 @@ class GuardedState(NamedTuple):
 
     @property
     def estimate(self) -> Any:
-        """The wrapped law's estimate (k,), where it has one."""
+        """The wrapped law's estimate (k,), SI units. Raises AttributeError where it has none."""
         return self.of.estimate
 
     @property
     def recorded(self) -> Any:
-        """Part of the adaptation law's memory that a run keeps, where it keeps any."""
+        """Part of the adaptation law's memory that a run keeps. Raises AttributeError where there is none."""
         return self.of.recorded
 
 
@@ -69,17 +75,21 @@ class Guarded(Controller[GuardedState]):
     """A controller behind guards: limits of torque, its rate and the estimate, and a brake where numbers are not
     finite.
 
-    Torques stay within `torque_limits` (N m) and change by at most `rate_limits` (N m/s) times `period` (s) from
-    one tick to the next, but for the first. While either holds the torque back, the error is not the estimate's
-    fault, and nothing is learned from that period (`freeze`): an integrator's anti-windup by conditional
-    integration (Astrom and Hagglund, Advanced PID Control, 2006, section 3.5). Estimates stay within
-    `estimate_bounds`, two of (k,). When a measurement, a reference, or anything that the law makes of them is not
-    finite, when a joint is outside `position_limits`, two of (r,) rad, or faster than `velocity_limits` (rad/s), or
-    when it rings, rho below -0.9 for 25 ticks (`adaptctl.control.ringing`), the arm is braked by `stop_damping`
-    (N m s/rad; the law's own damping where it has one) from then on, until `init`: gravity is not held, so a brake
-    must. Numbers are scalars or one a joint.
+    The controller is `of`. Torques stay within `torque_limits` (N m, N for a prismatic joint) and change by at most
+    `rate_limits` (N m/s) times `period` (s; None is the law's own) from one tick to the next, but for the first; limits
+    are infinite, that is off, unless given. While either holds the torque back, the error is not the estimate's fault,
+    and nothing is learned from that period (unless `freeze` is False): an integrator's anti-windup by conditional
+    integration (Astrom and Hagglund, Advanced PID Control, 2006, section 3.5). Estimates stay within `estimate_bounds`,
+    lower and upper (k,), none where None. When a measurement, a reference, or anything that the law makes of them is
+    not finite, when a joint is outside `position_limits`, lower and upper (r,) in rad (m), none where None, or faster
+    than `velocity_limits` (rad/s or m/s), or when it rings, rho below -0.9 for 25 ticks (`adaptctl.control.ringing`),
+    the arm is braked by `stop_damping` (N m s/rad or N s/m; None is the law's own damping) from then on, until `init`:
+    gravity is not held, so a brake must. Numbers are scalars or (r,), one a joint.
 
-    What the guards do is in the state's `marks`, tick by tick.
+    What the guards do is in the state's `marks`, tick by tick. Raises `InputError` for limits that are not positive or
+    of another shape, ranges whose lower end is not below the upper, a first estimate out of bounds, bounds for a law
+    that estimates nothing, a damping below 0, a period that is not positive, and where the law has no damping, or no
+    period for finite `rate_limits`, and none is given.
     """
 
     of: Controller[Any]
@@ -112,8 +122,8 @@ class Guarded(Controller[GuardedState]):
 
     @property
     def tunable(self) -> tuple[str, ...]:
-        """Names of the tunable limits and bounds; limits of rates only where there are any, for the others cost
-        nothing."""
+        """Names of the attributes with tunable numbers: `torque_limits`, `stop_damping`, `estimate_bounds`, and
+        `rate_limits` where any is finite."""
         rates = ("rate_limits",) if self._limits_rates else ()
         return ("torque_limits", "stop_damping", "estimate_bounds", *rates)
 
@@ -134,17 +144,19 @@ class Guarded(Controller[GuardedState]):
 
     @property
     def reference_size(self) -> int:
-        """Length of each part of the wrapped law's reference points."""
+        """Length of each part of the wrapped law's reference points: r, or m where they are in a task space of m
+        coordinates."""
         return self.of.reference_size
 
     def start(self, p: Array, v: Array) -> GuardedState:
-        """The memory before the first tick: the wrapped law's own, and marks of zero."""
+        """The memory before the first tick, at positions `p` (..., r), rad or m, and velocities `v` (..., r), rad/s or
+        m/s: the wrapped law's own, and marks of zero."""
         marks = Marks(*(np.zeros(1) for _ in Marks._fields))
         return GuardedState(self.of.start(p, v), np.zeros(self.dof), np.zeros(1), Ringing.silent(self.dof), marks)
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: GuardedState) -> tuple[Column, GuardedState]:
-        """The torque (r,) N m of one tick within the limits, and the memory after it; the law sees finite numbers
-        only."""
+        """The torque (r,), N m (N), of one tick within the limits, and the memory after it, from positions `p` (r,),
+        rad or m, and velocities `v` (r,), rad/s or m/s; the wrapped law is given finite numbers only, 0 for others."""
         given = (p, v, *reference)
         clean = [Column(where(_finite(x), x, 0.0) for x in part) for part in given]
         torque, after = self.of.law(clean[0], clean[1], ReferencePoint(*clean[2:]), memory.of)

@@ -18,8 +18,10 @@ def has_sliding_variable(controller: object) -> bool:
 
 
 def sliding_variable(controller: SlotineLi, run: TrackedRun) -> Array:
-    """The sliding variable s = e' + Lambda e (T, r) of a run, rad/s or m/s. Raises `InputError` for the law's
-    relatives, whose s is another one."""
+    """The sliding variable s = e' + Lambda e (T, r), rad/s or m/s, at the T samples of a `run` of Slotine and Li's law.
+
+    Lambda is the `controller`'s. Raises `InputError` for the law's relatives, whose s is another one.
+    """
     if not has_sliding_variable(controller):
         law = type(controller).__name__
         raise InputError(f"sliding variable: that of {law} depends on more than the errors, which are all a run keeps")
@@ -27,8 +29,8 @@ def sliding_variable(controller: SlotineLi, run: TrackedRun) -> Array:
 
 
 def lyapunov(controller: SlotineLi, run: LearningRun, mechanism: Mechanism) -> Array:
-    """The Lyapunov function V (T,) = s'Ms/2 + error' Gamma^-1 error/2 of a run in J, with the true mechanism's mass
-    matrix and parameters.
+    """The Lyapunov function V (T,) = s'Ms/2 + error' Gamma^-1 error/2 in J, at the T samples of a run, with the mass
+    matrix M and the parameters of the true `mechanism`.
 
     The second term is the adaptation law's own distance; with adaptation off only the first is left. Where the
     parameters are no physical set, M need not be positive definite, and V is then no distance; it is reported

@@ -25,9 +25,10 @@ DEGREE = 5
 
 
 def quintic(u: Scalar) -> tuple[Scalar, Scalar, Scalar]:
-    """The minimum-jerk step 10u^3 - 15u^4 + 6u^5 from 0 to 1 and its two derivatives, still outside [0, 1].
+    """The minimum-jerk step 10u^3 - 15u^4 + 6u^5 from 0 to 1 and its two derivatives by u, without a unit; outside
+    [0, 1] it rests at 0 or 1.
 
-    Flash and Hogan (1985). Over scalars of any kind.
+    Flash and Hogan (1985). Over scalars of any kind: floats, arrays (element by element), symbols.
     """
     u = clip(u, 0.0, 1.0)
     rest = 1.0 - u
@@ -36,7 +37,9 @@ def quintic(u: Scalar) -> tuple[Scalar, Scalar, Scalar]:
 
 
 class SinusoidNumbers(NamedTuple):
-    """Numbers of `Sinusoids`, as arrays or columns: the terms of all h harmonics one after the other."""
+    """Numbers of `Sinusoids`, as arrays or columns: `center` (r,) and `amplitude` (h r,) in rad or m, `frequency`
+    (h r,) in Hz, `phase` (h r,) in rad, `start_time` (1,) in s; the terms (r,) of all h harmonics one after the other.
+    """
 
     center: Any
     """(r,)"""
@@ -51,8 +54,8 @@ class SinusoidNumbers(NamedTuple):
 
 
 def sinusoids_at(time: Scalar, numbers: SinusoidNumbers) -> ReferencePoint:
-    """The reference point of `Sinusoids` at a time (s), over scalars of any kind: of arms that each follow their own,
-    say."""
+    """The reference point of `Sinusoids` at a time (s): columns (r,) of positions (rad or m), velocities and
+    accelerations (per s and s^2), over scalars of any kind: of arms that each follow their own, say."""
     fade, slope, bend = _faded_in(time, numbers.start_time[0])
     joints, terms = len(numbers.center), range(len(numbers.amplitude))
     points = []
@@ -81,7 +84,8 @@ def _faded_in(time: Scalar, length: Any) -> tuple[Scalar, Scalar, Scalar]:
 
 @lru_cache(maxsize=32)
 def sinusoid_kernel(*sizes: int) -> Callable[..., ReferencePoint]:
-    """Native code of `sinusoids_at`: of a time (1,), s, and the parts of `SinusoidNumbers`, whose lengths these are."""
+    """Native code of `sinusoids_at`: a function of a time (1,), s, and the five parts of `SinusoidNumbers`, `sizes`
+    being their lengths, to the reference point (r,). It raises `InputError` on a wrong shape."""
 
     def equation(time: Column, **numbers: Column) -> ReferencePoint:
         return sinusoids_at(time[0], SinusoidNumbers(**numbers))
@@ -92,8 +96,9 @@ def sinusoid_kernel(*sizes: int) -> Callable[..., ReferencePoint]:
 
 @lru_cache(maxsize=32)
 def power_kernel(size: int) -> Callable[..., ReferencePoint]:
-    """Polynomials of r joints and their derivatives as native code of how far into them and whether they move (2,), and
-    of their coefficients (size,), the highest power of all joints first."""
+    """Native code of polynomials of degree 5 in time for r joints: a function of (2,), the time since their start (s)
+    and 1 where they move or 0 at rest, and of their coefficients (`size`,), 6 r, those of the highest power of all
+    joints first, to the reference point (r,). It raises `InputError` on a wrong shape."""
     joints = size // (DEGREE + 1)
 
     def equation(given: Column, powers: Column) -> ReferencePoint:
@@ -110,7 +115,9 @@ def power_kernel(size: int) -> Callable[..., ReferencePoint]:
 
 @lru_cache(maxsize=32)
 def quintic_kernel(joints: int) -> Callable[..., ReferencePoint]:
-    """A minimum-jerk stretch as native code of how far into it and how long it is (2,), s, from where to where (r,)."""
+    """Native code of a minimum-jerk stretch of r `joints`: a function of (2,), the time since its start and its length
+    (s), and of its first and last positions (r,), rad or m, to the reference point (r,). It raises `InputError` on a
+    wrong shape."""
 
     def equation(given: Column, start: Column, end: Column) -> ReferencePoint:
         passed, length = given
@@ -127,8 +134,9 @@ class Sinusoids:
 
     p(t) = center + fade(t) sum_h amplitude_h sin(2 pi frequency_h t + phase_h)
 
-    `center` (r,); `amplitude`, `frequency` (Hz) and `phase` (rad) are (r,) or (h, r); `start_time` is the
-    length of the quintic fade in s, 0 for none. With a fade the arm starts at rest in the centre.
+    `center` (r,) in rad or m; `amplitude` (rad or m), `frequency` (Hz) and `phase` (rad; None is zero) are (r,) or
+    (h, r); `start_time` is the length of the quintic fade in s, 0 for none. With a fade the arm starts at rest in the
+    centre. Raises `InputError` for other shapes, numbers that are not finite and a negative start time.
     """
 
     center: Array
@@ -155,7 +163,8 @@ class Sinusoids:
         return ReferencePoint(*(np.stack(column.of, axis=-1) for column in point))
 
     def at(self, t: float) -> ReferencePoint:
-        """The reference (r,) at one time (s), in a microsecond: for loops that ask each period."""
+        """The reference (r,) at one time `t` (s), in rad or m and per s and s^2; computed in a microsecond, for
+        loops that ask each period."""
         return self._kernel(np.array((t,)), *self._flat)
 
     @cached_property
@@ -168,7 +177,8 @@ class Sinusoids:
 
     @property
     def numbers(self) -> SinusoidNumbers:
-        """The sinusoids' numbers as flat arrays, for `sinusoids_at`."""
+        """The sinusoids' numbers as flat arrays, for `sinusoids_at`: (r,), three of (h r,) and (1,), a phase of None as
+        zeros."""
         phase = np.zeros_like(self.amplitude) if self.phase is None else self.phase
         amplitude, frequency, phase = (np.ravel(values) for values in (self.amplitude, self.frequency, phase))
         return SinusoidNumbers(self.center, amplitude, frequency, phase, np.array([self.start_time]))
@@ -178,11 +188,11 @@ class Sinusoids:
 class Spline:
     """Reference through given positions at given times: the spline of degree 5, whose acceleration has two derivatives.
 
-    `positions` (w, r) with w of at least 6, `times` (w,) in s, increasing: samples of a path that has no formula in
-    joints, such as what inverse kinematics makes of one in space. Velocities and accelerations are the spline's
+    `positions` (w, r) in rad or m, w at least 6, `times` (w,) in s, increasing: samples of a path that has no formula
+    in joints, such as what inverse kinematics makes of one in space. Velocities and accelerations are the spline's
     own derivatives. Before the first time and after the last the arm rests, with a jump unless the samples rest there.
 
-    Raises `InputError` for fewer positions, other shapes and times that do not increase.
+    Raises `InputError` for fewer positions, other shapes, numbers that are not finite and times that do not increase.
     """
 
     positions: Array
@@ -204,7 +214,8 @@ class Spline:
         return ReferencePoint(p, np.where(moving, v, 0.0), np.where(moving, a, 0.0))
 
     def at(self, t: float) -> ReferencePoint:
-        """The reference (r,) at one time (s), in microseconds: for loops that ask each period."""
+        """The reference (r,) at one time `t` (s), in rad or m and per s and s^2; computed in microseconds, for
+        loops that ask each period."""
         inside = min(max(t, self._starts[0]), float(self.times[-1]))
         k = max(bisect_right(self._starts, inside) - 1, 0)
         return self._kernel(np.array((inside - self._starts[k], float(inside == t))), self._coefficients[k])
@@ -243,8 +254,9 @@ class Spline:
 class MinimumJerk:
     """Reference from rest to rest through waypoints, each stretch a quintic of least jerk (Flash and Hogan 1985).
 
-    `waypoints` (w, r) with w of at least 2, `times` (w,) in s, increasing. Before the first time and after the last the
-    arm rests.
+    `waypoints` (w, r) in rad or m, w at least 2, `times` (w,) in s, increasing. Before the first time and after the
+    last the arm rests. Raises `InputError` for fewer waypoints, other shapes, numbers that are not finite and times
+    that do not increase.
     """
 
     waypoints: Array
@@ -267,7 +279,8 @@ class MinimumJerk:
         return ReferencePoint(self.waypoints[stretch] + fade * way, slope * way / length, bend * way / length**2)
 
     def at(self, t: float) -> ReferencePoint:
-        """The reference (r,) at one time (s), in microseconds: for loops that ask each period."""
+        """The reference (r,) at one time `t` (s), in rad or m and per s and s^2; computed in microseconds, for
+        loops that ask each period."""
         starts = self._starts
         k = min(max(bisect_right(starts, t) - 1, 0), len(starts) - 2)
         given = np.array((t - starts[k], starts[k + 1] - starts[k]))
@@ -284,11 +297,12 @@ class MinimumJerk:
 
 @dataclass(frozen=True, eq=False)
 class Halted:
-    """A reference that follows another one up to a time `stop` (s), then along its path to rest within `over` s, and
-    stays there.
+    """A reference that follows another one, `of`, up to a time `stop` (s), then along its path to rest within `over`
+    (s), and stays there.
 
-    Its time runs as 1 - quintic step, so that positions, velocities and accelerations stay continuous: motion that
-    excites for an interval, and no longer.
+    Its time runs at a rate that falls as 1 - quintic step, so that positions, velocities and accelerations stay
+    continuous: motion that excites for an interval, and no longer. Raises `InputError` for a negative stop, an `over`
+    that is not positive, or either not finite.
     """
 
     of: Reference

@@ -18,7 +18,13 @@ from adaptctl.errors import InputError
 
 
 class Watch(NamedTuple):
-    """Stability numbers at T samples of a run: of the adaptation, of the held torque, and of ringing joint by joint."""
+    """Stability numbers, without units, at T samples of a run: of the adaptation, of the held torque, and of ringing.
+
+    `adaptation` (T,) is T_c lambda_max(K^-1 Y Gamma Y'), 0 with adaptation off: theorems of discrete adaptation ask for
+    less than 2, or 2 - h. `hold` (T,) is h = T_c lambda_max(M^-1 (K + M^ Lambda)) with the true M and the estimate's
+    M^: velocities ring above 2. `ringing` (T, r) is the correlation rho of each joint's sliding variable with itself a
+    tick ago: -0.5 is an alarm, -0.9 a loop about to be lost.
+    """
 
     adaptation: Array
     """(T,) a = T_c lambda_max(K^-1 Y Gamma Y'): the theorems of discrete adaptation ask for a below 2 or 2 - h"""
@@ -36,7 +42,8 @@ def watch(controller: SlotineLi, run: _Run, mechanism: Mechanism, every: int = 1
     """The stability numbers at every `every`-th sample of a run with the true mechanism; the run must have all of the
     controller's ticks.
 
-    `adaptation` and `hold` cost a regressor and a mass matrix a sample. Raises `InputError` for the law's relatives.
+    `adaptation` and `hold` cost a regressor and a mass matrix a sample. Raises `InputError` for relatives of Slotine
+    and Li's law, whose sliding variable is another one, and for an adaptation law without a constant gain.
     """
     s = sliding_variable(controller, run)
     p, v, estimate = run.p[::every], run.v[::every], run.estimate[::every]

@@ -35,7 +35,13 @@ PENALTY = 30.0
 @dataclass(frozen=True, eq=False)
 class ExcitingReference:
     """An optimised exciting reference and the condition number of the regressor on it, beside those of random
-    references."""
+    references.
+
+    `condition` is that of the stacked regressor over a period, its columns scaled by the parameters' prior ranges;
+    `random_conditions` (10,) are the same of references drawn at random within the same limits. `torque_share` is the
+    largest torque over its limit, with the model's parameters. None of these has a unit. `iterations` are those of
+    the search; `complete` is False where it was interrupted, and the best until then is kept.
+    """
 
     reference: Sinusoids
     condition: float
@@ -50,15 +56,15 @@ class ExcitingReference:
 
     @property
     def gain(self) -> float:
-        """Ratio of the random references' median condition number to the optimised one's: how many times better it
-        is."""
+        """Ratio, without a unit, of the random references' median condition number to the optimised one's: how many
+        times better it is."""
         return float(np.median(self.random_conditions)) / self.condition
 
 
 @dataclass(frozen=True, eq=False)
 class MotionLimits:
-    """Limits of a reference: positions (r,) from `lower` to `upper` (rad or m), greatest speeds (rad/s or m/s) and
-    torques (N m or N), (r,) each."""
+    """Limits of a reference: positions from `lower` to `upper` (rad or m), greatest speeds `velocity` (rad/s or m/s)
+    and torques `torque` (N m or N), (r,) each; the last two infinite where there is none."""
 
     lower: Array
     upper: Array
@@ -67,9 +73,9 @@ class MotionLimits:
 
     @classmethod
     def of(cls, model: ReducedModel, share: float) -> MotionLimits:
-        """Limits at a share of the joints' own: positions about the middle of their range, speeds and torques. A
-        position limit that a joint lacks is taken as pi rad (1 m) from zero, or as far as makes its range 2 pi rad (2
-        m)."""
+        """Limits at a `share`, from 0 to 1, of the joints' own: positions about the middle of their range, speeds and
+        torques. A position limit that a joint lacks is taken as pi rad (1 m) from zero, or as far as makes its range
+        2 pi rad (2 m)."""
         joints = model.mechanism.primary_joints
         wide = np.array([np.pi if joint.kind.turns else 1.0 for joint in joints])
         lower, upper = (np.array([getattr(j.limits, name) for j in joints]) for name in ("lower", "upper"))
@@ -213,15 +219,19 @@ def exciting_reference(
     seed: int = 0,
     progress: Callable[[float], object] | None = None,
 ) -> ExcitingReference:
-    """A periodic reference of `harmonics` times `frequency` (Hz) that conditions the regressor best.
+    """The periodic reference, of harmonics 1 to `harmonics` of `frequency` (Hz), with the least condition number of
+    the regressor that a search finds.
 
     Fourier series within positions, speeds and torques (Swevers, Ganseman, Tukel, De Schutter and Van Brussel
-    1997): a `share` of the joints' own limits, or `limits`. Torques are those of the model's own parameters; where
-    they are only guessed, leave them room. `scale` (k,) are the parameters' prior ranges. The search (L-BFGS)
-    begins at the best of ten random references; equal seeds find equal ones.
+    1997): within `limits`, or where these are None a `share` (0 to 1) of the joints' own. Torques are those of the
+    model's own parameters; where they are only guessed, leave them room. `scale` (k,), SI units, or one number are
+    the parameters' prior ranges, those of `PriorRanges` where None. The search (L-BFGS, at most `iterations`) begins
+    at the best of ten random references, drawn by `seed`; equal seeds find equal ones.
 
-    `progress` is called with the share done. Ctrl-C keeps the best so far, marked incomplete. Raises `InputError` for
-    settings that cannot be, and where torques pass their limits even at rest.
+    `progress` is called after each iteration with the share done, 0 to 1; None calls nothing. Ctrl-C keeps the best so
+    far, marked incomplete. Raises `InputError` unless the frequency is positive, `harmonics` a whole number of at
+    least 1, the share above 0 and up to 1 and the scale finite and of its shape, and where torques pass their limits
+    even at rest.
     """
     search = _checked(model, frequency, harmonics, share, scale, limits)
     rng = np.random.default_rng(seed)

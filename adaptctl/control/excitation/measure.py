@@ -30,6 +30,10 @@ class Excitation:
     square metre can be compared; eigenvalues are in (N m)^2 s. A motion excites persistently when the smallest
     stays above a positive bound, for some window length (Ioannou and Sun 1996, section 4.3): only then do estimates
     converge.
+
+    `time` (w,) is the end of each window in s, from the run's start; `smallest` and `largest` (w,) its eigenvalues.
+    `weakest` (k,) is the unit vector of scaled parameters that the whole run excites least; `window` is the windows'
+    length in s.
     """
 
     time: Array
@@ -45,12 +49,13 @@ class Excitation:
 
     @property
     def level(self) -> float:
-        """The least smallest eigenvalue of all windows: 0 where a direction is not excited in one of them."""
+        """The least eigenvalue of all windows, (N m)^2 s: 0 where a direction is not excited in one of them."""
         return float(self.smallest.min())
 
     @property
     def condition(self) -> Array:
-        """Condition number (w,) of the stacked regressor of each window: the root of the eigenvalues' ratio."""
+        """Condition number (w,), without a unit, of each window's stacked regressor: the root of the eigenvalues'
+        ratio, infinite where the smallest is 0."""
         with np.errstate(divide="ignore"):
             return np.sqrt(self.largest / self.smallest)
 
@@ -58,12 +63,13 @@ class Excitation:
 def persistent_excitation(
     model: ReducedModel, run: SampledRun, window: float, *, bandwidth: ArrayLike = 0.0, scale: ArrayLike | None = None
 ) -> Excitation:
-    """The excitation of a run in windows of a length (s), in whole sixteenths of which they move.
+    """The excitation of a run in windows of length `window` (s), each a sixteenth of that after the one before.
 
-    The regressor is Slotine and Li's, at v_r = v_d - bandwidth e, which is that of inverse dynamics along the
-    reference where the bandwidth (1/s) is zero. `scale` (k,) are ranges of the parameters, by default those of
-    `PriorRanges`. Eigenvalues come from singular values of triangular factors, so that they are true to the square
-    of what those of the Gram matrix itself would be. Raises `InputError` for a window that does not fit the run.
+    The regressor is Slotine and Li's, at v_r = v_d - bandwidth e, with the `bandwidth` in 1/s, one number or (r,); at
+    zero v_r and a_r are the reference's own. `scale` (k,), SI units, or one number are prior ranges of the parameters,
+    those of `PriorRanges` where None. Eigenvalues come from singular values of triangular factors, so that their error,
+    relative to the largest, is the square of what it would be from the Gram matrix itself. Raises `InputError` for a
+    window shorter than 16 samples or longer than the run, and for a scale that is not finite or of another shape.
     """
     count, k = len(run.p), len(model.columns)
     samples = round(window / run.control_period) if np.isfinite(window) else 0

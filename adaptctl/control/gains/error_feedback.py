@@ -25,7 +25,8 @@ class ErrorFeedback:
 
     `stiffness` is in 1/s^2, `rate` in 1/s. Made from a bandwidth, from poles, or as the linear-quadratic
     regulator, of the double integrator as a hold of the period sees it (Astrom and Wittenmark 1997, chapter 4);
-    python-control does the algebra.
+    python-control does the algebra. Raises `InputError` unless all three are positive and finite, and `GainError`
+    where the sampled loop would not be stable.
     """
 
     stiffness: float
@@ -45,8 +46,8 @@ class ErrorFeedback:
 
     @classmethod
     def from_bandwidth(cls, bandwidth: float, damping_ratio: float, period: float) -> ErrorFeedback:
-        """Error feedback with both poles at a bandwidth (1/s) and a damping ratio: s^2 + 2 zeta omega s + omega^2.
-        `period` in s. Raises `InputError` unless bandwidth and damping ratio are positive."""
+        """Error feedback with the poles of s^2 + 2 zeta omega s + omega^2, omega the `bandwidth` (1/s) and zeta the
+        `damping_ratio` (no unit), held over `period` (s). Raises `InputError` unless all three are positive."""
         if not (0.0 < bandwidth < math.inf and 0.0 < damping_ratio < math.inf):
             raise InputError(f"expected a positive bandwidth and damping ratio, got {bandwidth} and {damping_ratio}")
         root = cmath.sqrt(damping_ratio**2 - 1.0)
@@ -54,8 +55,9 @@ class ErrorFeedback:
 
     @classmethod
     def from_poles(cls, poles: Sequence[complex], period: float) -> ErrorFeedback:
-        """Error feedback with two poles (1/s), real or a conjugate pair, where a continuous design would have them.
-        `period` in s. Raises `InputError` for other poles."""
+        """Error feedback with two poles (1/s), real or a conjugate pair, where a continuous design would have them,
+        held over `period` (s). Raises `InputError` for poles that are no such pair with negative real parts, and for a
+        period that is not positive."""
         given = np.asarray(poles, dtype=np.complex128)
         conjugate = (
             given.shape == (2,) and abs(given.sum().imag) + abs(given.prod().imag) < 1e-9 * abs(given).max() ** 2
@@ -71,10 +73,12 @@ class ErrorFeedback:
 
     @classmethod
     def from_lqr(cls, position: float, velocity: float, effort: float, period: float) -> ErrorFeedback:
-        """Error feedback with the least sum of position e^2 + velocity e'^2 + effort e''^2 over the sampled error.
+        """Error feedback with the least sum of position e^2 + velocity e'^2 + effort e''^2 over the error's samples,
+        one each `period` (s): e in rad (m), its rates per s and s^2.
 
-        Bryson's rule takes each weight as one over the square of the largest value that is acceptable. Raises
-        `InputError` for weights that are not positive (of velocity: negative), or too far apart for the period (s).
+        Bryson's rule takes each weight as one over the square of the largest value that is acceptable, in 1/rad^2,
+        s^2/rad^2 and s^4/rad^2. Raises `InputError` for weights that are not positive (of velocity: negative), or too
+        far apart for the period, and for a period that is not positive.
         """
         if not (position > 0.0 and velocity >= 0.0 and effort > 0.0 and math.isfinite(position + velocity + effort)):
             raise InputError(
@@ -96,7 +100,7 @@ class ErrorFeedback:
 
     @property
     def sampled_poles(self) -> tuple[complex, complex]:
-        """The poles (z) of the sampled loop, without delay."""
+        """The two poles of the sampled loop in the z plane, without a unit, for a loop without delay."""
         k, c = self.stiffness * self.period**2, self.rate * self.period
         half, product = 1.0 - 0.5 * c - 0.25 * k, 1.0 - c + 0.5 * k
         root = cmath.sqrt(half**2 - product)
@@ -104,12 +108,13 @@ class ErrorFeedback:
 
     @property
     def poles(self) -> tuple[complex, complex]:
-        """The poles (1/s) that a continuous loop would have for the same samples."""
+        """The two poles (1/s) of the continuous loop with the same samples: log(z) / period of the sampled ones."""
         first, second = (cmath.log(pole) / self.period for pole in self.sampled_poles)
         return first, second
 
     def faster(self, factor: float) -> ErrorFeedback:
-        """This feedback with its poles (1/s) multiplied by a factor."""
+        """This feedback with its poles (1/s) multiplied by a factor (no unit). Raises `InputError` unless the factor
+        is positive."""
         first, second = (factor * pole for pole in self.poles)
         mean = 0.5 * (first + second).real  # log puts the poles of a negative pair on one side of its cut
         conjugate = abs(first.imag) > 0.0
@@ -132,7 +137,8 @@ class ErrorFeedback:
 
     @property
     def cascaded(self) -> tuple[float, float]:
-        """The rates (1/s) of s' = -outer s, e' = -inner e + s, slower first: Slotine and Li's Lambda, and K over M.
+        """The rates (1/s) of two first-order loops in cascade, slower first: Lambda of e' = -Lambda e + s, and K/M of
+        s' = -(K/M) s, as in Slotine and Li's law.
 
         Raises `InputError` where the poles are complex: no cascade of first-order lags has these.
         """
@@ -147,7 +153,7 @@ class ErrorFeedback:
 
     def loop(self, delay: int = 0) -> control.StateSpace:
         """The open loop, cut at the torque, as a discrete python-control system from the commanded to the fed-back
-        acceleration, `delay` periods late."""
+        acceleration (rad/s^2 or m/s^2), with a delay of `delay` whole control periods, none by default."""
         import control
 
         A, B = _held_double_integrator()

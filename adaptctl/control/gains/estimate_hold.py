@@ -13,10 +13,12 @@ from adaptctl.identifiability import ReducedModel
 def parameter_holds(
     model: ReducedModel, bandwidth: ArrayLike, period: float, workspace: Workspace | None = None
 ) -> Array:
-    """The hold number (k,) that an error of 1 in each parameter causes: T_c max_q |M^-1/2 M_i Lambda M^-1/2|,
-    M_i = dM/dbeta_i, over the samples of a workspace.
+    """The hold number (k,) that an error of 1 SI unit in each parameter causes: T_c max_q |M^-1/2 M_i Lambda M^-1/2|,
+    M_i = dM/dbeta_i, in 1 over the parameter's unit.
 
-    The norm is Frobenius', which is never below the spectral one. Friction has no part in M: its number is 0.
+    `bandwidth` is Lambda in 1/s, one number or (r,), `period` T_c in s; positions q are the samples of `workspace`, of
+    all that the joints' limits allow where None. The norm is Frobenius', which is never below the spectral one.
+    Friction has no part in M: its number is 0.
     """
     mechanism = model.mechanism
     place = workspace or everywhere(mechanism)
@@ -45,11 +47,14 @@ def estimate_hold(
     workspace: Workspace | None = None,
     kinetic: float = 0.0,
 ) -> float:
-    """The greatest hold number that the estimate's error can ever cause, H = sqrt(2 V_0 sum Gamma_i u_i^2).
+    """The greatest hold number, without a unit, that the estimate's error can ever cause, H = sqrt(2 V_0 sum Gamma_i
+    u_i^2).
 
-    V does not rise above V_0 = `kinetic` + prior' Gamma^-1 prior/2, where |error_i| <= prior_i (k,) at the start and
-    s'Ms/2 = `kinetic` (J); then sum |error_i| u_i <= H, with u of `parameter_holds`. While h + H < 2, h that of K and
-    the true inertia, no estimate on the way can ring. It is conservative: above 2 most arms are stable all the same.
+    V does not rise above V_0 = `kinetic` + prior' Gamma^-1 prior/2, where |error_i| <= `prior`_i (k,), SI units, at
+    the start and s'Ms/2 = `kinetic` (J), 0 where s starts at 0; then sum |error_i| u_i <= H, with u (k,) of
+    `parameter_holds` for the same bandwidth (1/s), period (s) and workspace. `gain` is Gamma, its diagonal (k,) or
+    whole (k, k). While h + H < 2, h that of K and the true inertia, no estimate on the way can ring. It is
+    conservative: above 2 most arms are stable all the same.
     """
     gamma, bound = np.asarray(gain, dtype=np.float64), np.asarray(prior, dtype=np.float64)
     full = np.diag(gamma) if gamma.ndim == 1 else gamma

@@ -33,8 +33,10 @@ class GainDesign:
     periods.
 
     The loops are designed for each joint's typical inertia; the margins are those of each loop alone, with the
-    delay. `least_inertia` (r,) is, over random configurations, what a joint alone has when all others are free,
-    over what is typical: the inverse is how much a loop's gain grows there, and its gain margin must be above.
+    delay. `method` is "bandwidth", "poles" or "lqr"; `feedback` and `margins` have one entry a joint; `inertia` (r,) is
+    the typical one in kg m^2 (kg). `least_inertia` (r,), without a unit, is the least inertia over random
+    configurations that a joint has while all others are free, over the typical one: the inverse is how much a loop's
+    gain grows there, and its gain margin must be above.
     """
 
     mechanism: Mechanism
@@ -58,8 +60,12 @@ class GainDesign:
         period: float = 1e-3,
         delay: int = 0,
     ) -> GainDesign:
-        """Gain design with both poles of every joint at a bandwidth (1/s) and a damping ratio; one number, or one a
-        joint. Raises `InputError` for numbers that are not positive or not of that shape."""
+        """Gain design with both poles of every joint at a bandwidth (1/s) and a damping ratio (no unit), each one
+        number or (r,); `period` in s, `delay` in whole periods.
+
+        Raises `InputError` for numbers that are not positive or of another shape, for a negative delay, and where a
+        joint's typical inertia is not positive.
+        """
         rates, ratios = (
             positive_per_joint(values, mechanism.dof, what)
             for values, what in ((bandwidth, "bandwidth"), (damping_ratio, "damping ratio"))
@@ -72,8 +78,12 @@ class GainDesign:
     def from_poles(
         cls, mechanism: Mechanism, poles: Sequence[complex], *, period: float = 1e-3, delay: int = 0
     ) -> GainDesign:
-        """Gain design with the same two poles (1/s) at every joint, real or a conjugate pair. Raises `InputError` for
-        other poles."""
+        """Gain design with the same two poles (1/s) at every joint, real or a conjugate pair, with negative real parts;
+        `period` in s, `delay` in whole periods.
+
+        Raises `InputError` for other poles, a period that is not positive, a negative delay, and where a joint's
+        typical inertia is not positive.
+        """
         feedback = ErrorFeedback.from_poles(poles, period)
         return _design(mechanism, "poles", [feedback] * mechanism.dof, period, delay)
 
@@ -88,14 +98,19 @@ class GainDesign:
         period: float = 1e-3,
         delay: int = 0,
     ) -> GainDesign:
-        """Gain design by the linear-quadratic regulator at every joint, with weights of e^2, e'^2 and e''^2. Raises
-        `InputError` for weights that are not positive (of velocity: negative)."""
+        """Gain design by the linear-quadratic regulator at every joint, with weights `position` of e^2, `velocity` of
+        e'^2 and `effort` of e''^2, e in rad (m) and its rates per s and s^2; `period` in s, `delay` in whole periods.
+
+        Raises `InputError` for weights that are not positive (of velocity: negative) or too far apart for the period, a
+        period that is not positive, a negative delay, and where a joint's typical inertia is not positive.
+        """
         feedback = ErrorFeedback.from_lqr(position, velocity, effort, period)
         return _design(mechanism, "lqr", [feedback] * mechanism.dof, period, delay)
 
     @property
     def gains(self) -> Gains:
-        """Slotine and Li's gains Lambda and K of this design. Raises `InputError` where the poles are complex."""
+        """Slotine and Li's gains of this design: Lambda (r,) in 1/s and K (r,) in N m s/rad (N s/m). Raises
+        `InputError` where the poles are complex."""
         rates = np.array([feedback.cascaded for feedback in self.feedback])
         return Gains(rates[:, 0], rates[:, 1] * self.inertia)
 
@@ -116,17 +131,19 @@ class GainDesign:
 
     @property
     def damping(self) -> Array:
-        """Velocity gains (r,) of the loops at typical inertia, N m s/rad."""
+        """Velocity gains (r,) of the loops at typical inertia, N m s/rad (N s/m)."""
         return self.inertia * np.array([feedback.rate for feedback in self.feedback])
 
     @property
     def sampled_gain(self) -> float:
-        """T_c max lambda(M^-1 K) as far as a search finds: stable below 2, and below 1 with a delay of one."""
+        """The greatest sampled gain T_c max lambda(M^-1 K), without a unit, over the joints' limits, as far as a search
+        finds: stable below 2, and below 1 with a delay of one period."""
         return sampled_gain(self.mechanism, self.damping, self.period)
 
     @property
     def largest_sampled_gain(self) -> float:
-        """The largest sampled gain allowed, with a margin to the limit: 1.5 without delay, less with."""
+        """The largest `sampled_gain` allowed, without a unit, three quarters of the limit of stability: 1.5 without
+        delay, less with."""
         return largest_with_delay(self.delay)
 
     @property
@@ -136,7 +153,8 @@ class GainDesign:
 
     @property
     def fastest(self) -> float:
-        """The factor by which all poles may be moved out, or must be moved in, for the period to carry the gains.
+        """The largest factor, without a unit, of all poles for which the period carries the gains: below 1 where it
+        does not carry these.
 
         Infinite where it carries even those of a deadbeat loop.
         """

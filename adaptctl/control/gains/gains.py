@@ -27,25 +27,27 @@ def positive_per_joint(values: ArrayLike, dof: int, what: str) -> Array:
 
 
 def typical_inertia(mechanism: Mechanism) -> Array:
-    """The median over configurations of each joint's own inertia (r,), M's diagonal, in kg m^2 or kg."""
+    """The median of each joint's own inertia (r,), M's diagonal, in kg m^2 or kg, over 200 random configurations within
+    the joints' limits."""
     return np.median(np.diagonal(everywhere(mechanism).mass_matrices, axis1=-2, axis2=-1), axis=0)
 
 
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Gains:
-    """Slotine and Li's gains: `bandwidth` is Lambda (r,) in 1/s, `damping` is K (r,) in N m s/rad."""
+    """Slotine and Li's gains: `bandwidth` is Lambda (r,) in 1/s, `damping` is K (r,) in N m s/rad (N s/m)."""
 
     bandwidth: Array
     damping: Array
 
     @classmethod
     def from_bandwidth(cls, mechanism: Mechanism, bandwidth: ArrayLike, ratio: float = 1.0) -> Gains:
-        """Gains that put both poles of each joint's error at the bandwidth (1/s), were its inertia typical.
+        """Gains that put both poles of each joint's error at the `bandwidth` (1/s), one number or (r,), were its
+        inertia typical and `ratio` 1.
 
         With the true parameters M s' + (C + K) s = 0 and e' + Lambda e = s; so Lambda is the bandwidth and K the
-        typical inertia times `ratio` bandwidths. A larger ratio is stiffer against what is unknown. Raises `InputError`
-        where a joint has no positive inertia.
+        typical inertia times `ratio` (no unit) bandwidths. A larger ratio is stiffer against what is unknown. Raises
+        `InputError` for numbers that are not positive or of another shape, and where a joint has no positive inertia.
         """
         rates = positive_per_joint(bandwidth, mechanism.dof, "bandwidth")
         inertia = typical_inertia(mechanism)
@@ -55,9 +57,11 @@ class Gains:
 
 
 def sampled_gain(mechanism: Mechanism, damping: ArrayLike, period: float, workspace: Workspace | None = None) -> float:
-    """The greatest sampled gain T_c lambda_max(M(q)^-1 K) over a workspace: 2 is the limit of stability of a torque
-    held over the period T_c (s).
+    """The greatest sampled gain T_c lambda_max(M(q)^-1 K), without a unit, over a workspace: 2 is the limit of
+    stability of a torque held over the `period` T_c (s).
 
-    The greatest that `hold_number` finds in the workspace, for a law that feeds back K v alone.
+    The greatest that `hold_number` finds for a law that feeds back K v alone, `damping` being K in N m s/rad (N s/m),
+    one number or (r,). A `workspace` of None is all that the joints' limits allow. Raises `InputError` unless damping
+    and period are positive, and on a wrong shape.
     """
     return hold_number(mechanism, damping, period, workspace=workspace).value

@@ -22,7 +22,13 @@ LOWEST = 1e-6
 
 @dataclass(frozen=True)
 class Margins:
-    """Gain, phase and delay margins of a stable sampled loop by itself."""
+    """Gain, phase and delay margins of a stable sampled loop by itself.
+
+    `gain` is the factor, without a unit, by which the loop's gain may grow (its inertia fall), infinite where any is
+    stable; `gain_reduction` the factor to which it may fall (its inertia grow), 0 where any is stable. `phase` is the
+    lag in rad and `delay` the delay in s that it bears, infinite where the gain crosses 1 nowhere; `crossover` is the
+    frequency in rad/s where a delay makes it unstable first, NaN where there is none.
+    """
 
     gain: float
     """factor by which its gain may grow (its inertia fall)"""
@@ -37,7 +43,8 @@ class Margins:
 
 
 def margins(loop: control.LTI) -> Margins:
-    """The margins of a discrete loop with one input and one output, negative feedback understood.
+    """The margins of a discrete python-control `loop` with one input and one output, opened, with its sampling time in
+    s; negative feedback understood.
 
     Crossings are sought on python-control's frequency response up to half the sampling rate, that end included,
     where a sampled loop often crosses; `control.stability_margins` of version 0.10 looks only below it.

@@ -73,7 +73,8 @@ class Workspace:
 
     @classmethod
     def within_limits(cls, mechanism: Mechanism, samples: int = 200, seed: int = 0) -> Workspace:
-        """The workspace of all that the joints' limits allow, from random samples."""
+        """The workspace of all that the joints' limits allow, from a number of random `samples`, drawn by `seed`: pi
+        rad (1 m) to each side where there are none. Samples that loops cannot reach are left out."""
         p = sampled_configurations(mechanism, samples, seed)
         free = [np.pi * joint.kind.turns * np.isinf(joint.limits.upper) for joint in mechanism.primary_joints]
         lower, upper = position_range(mechanism)
@@ -81,10 +82,11 @@ class Workspace:
 
     @classmethod
     def along(cls, mechanism: Mechanism, p: ArrayLike, margin: float = 0.2) -> Workspace:
-        """The workspace about a reference: its positions (S, r), and `margin` rad (m) to each side.
+        """The workspace about a reference: its positions `p` (S, r), rad or m, and `margin` rad (m) to each side.
 
         Gains that a gimbal lock or a folded arm would not bear are accepted where the reference keeps clear of it.
-        Raises `InputError` for a negative margin, and where the mechanism reaches none of the positions.
+        Raises `InputError` for a negative margin or a wrong shape, and where the mechanism reaches none of the
+        positions, `NonFiniteError` for positions that are not finite.
         """
         if not (np.isfinite(margin) and margin >= 0.0):
             raise InputError(f"workspace: margin: expected at least 0 rad, got {margin}")
@@ -100,7 +102,8 @@ class Workspace:
         return frozen(self.mechanism.mass_matrix(self.samples))
 
     def highest(self, value: Callable[[Array], Array]) -> Worst:
-        """The greatest `value` (n,) of positions (n, r), and where: a pattern search from the worst samples.
+        """The greatest number that a function `value`, from positions (n, r) in rad or m to numbers (n,), has within
+        the bounds, and the positions (r,) where: found by a pattern search from the samples with the greatest.
 
         The largest of some hundred samples is no maximum: of T_c lambda_max(M^-1 K) it is nine tenths at the median,
         and less than half for an arm whose wrist folds.
