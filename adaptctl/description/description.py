@@ -32,7 +32,7 @@ LARGEST_INERTIA, LARGEST_GRAVITY = 1e20, 1e9
 
 
 class JointKind(Enum):
-    """The kind of a joint's motion. A continuous joint is a revolute one without position limits."""
+    """The kind of a joint's motion: revolute, prismatic, or continuous, which is revolute without position limits."""
 
     REVOLUTE = "revolute"
     CONTINUOUS = "continuous"
@@ -45,19 +45,20 @@ class JointKind(Enum):
 
     @property
     def position_unit(self) -> str:
-        """Unit of the coordinate: rad or m."""
+        """Unit of the coordinate: "rad" for an angle, "m" for a length."""
         return "rad" if self.turns else "m"
 
     @property
     def effort_unit(self) -> str:
-        """Unit of what a motor gives: a torque's N m or a force's N."""
+        """Unit of a motor's effort: "N m" for a torque, "N" for a force."""
         return "N m" if self.turns else "N"
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits of a joint: its position range (rad or m), greatest speed (rad/s or m/s) and greatest effort (N m or
-    N)."""
+    """Limits of a joint: its position range `lower` to `upper` (rad or m), greatest speed (rad/s or m/s) and greatest
+    effort (N m or N); infinite by default, for no limit. Raises `InputError` unless lower < upper and the others are
+    positive."""
 
     lower: float = -math.inf
     upper: float = math.inf
@@ -74,7 +75,9 @@ class Limits:
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """A joint with one coordinate, about or along `axis` (3,), a unit vector in the joint's frame."""
+    """A joint with one coordinate, about or along `axis` (3,), a unit vector in the joint's frame, made one of any
+    vector given; z by default. It has a kind, limits, none by default, and a `Drive`, by default without rotor and
+    friction. Raises `InputError` for an axis of another shape, zero or not finite."""
 
     name: str
     kind: JointKind = JointKind.REVOLUTE
@@ -96,12 +99,14 @@ class Joint:
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Link:
-    """A link: a rigid body, and the joint that connects it to its parent.
+    """A link: a rigid body, and the joint that connects it to its parent, the link of index `parent`, -1 for the
+    ground.
 
-    `near` is the joint's frame in the parent link's frame at zero, `far` the link's frame in the joint's
-    moved frame: the identity for URDF, a Denavit-Hartenberg step for frames at the far end.
-    `inertia` holds the ten of `description.inertia.PARAMETERS` in the link's frame. A `massless` link only joins two
-    joints, like the first five of a floating base: its ten are zero for good and no parameters of the mechanism.
+    `near` is the joint's frame in the parent link's frame at zero, `far` the link's frame in the joint's moved frame:
+    the identity for URDF, a Denavit-Hartenberg step for frames at the far end. `inertia` (10,) holds the
+    `description.inertia.PARAMETERS` m, mc and I (kg, kg m, kg m^2) in the link's frame, zero by default. A `massless`
+    link only joins two joints, like the first five of a floating base: its ten are zero for good and no parameters of
+    the mechanism. Raises `InputError` for an inertia of another shape, not finite, above 1e20, or of a massless link.
     """
 
     name: str
@@ -122,10 +127,13 @@ class Link:
 
 @dataclass(frozen=True, eq=False)
 class Description:
-    """A mechanism as immutable data, its links in depth-first order.
+    """A mechanism as immutable data, its links in depth-first order; `depth_first` puts them so.
 
-    The order matters to others: Pinocchio gives wrong mass and Coriolis matrices, silently, on models that
-    were not built depth first. `depth_first` puts links in order.
+    The order matters to others: Pinocchio gives wrong mass and Coriolis matrices, silently, on models that were not
+    built depth first. `gravity` (3,) is in the ground's frame, m/s^2, by default (0, 0, -9.81); `source` says where the
+    numbers come from; `loops` is None for a tree, whose joints are all primary. `visuals` are shapes to draw it by,
+    `frames` named frames besides joints' and links'; no hash counts them. Raises `InputError` for another order, no
+    links, repeated names, or a gravity not (3,), not finite or above 1e9, `NotFoundError` for unknown names in `loops`.
     """
 
     name: str
@@ -133,11 +141,8 @@ class Description:
     gravity: Array = field(default_factory=lambda: np.array(STANDARD_GRAVITY))
     source: str = ""
     loops: Loops | None = None
-    """None for a tree, whose joints are all primary."""
     visuals: tuple[Visual, ...] = ()
-    """Shapes to draw it by, where a file has some. No hash counts them."""
     frames: tuple[NamedFrame, ...] = ()
-    """Named frames besides the joints' and the links', where a Pinocchio model has some. No hash counts them."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "links", tuple(self.links))
@@ -172,8 +177,8 @@ class Description:
 
     @property
     def shafts(self) -> list[list[object]]:
-        """Indices of the joints whose drives turn with others, and the names and ratios of these, in JSON's types, for
-        hashing."""
+        """Pairs of the index of each joint whose drive turns with others and their [name, ratio as text], in JSON's
+        types, for hashing."""
         drives = ((i, link.joint.drive.turns_with) for i, link in enumerate(self.links))
         return [[i, [[name, repr(ratio)] for name, ratio in others]] for i, others in drives if others]
 
@@ -194,7 +199,8 @@ class Description:
         return tuple(link.parent for link in self.links)
 
     def within_conditions(self, p: ArrayLike) -> NDArray[np.bool_]:
-        """True (...) for the primary positions p (..., r) that keep the loops' conditions."""
+        """True (...) for the primary positions p (..., r), rad (m), that keep the loops' conditions: all, if there are
+        none."""
         p = np.asarray(p, dtype=np.float64)
         inside = np.ones(p.shape[:-1], dtype=np.bool_)
         for condition in self.loops.conditions if self.loops is not None else ():
@@ -214,12 +220,14 @@ class Description:
 
     @property
     def drive_parameters(self) -> tuple[tuple[int, DriveParameter], ...]:
-        """The parameters of the joints' drives that are modelled, by link: all rotors, then all friction."""
+        """Pairs (index of a link, parameter of its joint's drive) of all that are modelled: all rotors, then all
+        friction."""
         drives = [link.joint.drive for link in self.links]
         return tuple((i, kind) for kind in DriveParameter for i, d in enumerate(drives) if d.value(kind) is not None)
 
     def shaft(self, joint: int) -> tuple[tuple[int, float], ...]:
-        """Indices of the joints that a joint's drive turns with, itself first, and the ratios of their speeds."""
+        """Pairs (index of a joint, ratio of its speed) that add up to the shaft's speed of joint number `joint`, itself
+        first, at 1."""
         others = self.links[joint].joint.drive.turns_with
         return (joint, 1.0), *((self.joint_names.index(name), ratio) for name, ratio in others)
 
@@ -238,7 +246,7 @@ class Description:
 
     @cached_property
     def inertial_parameters(self) -> Array:
-        """The inertial parameters (P,) in SI units, read-only."""
+        """The inertial parameters (P,), ten a body (kg, kg m, kg m^2), then the drives' in SI units, read-only."""
         driven = [self.links[i].joint.drive.value(kind) for i, kind in self.drive_parameters]
         tens = [self.links[i].inertia for i in self.bodies]
         stacked = np.concatenate([*tens, np.array(driven, dtype=np.float64)])
@@ -247,8 +255,8 @@ class Description:
 
     @cached_property
     def weightless(self) -> tuple[str, ...]:
-        """Names of the links of a tree that have no mass and carry none: their joints' accelerations are not
-        determined."""
+        """Names of the links of a tree that have no mass and carry none, so that their joints' accelerations are not
+        determined; always empty with loops."""
         return () if self.loops is not None else weightless_ends(self.links)
 
     @property
@@ -258,7 +266,8 @@ class Description:
         return tuple(body.name for body in bodies if not is_physically_consistent(body.inertia))
 
     def with_parameters(self, parameters: ArrayLike) -> Description:
-        """The same mechanism with other parameters (P,) in SI units. Raises `InputError` for another number of them."""
+        """The same mechanism with other parameters (P,) in SI units. Raises `InputError` for another number of them and
+        for values not finite, above 1e20, or negative where a term of a drive must not be."""
         values = frozen_array(parameters, (len(self.parameter_names),), f"{self.name}: parameters")
         links, tens = list(self.links), 10 * len(self.bodies)
         for i, ten in zip(self.bodies, values[:tens].reshape(-1, 10), strict=True):
@@ -280,7 +289,8 @@ class Description:
 
     @property
     def sha256(self) -> str:
-        """Hash of everything that moves: equal mechanisms, equal hashes. The source of the numbers does not count."""
+        """SHA-256 hash (hexadecimal) of name, gravity, links, drives and loops: equal mechanisms, equal hashes,
+        whatever `source` says."""
         content: dict[str, object] = {"name": self.name, "gravity": self.gravity.tolist()}
         content["links"] = [_plain(link) for link in self.links]
         if self.drive_parameters:
@@ -296,10 +306,11 @@ class Description:
 
     @cached_property
     def geometry_sha256(self) -> str:
-        """Hash of what decides which parameters matter: gravity, the tree, its joints and frames, link names.
+        """SHA-256 hash (hexadecimal) of what decides which parameters matter: gravity, tree, joints, frames, link
+        names.
 
-        Inertial values, limits and the mechanism's name do not count. Numbers count to 1e-12, so that another
-        machine's sine gives the same hash.
+        Inertial values, limits and the mechanism's name do not count. Numbers count to 1e-12, so that another machine's
+        sine gives the same hash.
         """
         content: list[object] = [_rounded(self.gravity), [_geometry(link) for link in self.links]]
         if self.drive_parameters:
@@ -314,7 +325,7 @@ class Description:
 
     @property
     def closed(self) -> bool:
-        """True if the mechanism has closed loops; joints that follow others are none."""
+        """True if the mechanism has loop closures; couplings, by which joints follow others, do not count."""
         return self.loops is not None and bool(self.loops.closures)
 
     def __eq__(self, other: object) -> bool:
@@ -325,8 +336,9 @@ class Description:
 
 
 def depth_first(links: Iterable[Link]) -> tuple[Link, ...]:
-    """The links in depth-first order: every subtree contiguous and parents before children; siblings keep their order.
-    Raises `InputError` for a link that does not hang on the ground through its parents."""
+    """The links in depth-first order, with their parents' new indices: every subtree contiguous and parents before
+    children; siblings keep their order. Raises `InputError` for a link that does not hang on the ground through its
+    parents."""
     given = tuple(links)
     order: list[int] = []
     pending = [i for i, link in enumerate(given) if link.parent == GROUND][::-1]

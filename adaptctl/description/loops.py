@@ -14,8 +14,8 @@ from adaptctl.errors import InputError, NotFoundError
 
 
 class ClosureKind(Enum):
-    """The kind of a loop closure, by what coincides of two frames: the origin, origin and z axis (a hinge), or the
-    whole pose."""
+    """The kind of a loop closure, by what coincides of two frames: POINT, their origins, AXIS, origins and z axes (a
+    hinge), or WELD, the whole poses."""
 
     POINT = "point"
     AXIS = "axis"
@@ -23,7 +23,7 @@ class ClosureKind(Enum):
 
     @property
     def rows(self) -> int:
-        """Number of scalar constraints, dependent ones included."""
+        """Number of scalar constraints, dependent ones included: 3 for a point, 5 for an axis, 6 for a weld."""
         return {"point": 3, "axis": 5, "weld": 6}[self.value]
 
 
@@ -31,7 +31,9 @@ class ClosureKind(Enum):
 class Closure:
     """A loop closure, the joint that was cut to make a tree: a frame on one link coincides with a frame on another.
 
-    Links are named, None being the ground; the frames are poses in their links.
+    `first` and `second` name the links, None being the ground; the frames are poses in their links, by default the
+    links' own frames. `kind` says what coincides, by default the origins. Raises `InputError` for a link closed onto
+    itself.
     """
 
     name: str
@@ -48,7 +50,11 @@ class Closure:
 
 @dataclass(frozen=True)
 class Coupling:
-    """A coupling of two joints through gears or a mimic: follower = ratio leader + offset (rad or m)."""
+    """A coupling of two joints through gears or a mimic: follower = ratio leader + offset (rad or m).
+
+    `follower` and `leader` are joint names; by default the ratio is 1 and the offset 0. Raises `InputError` for a joint
+    that follows itself, a ratio that is zero, and numbers that are not finite.
+    """
 
     name: str
     follower: str
@@ -70,7 +76,9 @@ class Coupling:
 class Condition:
     """A bound on where a mechanism may work: lower < sum of weight times primary coordinate < upper (rad or m).
 
-    Sampling and environments keep to it; the semi-direct-drive arm's 0.5236 < p2 - p3 < 2.618 is one.
+    `weights` go by joint name, joints not named having zero; an infinite bound, the default, bounds nothing. Sampling
+    and environments keep to it; the semi-direct-drive arm's 0.5236 < p2 - p3 < 2.618 is one. Raises `InputError` for no
+    weights, weights that are not finite, and unless lower < upper.
     """
 
     name: str
@@ -90,10 +98,11 @@ class Condition:
 class Loops:
     """The loops of a mechanism: closures, couplings and primary joints that make a tree a mechanism with loops.
 
-    `primary` names the joints that are driven and whose coordinates describe the motion; the others follow.
-    `reference` gives the configuration (rad or m by joint name, zero where not given) from which the motion is
-    followed, so that the assembly branch is its; its dependent joints need only be near enough to close.
-    `conditions` say where the mechanism may work.
+    `primary` names the joints that are driven and whose coordinates describe the motion; the others follow. `reference`
+    gives the configuration (rad or m by joint name, zero where not given) from which the motion is followed, so that
+    the assembly branch is its; its dependent joints need only be near enough to close. `conditions` say where the
+    mechanism may work; there are none by default. Raises `InputError` for no primary joint, a name given twice, a
+    follower that is primary or leads another, and a condition on a joint that is not primary.
     """
 
     primary: tuple[str, ...]
@@ -130,7 +139,8 @@ class Loops:
                 raise InputError(f"coupling {c.name!r}: joint {c.follower!r} follows another, so it cannot be primary")
 
     def require_known(self, links: Collection[str], joints: Collection[str]) -> None:
-        """Raise `NotFoundError` for names of links and joints that the tree does not have."""
+        """Raise `NotFoundError` where the loops name a link or a joint that is not among `links` and `joints`, the
+        tree's names."""
         named_links = {link: c.name for c in self.closures for link in (c.first, c.second) if link is not None}
         named_joints = {joint: c.name for c in self.couplings for joint in (c.follower, c.leader)}
         named_joints |= dict.fromkeys(self.primary, "primary") | dict.fromkeys(self.reference, "reference")
@@ -140,7 +150,7 @@ class Loops:
                     raise NotFoundError(f"{where}: there is no {what} {name!r}; there are {', '.join(sorted(known))}")
 
     def plain(self) -> list[object]:
-        """The loops' contents that bear on motion, in JSON's types, for hashing."""
+        """The loops' contents that bear on motion, as lists of JSON's types, for hashing."""
         closures = [
             [c.name, c.first, c.second, _plain(c.first_frame), _plain(c.second_frame), c.kind.value]
             for c in self.closures

@@ -12,7 +12,12 @@ from adaptctl.scalars import Column, spread
 
 class EquationCosts(NamedTuple):
     """Counts of floating-point operations of one evaluation: additions, subtractions, multiplications, divisions and
-    negations; sines are not among them."""
+    negations; sines are not among them.
+
+    `regressor` counts the Slotine-Li regressor Y (r, k), `tick` the torque Y beta and the powers Y' s of one motion
+    without forming Y, as an adaptive law needs them in a period, `forward_dynamics` the accelerations (r,), None where
+    the k parameters kept leave a joint without inertia.
+    """
 
     regressor: int
     """Slotine and Li's regressor Y (r, k)"""
@@ -23,8 +28,8 @@ class EquationCosts(NamedTuple):
 
 
 def equation_costs(mechanism: Mechanism, columns: Sequence[int] | None = None) -> EquationCosts:
-    """The operation counts of a mechanism's equations with the asked parameters only, all others being zero; with all
-    of them where no columns are named.
+    """The operation counts of a mechanism's equations with the parameters of indices `columns` only, all others being
+    zero; with all of them where `columns` is None.
 
     With loops, at a tree configuration that closes them. Sheu and Walker (1991, section 5.3) compare such counts.
     """

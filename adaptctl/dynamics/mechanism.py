@@ -31,14 +31,13 @@ if TYPE_CHECKING:
 
 
 class Mechanism:
-    """A mechanism, with its energies, torques, regressors and accelerations on arrays.
+    """A mechanism made from a `Description`, with its energies, torques, regressors and accelerations on arrays.
 
-    Trailing axes are the mathematics, leading axes are samples: p, v, a, torque are (..., r), regressors
-    (..., P) and (..., r, P). Angles in rad, lengths in m, torques in N m (N for a prismatic joint).
-    The equations run in Python until it pays to compile them (`ArrayEquation` has the rule), then in native code.
-    `out` takes a result in place of a fresh array. Every method raises `InputError` on a wrong shape and
-    `NonFiniteError` on NaN or infinity; with loops, `LoopError` where they do not fit together and `SingularityError`
-    near a configuration where they lock.
+    Trailing axes are the mathematics, leading axes are samples: p, v, a, torque are (..., r), regressors (..., P) and
+    (..., r, P). Angles in rad, lengths in m, torques in N m (N for a prismatic joint). The equations run in Python
+    until it pays to compile them (`ArrayEquation` has the rule), then in native code. `out` takes a result in place of
+    a fresh array. Every method on arrays raises `InputError` on a wrong shape and `NonFiniteError` on NaN or infinity;
+    with loops, `LoopError` where they do not fit together and `SingularityError` near a configuration where they lock.
     """
 
     def __init__(self, description: Description) -> None:
@@ -72,7 +71,8 @@ class Mechanism:
 
     @cached_property
     def equations(self) -> Equations:
-        """The equations of motion over scalars of any kind, to trace or to differentiate: see `Equations`."""
+        """The equations of motion over scalars of any kind, to trace or to differentiate: see `Equations`. Raises
+        `LoopError` where loops do not fit together."""
         if self._looped is None:
             return TreeEquations.of(self.description)
         from adaptctl.dynamics.loops.dyad import rules
@@ -82,8 +82,7 @@ class Mechanism:
 
     @cached_property
     def _looped(self) -> tuple[LoopEquations, Array] | None:
-        """The equations with loops, imported here since a tree has none, closed by Newton's steps, and the closed
-        reference (n,)."""
+        """The equations with loops, closed by Newton's steps, and the closed reference (n,); None for a tree."""
         loops = self.description.loops
         if loops is None:
             return None
@@ -96,7 +95,8 @@ class Mechanism:
 
     @cached_property
     def continuation(self) -> Continuation | None:
-        """The branch of closed configurations through the reference; None for a tree."""
+        """The branch of closed configurations through the reference; None for a tree. Raises `LoopError` where loops do
+        not fit together."""
         if self._looped is None:
             return None
         from adaptctl.dynamics.loops.continuation import Continuation
@@ -105,18 +105,17 @@ class Mechanism:
 
     @property
     def home(self) -> Array:
-        """Positions (r,), rad or m, that the mechanism can surely have: those its loops are known to close at, else
-        zero."""
+        """Positions (r,), rad (m for a prismatic joint), at which the loops are known to close, those of the reference;
+        zeros for a tree. Raises `LoopError` where loops do not fit together."""
         if self.continuation is None:
             return np.zeros(self.dof)
         return self.continuation.reference[self.continuation.primary]
 
     def configuration(self, p: ArrayLike, start: ArrayLike | None = None) -> Array:
-        """Joint positions q = U(p) (..., n) of the tree, with all loops closed, followed from `start` (..., n), the
-        reference if not given.
-
-        For a tree it is p itself. Sheu and Walker (1991), equation 1.
-        """
+        """Joint positions q = U(p) (..., n), rad (m), of the tree at primary positions p (..., r), with all loops
+        closed (Sheu and Walker 1991, equation 1); for a tree p itself. They are followed along straight lines from the
+        closed `start` (..., n), None being the reference. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN
+        or infinity, `SingularityError` near locked loops."""
         (p,), _ = self._joints(p=p)
         if self.continuation is None:
             return p
@@ -129,7 +128,7 @@ class Mechanism:
 
     @property
     def dof(self) -> int:
-        """Number of primary joints r."""
+        """Number of primary joints r, those whose coordinates are p."""
         return len(self.description.primary)
 
     @property
@@ -139,12 +138,12 @@ class Mechanism:
 
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the P parameters."""
+        """Names of the P parameters: ten a body, `link3.I_xx`, then the drives', `joint2.viscous`."""
         return self.description.parameter_names
 
     @cached_property
     def inertial_parameters(self) -> Array:
-        """The inertial parameters D (P,) in SI units, read-only."""
+        """The inertial parameters D (P,) in SI units (kg, kg m, kg m^2, then the drives'), read-only."""
         return self.description.inertial_parameters
 
     @property
@@ -159,7 +158,7 @@ class Mechanism:
 
     @property
     def free_directions(self) -> Array:
-        """Derivatives (P, Z) of the parameters of `unconstrained` by each of this mechanism's: the identity without
+        """Derivatives (P, Z) of the P parameters of `unconstrained` by each of this mechanism's Z: the identity without
         constraints."""
         return np.eye(len(self.parameter_names))
 
@@ -170,12 +169,12 @@ class Mechanism:
 
     @property
     def geometry_sha256(self) -> str:
-        """Hash of what decides which parameters matter, gravity and geometry; inertial values do not count."""
+        """SHA-256 hash (hexadecimal) of gravity and geometry, which decide which parameters matter."""
         return self.description.geometry_sha256
 
     @cached_property
     def effort_limits(self) -> Array:
-        """Greatest torque of every primary joint (r,), N m or N; infinite where none is known; read-only."""
+        """Greatest torque of every primary joint (r,), N m (N if prismatic), infinite where not known; read-only."""
         return frozen(np.array([joint.limits.effort for joint in self.primary_joints]))
 
     @property
@@ -185,31 +184,35 @@ class Mechanism:
 
     def with_parameters(self, parameters: ArrayLike) -> Mechanism:
         """The same mechanism with other inertial parameters (P,), SI units. Raises `InputError` for another number of
-        them."""
+        them, and for values not finite, above 1e20, or negative where a term of a drive must not be."""
         return Mechanism(self.description.with_parameters(parameters))
 
     def on_columns(self, regressor: str, columns: Sequence[int]) -> ArrayEquation:
-        """A regressor's equation on arrays, "torque_regressor" or "slotine_li_regressor", with asked columns only."""
+        """The equation on arrays of a regressor, "torque_regressor" or "slotine_li_regressor", with the k `columns`
+        only, indices of parameters: its `call` takes the arguments of the method of that name and returns (..., r, k).
+        Raises `InputError` for an index outside 0..P-1."""
         return self._arrays.on_columns(regressor, tuple(self._columns(columns)))
 
     def with_drives(self, drives: Drive | Sequence[Drive]) -> Mechanism:
-        """The same mechanism with other rotors and friction in its tree's joints, one drive for all or one each. Raises
-        `InputError` for another number of drives.
-
-        What a drive has is a parameter like the others; `Drive()` has nothing.
-        """
+        """The same mechanism with other rotors and friction in its tree's joints, one drive for all or one each (n).
+        Each term of a drive is a parameter like the others; `Drive()` has none. Raises `InputError` for another number
+        of drives."""
         return Mechanism(self.description.with_drives(drives))
 
     def energy_regressor(self, p: ArrayLike, v: ArrayLike, out: Array | None = None) -> Array:
-        """The energy regressor E (..., P): kinetic plus potential energy is E @ D, in J (Sheu and Walker 1991, section
-        2.2)."""
+        """The energy regressor E (..., P), J per unit of each parameter, at p (..., r), rad (m), and v (..., r), rad/s
+        (m/s): kinetic plus potential energy is E @ D (Sheu and Walker 1991, section 2.2). `out` is filled and returned,
+        None for a fresh array. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity,
+        `SingularityError` near locked loops."""
         if out is None:
             return self._arrays.energy_regressor.call(p, v)
         return self._arrays.energy_regressor.into(out, p, v)
 
     @finite_results
     def energy(self, p: ArrayLike, v: ArrayLike) -> Array:
-        """Kinetic plus potential energy (...), in J."""
+        """Kinetic plus potential energy (...), in J, at positions p (..., r), rad (m), and velocities v (..., r), rad/s
+        (m/s). Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `SingularityError` near locked
+        loops."""
         return self.energy_regressor(p, v) @ self.inertial_parameters
 
     def torque_regressor(
@@ -220,7 +223,11 @@ class Mechanism:
         columns: Sequence[int] | None = None,
         out: Array | None = None,
     ) -> Array:
-        """The torque regressor Y (..., r, P), or its asked columns: the equations of motion are tau = Y D."""
+        """The torque regressor Y (..., r, P), N m (N) per unit of each parameter: the equations of motion are tau = Y
+        D. p, v and a are (..., r) in rad, rad/s, rad/s^2 (m for prismatic joints). `columns` are the indices of the k
+        parameters asked for, then Y is (..., r, k); None for all. `out` is filled and returned, None for a fresh array.
+        Raises `InputError` on a wrong shape or index, `NonFiniteError` on NaN or infinity, `SingularityError` near
+        locked loops."""
         own = self._arrays.torque_regressor
         equation = own if columns is None else self.on_columns("torque_regressor", columns)
         return equation.call(p, v, a) if out is None else equation.into(out, p, v, a)
@@ -234,27 +241,36 @@ class Mechanism:
         columns: Sequence[int] | None = None,
         out: Array | None = None,
     ) -> Array:
-        """The Slotine-Li regressor Y_r (..., r, P), or its asked columns: Y_r D = M(p) a_r + C(p, v) v_r + g(p), C the
-        Christoffel one (Slotine and Li 1987)."""
+        """The Slotine-Li regressor Y_r (..., r, P), N m (N) per unit of each parameter: Y_r D = M(p) a_r + C(p, v) v_r
+        + g(p) + friction at v_r, C the Christoffel one (Slotine and Li 1987). p, v, v_r, a_r are (..., r) in rad,
+        rad/s, rad/s, rad/s^2 (m if prismatic). `columns` are the indices of the k parameters asked for, then Y_r is
+        (..., r, k); None for all. `out` is filled and returned, None for a fresh array. Raises `InputError` on a wrong
+        shape or index, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
         own = self._arrays.slotine_li_regressor
         equation = own if columns is None else self.on_columns("slotine_li_regressor", columns)
         return equation.call(p, v, v_r, a_r) if out is None else equation.into(out, p, v, v_r, a_r)
 
     def inverse_dynamics(self, p: ArrayLike, v: ArrayLike, a: ArrayLike, out: Array | None = None) -> Array:
-        """Torque (..., r), N m or N, that gives the accelerations a (..., r) at positions p and velocities v."""
+        """Torque (..., r), N m (N for a prismatic joint), that gives the accelerations a (..., r), rad/s^2 (m/s^2), at
+        positions p (..., r), rad (m), and velocities v (..., r), rad/s (m/s). `out` is filled and returned, None for a
+        fresh array. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `SingularityError` near
+        locked loops."""
         if out is None:
             return self._arrays.inverse_dynamics.call(p, v, a, self.inertial_parameters)
         return self._arrays.inverse_dynamics.into(out, p, v, a, self.inertial_parameters)
 
     def known_torque(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
-        """The part of the torque (..., r), N m or N, due to known parameters, which regressors times parameters leave
-        out: zero without constraints on parameters."""
+        """The part of the torque (..., r), N m (N), due to known parameters, which regressors times parameters leave
+        out: zero without constraints on parameters. p, v, a are (..., r) in rad, rad/s, rad/s^2 (m if prismatic).
+        Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
         _, samples = self._joints(p=p, v=v, a=a)
         return np.zeros((*samples, self.dof))
 
     def forward_dynamics(self, p: ArrayLike, v: ArrayLike, torque: ArrayLike, out: Array | None = None) -> Array:
-        """Accelerations (..., r), rad/s^2 or m/s^2, under a torque (..., r). Raises `InputError` where links have no
-        mass to be accelerated."""
+        """Accelerations (..., r), rad/s^2 (m/s^2), under a torque (..., r), N m (N), at p (..., r), rad (m), and v
+        (..., r), rad/s (m/s). `out` is filled and returned, None for a fresh array. Raises `InputError` on a wrong
+        shape or links without mass to be accelerated, `NonFiniteError` on NaN or infinity, `SingularityError` near
+        locked loops."""
         if out is None:
             return self._arrays.forward_dynamics.call(p, v, torque, self.inertial_parameters)
         return self._arrays.forward_dynamics.into(out, p, v, torque, self.inertial_parameters)
@@ -267,24 +283,27 @@ class Mechanism:
             raise InputError(f"{self.name}: links move without mass and carry none, give them some: {names}")
 
     def mass_matrix(self, p: ArrayLike, out: Array | None = None) -> Array:
-        """The mass matrix M(p) (..., r, r), in kg m^2 (kg between prismatic joints)."""
+        """The mass matrix M(p) (..., r, r), kg m^2 (kg between prismatic joints), at p (..., r), rad (m). `out` is
+        filled and returned, None for a fresh array. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or
+        infinity, `SingularityError` near locked loops."""
         if out is None:
             return self._arrays.mass_matrix.call(p, self.inertial_parameters)
         return self._arrays.mass_matrix.into(out, p, self.inertial_parameters)
 
     @needed("Mechanism.to_pinocchio")
     def to_pinocchio(self) -> pinocchio.Model:
-        """The same mechanism as a Pinocchio model, built depth first; with loops, its tree's, loops left open."""
+        """The same mechanism as a Pinocchio model, built depth first; with loops, its tree's, loops left open. Raises
+        `InputError` for a first moment without mass and for drives that turn with several joints, `MissingExtraError`
+        without Pinocchio."""
         from adaptctl.description.readers.pinocchio_model import to_pinocchio
 
         return to_pinocchio(self.description)
 
     @needed("Mechanism.to_pinocchio_constraints")
     def to_pinocchio_constraints(self) -> list[pinocchio.RigidConstraintModel]:
-        """The loops as Pinocchio's constraint models, for `to_pinocchio()`'s model; none for a tree.
-
-        Raises `InputError` where joints follow others, for which Pinocchio has no such model.
-        """
+        """The loops as Pinocchio's constraint models, for `to_pinocchio()`'s model; an empty list for a tree. Raises
+        `InputError` as `to_pinocchio` does and where joints follow others, for which Pinocchio has no such model,
+        `MissingExtraError` without Pinocchio."""
         from adaptctl.description.readers.pinocchio_constraints import to_pinocchio_constraints
 
         return to_pinocchio_constraints(self.description, self.to_pinocchio())
@@ -292,26 +311,26 @@ class Mechanism:
     @classmethod
     @needed("Mechanism.from_pinocchio")
     def from_pinocchio(cls, model: pinocchio.Model) -> Mechanism:
-        """A mechanism from a Pinocchio model, whatever order it was built in. Raises `InputError` for joints of other
-        kinds."""
+        """A mechanism from a Pinocchio model, whatever order it was built in. Raises `InputError` for joints that are
+        not revolute or prismatic with one coordinate, `MissingExtraError` without Pinocchio."""
         from adaptctl.description.readers.pinocchio_model import from_pinocchio
 
         return cls(from_pinocchio(model))
 
     def write_into(self, original: str | Path, path: str | Path, root: str | None = None) -> None:
         """Write at `path` the URDF or MJCF file `original` with this mechanism's links' inertias; the rest stays byte
-        for byte, and joints' drives are not written. `root` is the body of an MJCF scene that it begins with.
-
-        Raises `FileError` for a file of another mechanism, and where no rigid bodies have the inertias: see
-        `identifiability.nearest_consistent`.
-        """
+        for byte, and joints' drives are not written. `root` is the body of an MJCF scene that it begins with, None
+        where one moves. Raises `FileError` for a file of another mechanism and, in MJCF, inertias of no rigid body (see
+        `identifiability.nearest_consistent`), `InputError` for another suffix."""
         from adaptctl.description.writers.robot_file import write_robot
 
         write_robot(path, original, self.description, root)
 
     def in_pinocchio(self, model: pinocchio.Model) -> pinocchio.Model:
         """A copy of a Pinocchio model of this mechanism with this mechanism's inertias and drives; its frames, limits
-        and all else are as they were. Pinocchio's inverse dynamics has rotors, as armature, and leaves friction out."""
+        and all else are as they were. Pinocchio's inverse dynamics has rotors, as armature, and leaves friction out.
+        Raises `InputError` for another number of joints or a first moment without mass, `NotFoundError` for a joint
+        that the model does not have."""
         from adaptctl.description.readers.pinocchio_model import with_inertias
 
         return with_inertias(model, self.description)
@@ -325,8 +344,10 @@ class Mechanism:
 
     @classmethod
     def from_mujoco(cls, model: mujoco.MjModel, body: str | None = None) -> Mechanism:
-        """A mechanism from a MuJoCo model, which may hold a whole scene: a body and all that hangs on it, the one root
-        body on which joints turn or slide unless named."""
+        """A mechanism from a MuJoCo model, which may hold a whole scene: the body named `body` and all that hangs on
+        it; None for the one root body on which joints turn or slide. Raises `InputError` for ball and free joints,
+        equalities and where not just one root moves, `NotFoundError` for an unknown name. Warns
+        (`SimplificationWarning`) of what is left out."""
         from adaptctl.description.readers.mujoco_model import from_mujoco
 
         return cls(from_mujoco(model, body))
@@ -359,9 +380,10 @@ def load(
 
     With `floating_base`, a URDF file's root link floats instead of being fixed to the ground; its meshes are shown from
     its package and from `mesh_folders`. With `snap`, angles between joint axes that are within 1e-3 rad of right ones
-    are made exact. `root` names the body of an MJCF scene, or of a MuJoCo model, that the mechanism begins with.
-    Raises `FileError` or `NotFoundError` with what was wrong and what would be right, `LoopError` where loops do
-    not fit together.
+    are made exact. `root` names the body of an MJCF scene, or of a MuJoCo model, that the mechanism begins with; None
+    for the one that moves. Raises `FileError` or `NotFoundError` with what was wrong and what would be right,
+    `InputError` for a floating base of another file or a root of what has none, `LoopError` where loops do not fit
+    together. Warns (`PhysicalConsistencyWarning`) of links that no rigid body can be.
     """
     from adaptctl.description.readers.registry import read, read_model
 

@@ -12,12 +12,13 @@ from adaptctl.errors import InputError
 
 
 def to_pinocchio_constraints(description: Description, model: pinocchio.Model) -> list[pinocchio.RigidConstraintModel]:
-    """Constraint models of all closures, on the model that `to_pinocchio` made of the same description.
+    """Constraint models of all closures, on the model that `to_pinocchio` made of the same description; an empty list
+    without loops.
 
-    A common point is a contact of three rows and a weld one of six. Pinocchio knows no common axis: that becomes
-    two common points 1 m apart on it, one row of six being dependent. Rows are in the first link's joint frame, and
-    where a loop is planar some depend on others, as in the mechanism itself: solve with a proximal method. Joints
-    that follow others have no such model; raises InputError for them.
+    A common point is a contact of three rows and a weld one of six. Pinocchio knows no common axis: that becomes two
+    common points 1 m apart on it, one row of six being dependent. Rows are in the first link's joint frame, and where a
+    loop is planar some depend on others, as in the mechanism itself: solve with a proximal method. Joints that follow
+    others have no such model; raises InputError for them.
     """
     if description.loops is None:
         return []

@@ -24,15 +24,15 @@ _UNLIMITED = 1e300
 
 
 def to_pinocchio(description: Description) -> pinocchio.Model:
-    """Pinocchio's model: the same coordinates in the same order, the same limits, gravity and drives.
+    """The Pinocchio model of a description: the same coordinates in the same order, the same limits, gravity and
+    drives; of loops, the open tree.
 
-    A rotor is Pinocchio's armature, which its algorithms use; viscous friction is its damping and Coulomb friction
-    its dry friction, which it holds but its inverse dynamics leaves out.
-    Joints stand at the joints' frames and carry the links' names as body frames at the links' frames; named frames are
-    there too.
-    Continuous joints become revolute ones without limits, so that q keeps one number a joint.
-    Raises InputError for a link without mass that has a first moment, which Pinocchio cannot hold, and for a drive
-    that turns with other joints. Warns (SimplificationWarning) of friction that Pinocchio has no place for.
+    A rotor is Pinocchio's armature, which its algorithms use; viscous friction is its damping and Coulomb friction its
+    dry friction, which it holds but its inverse dynamics leaves out. Joints stand at the joints' frames and carry the
+    links' names as body frames at the links' frames; named frames are there too. Continuous joints become revolute ones
+    without limits, so that q keeps one number a joint. Raises InputError for a link without mass that has a first
+    moment, which Pinocchio cannot hold, and for a drive that turns with other joints. Warns (SimplificationWarning) of
+    friction that Pinocchio has no place for.
     """
     if description.shafts:
         raise InputError(f"{description.name}: Pinocchio has no drives that turn with several joints")
@@ -64,13 +64,13 @@ def _is_bent(drive: Drive) -> bool:
 def from_pinocchio(model: pinocchio.Model, name: str | None = None) -> Description:
     """The description of a Pinocchio model's mechanism, its joints put in depth-first order.
 
-    Link frames are the joints' frames, and the ten parameters are expressed there. A link has the name of the
-    first body frame on its joint, or the joint's. The coordinates follow the joints of the description: look
-    up a joint's place in the model by its name (``model.getJointId``). An unbounded revolute joint, which has
-    (cos, sin) in Pinocchio's q, becomes a continuous one, with the angle. Bodies fixed to the universe do not
-    move and are left out. Armature, damping and dry friction become the joint's drive; where they are zero they
-    are not modelled. Raises InputError for joints with more than one coordinate, helical or mimic ones; warns
-    (SimplificationWarning) of limits of zero, taken as no limits.
+    `name` is the mechanism's, None for the model's own. Link frames are the joints' frames, and the ten parameters are
+    expressed there. A link has the name of the first body frame on its joint, or the joint's. The coordinates follow
+    the joints of the description: look up a joint's place in the model by its name (``model.getJointId``). An unbounded
+    revolute joint, which has (cos, sin) in Pinocchio's q, becomes a continuous one, with the angle. Bodies fixed to the
+    universe do not move and are left out. Armature, damping and dry friction become the joint's drive; where they are
+    zero they are not modelled. Raises InputError for joints with more than one coordinate, helical or mimic ones, for
+    no joints, and for angular gravity; warns (SimplificationWarning) of limits of zero, taken as no limits.
     """
     if np.any(model.gravity.angular):
         raise InputError(f"{model.name}: gravity must be linear, got {model.gravity}")

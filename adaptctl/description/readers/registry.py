@@ -43,7 +43,7 @@ _ASSIGNED = {
 
 
 def builtin_names() -> tuple[str, ...]:
-    """Names of the robots that come with the package."""
+    """Names of the robots that come with the package, in alphabetical order, as `read` and `load` take them."""
     return tuple(
         sorted(entry.name.removesuffix(".toml") for entry in _ROBOTS.iterdir() if entry.name.endswith(".toml"))
     )
@@ -74,13 +74,13 @@ def read(
     root: str | None = None,
 ) -> Description:
     """The description of a built-in's name or of a file, which is read by its suffix; of an MJCF scene, that of the
-    body `root` and all on it.
+    body `root` and all on it, None being the one root body that moves.
 
     With `floating_base`, a URDF file's root link floats instead of being fixed to the ground (`floating`); its meshes
     are shown from its package and from `mesh_folders`. With `snap`, angles within 1e-3 rad of right ones are made exact
-    (`snapped`).
-    Raises NotFoundError for a name that is neither, FileError for a file that cannot be used.
-    Warns (PhysicalConsistencyWarning) of links that no rigid body can be.
+    (`snapped`). Raises NotFoundError for a name that is neither, FileError for a file that cannot be used, InputError
+    for a floating base of what is no URDF file or a root of what is no MJCF file. Warns (PhysicalConsistencyWarning) of
+    links that no rigid body can be, and as the file's reader does (SimplificationWarning).
     """
     if floating_base and Path(source).suffix.lower() != ".urdf":
         raise InputError(f"{source}: only a URDF file, which has a root link, can be given a floating base")

@@ -49,17 +49,18 @@ UNREAD_KINDS = ("floating", "planar")
 
 
 def read_urdf(path: str | Path, *, floating_base: bool = False, mesh_folders: Sequence[str | Path] = ()) -> Description:
-    """The description of the tree that moves in a URDF file, fixed to the ground by its root link unless it has a
-    floating base.
+    """The description of the tree that moves in a URDF file, fixed to the ground by its root link or, with
+    `floating_base`, on six joints of its own (see `floating`).
 
-    Link frames are the joints' frames, a link is named after the joint's child; links behind fixed joints
-    become part of the link that carries them. Links without <inertial> are massless. Damping and friction of
-    <dynamics> become the joint's viscous and Coulomb friction; where they are zero, as exporters write when
-    nobody knows, none is modelled. <visual> says what is drawn, as far as its meshes are found (`urdf_visuals`) in
-    the file's package or in `mesh_folders`; collision geometry and transmissions are not read. Mimic joints follow
-    their leader, and all joints that follow none are primary; one whose leader does not exist or is fixed is taken as
-    independent. Raises FileError, naming the element and its line. Warns (SimplificationWarning) of such joints, of
-    limits of zero, taken as no limits, of angles that look like degrees, and of meshes that stand elsewhere.
+    Link frames are the joints' frames, a link is named after the joint's child; links behind fixed joints become part
+    of the link that carries them. Links without <inertial> are massless. Damping and friction of <dynamics> become the
+    joint's viscous and Coulomb friction; where they are zero, as exporters write when nobody knows, none is modelled.
+    <visual> says what is drawn, as far as its meshes are found (`urdf_visuals`) in the file's package or in
+    `mesh_folders`; collision geometry and transmissions are not read. Mimic joints follow their leader, and all joints
+    that follow none are primary; one whose leader does not exist or is fixed is taken as independent. Raises FileError
+    for a file that cannot be read and, naming the element and its line, for wrong contents. Warns
+    (SimplificationWarning) of such joints, of limits of zero, taken as no limits, of angles that look like degrees, of
+    links that move without mass, and of meshes that stand elsewhere.
     """
     try:
         robot = _robot(read_text(path))

@@ -25,9 +25,11 @@ JOINTS = (
 
 def with_floating_base(description: Description, name: str, inertia: ArrayLike) -> Description:
     """The same mechanism on a body that floats instead of on the ground; `inertia` holds the body's ten inertial
-    parameters (10,), in the frame the ground had.
+    parameters (10,) (kg, kg m, kg m^2), in the frame the ground had.
 
-    What was closed onto the ground is closed onto the body. See `floating`.
+    `name` is the body's, and its six joints are ``name_x`` to ``name_roll``. What was closed onto the ground is closed
+    onto the body. See `floating`. Raises `InputError` for an inertia of another shape or not finite, and for a name
+    that is taken.
     """
     links, loops = floating(description.links, name, inertia), description.loops
     if loops is not None:

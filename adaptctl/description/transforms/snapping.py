@@ -17,12 +17,12 @@ WITHIN = 1e-3
 
 
 def snapped(description: Description, within: float = WITHIN) -> Description:
-    """The mechanism with every angle between successive joint axes, and between gravity and the first, that is
-    within `within` (rad) of a multiple of 90 degrees made exact.
+    """The mechanism with every angle between successive joint axes, and between gravity and the joints on the ground,
+    that is within `within` (rad, by default 1e-3) of a multiple of 90 degrees made exact.
 
-    Frames and axes that are nearly along their parents' are turned onto them; where they are not, the child's
-    joint is turned by the little that is missing. What hangs on it turns with it, its origins move by at most
-    `within` times the chain's length. Limits, inertias in their links' frames and names stay.
+    Frames and axes that are nearly along their parents' are turned onto them; where they are not, the child's joint is
+    turned by the little that is missing. What hangs on it turns with it, its origins move by at most `within` times the
+    chain's length. Limits, inertias in their links' frames and names stay.
     """
     links: list[Link] = []
     for link in description.links:

@@ -57,18 +57,19 @@ _BODY = ("name", "childclass", "pos", "quat", "axisangle", "xyaxes", "zaxis", "e
 def read_mjcf(path: str | Path, *, root: str | None = None) -> Description:
     """The description of the mechanism that moves in an MJCF file, and of the loops that its equalities close.
 
-    `root` names the body that it begins with, where the file is a scene: that body, which nothing that moves may
-    carry, and all on it; the rest of the scene is left out. What <include> names is read as part of the file.
+    `root` names the body that it begins with, where the file is a scene: that body, which nothing that moves may carry,
+    and all on it; the rest of the scene is left out. None stands for the one root body that moves. What <include> names
+    is read as part of the file.
 
-    Link frames stand at the joints, turned as their bodies; a link is named after its body. Of several joints of
-    one body, the links between are massless. Bodies without joints become part of the one that carries them.
-    <connect>, <weld> and <joint> equalities become closures and couplings; the joints that actuators drive are
-    then primary, or, where nothing is driven and only joints are coupled, all that follow no other. Armature,
-    damping and dry friction become the joint's drive; where they are zero they are not modelled. Efforts are the
-    actuators' limits. A free joint becomes three slides and three hinges (see `floating`), primary too. Raises
-    FileError, naming the element, for whatever moves otherwise than is read here, ball joints and more than one root
-    body that moves among it. Warns (SimplificationWarning) of springs,
-    tendons and gravity compensation, which are left out.
+    Link frames stand at the joints, turned as their bodies; a link is named after its body. Of several joints of one
+    body, the links between are massless. Bodies without joints become part of the one that carries them. <connect>,
+    <weld> and <joint> equalities become closures and couplings; the joints that actuators drive are then primary, or,
+    where nothing is driven and only joints are coupled, all that follow no other. Armature, damping and dry friction
+    become the joint's drive; where they are zero they are not modelled. Efforts are the actuators' limits. A free joint
+    becomes three slides and three hinges (see `floating`), primary too. Raises FileError for a file that cannot be read
+    and, naming the element, for whatever moves otherwise than is read here, ball joints and more than one root body
+    that moves among it. Warns (SimplificationWarning) of springs, tendons and gravity compensation, which are left out,
+    and of angles that look like degrees.
     """
     try:
         scene = included(parsed(read_text(path), "mujoco"), path)
