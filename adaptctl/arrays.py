@@ -101,6 +101,20 @@ def positive_number(value: object, what: str) -> float:
     return number
 
 
+def real_number(value: object, what: str) -> float:
+    """A number, also NaN and infinity. Raises `InputError` for all else, texts and arrays of several numbers too."""
+    if isinstance(value, int | float | np.number) or (isinstance(value, np.ndarray) and value.ndim == 0):
+        return float(numbers(value, what))
+    raise InputError(f"{what}: expected a number, got {printable(repr(value))}")
+
+
+def whole_number(value: object, what: str, least: int, most: int) -> int:
+    """A whole number from `least` to `most`. Raises `InputError` for all else."""
+    if isinstance(value, int | np.integer) and least <= value <= most:
+        return int(value)
+    raise InputError(f"{what}: expected a whole number from {least} to {most}, got {printable(repr(value))}")
+
+
 def finite_results(method: Callable[Concatenate[Named, Given], Array]) -> Callable[Concatenate[Named, Given], Array]:
     """A method on arrays that raises `NonFiniteError` rather than return what is not finite, its numbers being too
     large to go on with."""

@@ -209,9 +209,9 @@ class Spline:
         """The reference (..., r) at times (...)."""
         time = np.asarray(t, dtype=np.float64)
         inside = np.clip(time, self.times[0], self.times[-1])
-        moving = (inside == time)[..., None]
+        resting = ((time < self.times[0]) | (time > self.times[-1]))[..., None]
         p, v, a = (curve(inside) for curve in self._curves)
-        return ReferencePoint(p, np.where(moving, v, 0.0), np.where(moving, a, 0.0))
+        return ReferencePoint(p, np.where(resting, 0.0, v), np.where(resting, 0.0, a))
 
     def at(self, t: float) -> ReferencePoint:
         """The reference (r,) at one time `t` (s), in rad or m and per s and s^2; computed in microseconds, for

@@ -32,7 +32,7 @@ def box(mass: float, size: ArrayLike, place: ArrayLike = (0.0, 0.0, 0.0)) -> Pay
     `place` (3,) is its centre in the link's frame, m, by default the origin. Raises `InputError` for a mass below zero,
     for lengths that are not positive, and for what is not finite."""
     x, y, z = frozen_array(size, (3,), "size").tolist()
-    _require(x=x, y=y, z=z)
+    _require(x=x, y=y, z=z, mass=mass)
     tensor = mass / 12.0 * np.diag([y * y + z * z, x * x + z * z, x * x + y * y])
     return Payload(mass, frozen_array(place, (3,), "place"), tensor)
 
@@ -48,7 +48,7 @@ def cylinder(
     """A solid cylinder of a mass (kg), a radius and a length (m). `place` (3,) is its centre in the link's frame, m, by
     default the origin. `axis` (3,), of any length, is its direction in that frame, by default z. Raises `InputError`
     for a mass below zero, for a radius, a length or an axis of zero or less, and for what is not finite."""
-    _require(radius=radius, length=length)
+    _require(radius=radius, length=length, mass=mass)
     along = frozen_array(axis, (3,), "axis")
     size = float(np.linalg.norm(along))
     _require(axis=size)

@@ -57,7 +57,8 @@ class CostMap:
 
         The grid has `each` places, 9 by default, along each edge of the box of `places`. The `LinkCost` has the link's
         name, the changes `least` and `most`, their places `cheapest` and `dearest` (3,) in m in the link's frame, and
-        the change `at_center`, at the link's centre of mass. Raises `InputError` for unknown links.
+        the change `at_center`, at the link's centre of mass. Raises `InputError` for unknown links and other than
+        1 to 100 places.
         """
         grid = places.grid(each)
         changes = self.at(places.link, grid)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen_array
+from adaptctl.arrays import Array, frozen_array, whole_number
 from adaptctl.caching import sent_as_made
 from adaptctl.description.reach import attachments, joint_line
 from adaptctl.dynamics import Mechanism
@@ -75,7 +75,9 @@ class PlaceBounds:
             raise InputError(f"{self.link}: the place {x.tolist()} is outside the bounds {low} to {high} m")
 
     def grid(self, each: int) -> Array:
-        """Places (each^3, 3), m in the link's frame, evenly over the box with its faces, `each` along every edge."""
+        """Places (each^3, 3), m in the link's frame, evenly over the box with its faces, `each` along every edge.
+        Raises `InputError` for other than a whole number from 1 to 100."""
+        whole_number(each, "grid: places along an edge", 1, 100)
         axes = [np.linspace(a, b, each) for a, b in zip(self.lower, self.upper, strict=True)]
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
 

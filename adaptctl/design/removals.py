@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, positive_number
 from adaptctl.caching import cached_property
 from adaptctl.design.bodies import STEEL, ball_tens
 from adaptctl.design.places import PlaceBounds
@@ -118,11 +118,12 @@ def removals(task: DesignTask, within: Sequence[PlaceBounds], density: float = S
     equal ones the one with the least mass.
 
     By symmetry: a link that is its own mirror image along axes of its frame. By balance: a ball of a density in kg/m^3
-    (steel's 7850 by default; not checked), added to a link `within` its bounds, makes one fundamental parameter zero
+    (steel's 7850 by default), added to a link `within` its bounds, makes one fundamental parameter zero
     that is not. By relocation: a part of the link's own mass, taken from its centre of mass, does so. Each is meant
-    alone, but for one of all symmetries that links have already. Raises `InputError` for unknown links, `RankError`
-    where the mechanism's rank cannot be certified.
+    alone, but for one of all symmetries that links have already. Raises `InputError` for unknown links and a density
+    that is not positive, `RankError` where the mechanism's rank cannot be certified.
     """
+    positive_number(density, "density: expected a positive number of kg/m^3")
     found = [removal for places in within for removal in _of_link(task, places, density)]
     so_already = dict.fromkeys(name for removal in found if removal.holds for name in removal.known)
     together = by_symmetry(task, tuple(so_already)) if so_already else None

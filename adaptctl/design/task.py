@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -11,7 +12,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, checked, frozen, frozen_array
+from adaptctl.arrays import Array, checked, frozen, frozen_array, positive_number, real_number, whole_number
 from adaptctl.caching import cached_property
 from adaptctl.control.controller import Reference
 from adaptctl.control.gains.torque_limits import finite_torque_limits
@@ -64,8 +65,9 @@ class DesignTask:
         for what in ("p", "v", "a"):
             values = checked(getattr(self, what), self.mechanism.dof, f"task: {what}")
             object.__setattr__(self, what, frozen(np.array(np.atleast_2d(values))))
-        if not self.p.shape == self.v.shape == self.a.shape:
-            raise InputError(f"task: expected one shape, got {self.p.shape}, {self.v.shape} and {self.a.shape}")
+        if not self.p.shape == self.v.shape == self.a.shape or self.p.ndim > 2:
+            shapes = f"{self.p.shape}, {self.v.shape} and {self.a.shape}"
+            raise InputError(f"task: expected one shape (T, {self.mechanism.dof}), got {shapes}")
         if max(float(np.ptp(self.p, axis=0).max()), float(np.ptp(self.v, axis=0).max())) < STILL:
             raise InputError("task: no motion: its states are all alike; give states that differ, or a reference")
 
@@ -80,10 +82,11 @@ class DesignTask:
         Accelerations are normal with a deviation of `speed`^2 g/L in rad/s^2; for prismatic joints both are times L. At
         a `speed` of 1 kinetic and potential energy weigh alike; an arm at work moves at about a quarter of it, 0.25,
         the default. With loops, positions are on the reference's branch. Raises `InputError` for other than 2 to 100000
-        samples, a negative speed, and loops that reach hardly any state.
+        samples, a negative seed or speed, and loops that reach hardly any state.
         """
-        if not 2 <= samples <= MOST or not 0.0 <= speed < np.inf:
-            raise InputError(f"task: expected 2 to {MOST} samples and a speed of at least 0, got {samples} and {speed}")
+        samples, seed = whole_number(samples, "task: samples", 2, MOST), whole_number(seed, "task: seed", 0, 2**32 - 1)
+        if not 0.0 <= real_number(speed, "task: speed") < np.inf:
+            raise InputError(f"task: speed: expected a finite number of at least 0, got {speed}")
         generator, rate = np.random.default_rng(seed), characteristic_rate(mechanism)
         p = states_within_limits(mechanism, samples, seed).p
         v = speed / rate * random_accelerations(mechanism, samples, generator)
@@ -97,10 +100,8 @@ class DesignTask:
         """The task of following a reference: its states at evenly spaced times from 0 to a duration (s), 1000 of them
         by default. Raises `InputError` for other than 2 to 100000 samples, for a duration that is not positive and
         finite, and for a reference that stands still."""
-        if not 2 <= samples <= MOST or not 0.0 < duration < np.inf:
-            raise InputError(
-                f"task: expected 2 to {MOST} samples and a positive duration, got {samples} and {duration}"
-            )
+        whole_number(samples, "task: samples", 2, MOST)
+        positive_number(duration, "task: duration: expected a positive number of s")
         p, v, a = reference(np.linspace(0.0, duration, samples))
         return cls(mechanism, p, v, a, f"{samples} states of the reference over {duration:g} s")
 
@@ -178,7 +179,10 @@ class DesignTask:
     def carried(self, parameters: ArrayLike | None = None, share: float = CARRIED) -> tuple[str, ...]:
         """Names of the fundamental parameters whose loss would change the root mean square energy by more than a
         `share` of it, by default 1e-6, for parameters (P,) in SI units, by default (None) the mechanism's own. Raises
-        `InputError` for another number of parameters, `NonFiniteError` where one is not finite."""
+        `InputError` for another number of parameters and a share that is no number, `NonFiniteError` where a parameter
+        is not finite."""
+        if math.isnan(real_number(share, "task: share")):
+            raise InputError("task: share: expected a number, got nan")
         return tuple(
             name for name, weight in zip(self.basis.names, self.weights(parameters), strict=True) if weight > share
         )

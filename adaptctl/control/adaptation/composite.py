@@ -9,7 +9,7 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.control.adaptation.gain import Descent
 from adaptctl.control.adaptation.law import Period
-from adaptctl.control.adaptation.prediction import Filtered, TorqueFilter, require_cutoff
+from adaptctl.control.adaptation.prediction import Filtered, TorqueFilter, require_cutoff, require_positive
 from adaptctl.control.gains.gains import positive_per_joint
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.identifiability import ReducedModel
@@ -48,6 +48,7 @@ class Composite(Descent[Filtered]):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        require_positive(self.cutoff)
         positive_per_joint(self.weight, np.size(self.weight), "composite: weight")
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:

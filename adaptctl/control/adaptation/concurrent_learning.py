@@ -12,7 +12,13 @@ from adaptctl.arrays import Array
 from adaptctl.compilation import outlined
 from adaptctl.control.adaptation.gain import Descent
 from adaptctl.control.adaptation.law import Period
-from adaptctl.control.adaptation.prediction import Filtered, TorqueFilter, momentum_columns, require_cutoff
+from adaptctl.control.adaptation.prediction import (
+    Filtered,
+    TorqueFilter,
+    momentum_columns,
+    require_cutoff,
+    require_positive,
+)
 from adaptctl.control.gains.gains import positive_per_joint
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
@@ -74,6 +80,7 @@ class ConcurrentLearning(Descent[Stack]):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        require_positive(self.cutoff)
         positive_per_joint(self.weight, np.size(self.weight), "concurrent learning: weight")
         if isinstance(self.samples, bool) or not isinstance(self.samples, int | np.integer):
             raise InputError(f"concurrent learning: samples: expected a whole number, got {self.samples!r}")

@@ -19,7 +19,7 @@ from adaptctl.control.adaptation.natural import (
     require_consistent,
     require_rates,
 )
-from adaptctl.control.adaptation.prediction import TorqueFilter, require_cutoff
+from adaptctl.control.adaptation.prediction import TorqueFilter, require_cutoff, require_positive
 from adaptctl.control.gains.gains import positive_per_joint
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.errors import InputError
@@ -79,6 +79,8 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
     cutoff: float = 20.0
 
     def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self.cutoff)
         object.__setattr__(self, "rate", checked_rate(self.rate))
         object.__setattr__(self, "lift", frozen_array(self.lift, (np.size(self.lift),), "consistent lift: lift"))
         if self.weight is not None:

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, per_joint
 from adaptctl.control.adaptation.gain import Descent
 from adaptctl.control.adaptation.law import NoMemory, Period
 from adaptctl.control.gains.gains import positive_per_joint
+from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, each, where
 
@@ -47,11 +48,13 @@ class DeadZone(Descent[NoMemory]):
         joint), under a damping K in N m s/rad (N s/m), one number or (r,).
 
         `gain` is Gamma, (k,) or (k, k), in units of the parameters squared per J. Raises `InputError` for a damping
-        that is not positive or of another size, a gain that is not positive definite, and torques that are all zero or
-        not finite.
+        that is not positive or of another size, a gain that is not positive definite, and torques that are negative,
+        all zero or not finite.
         """
-        d = np.atleast_1d(np.asarray(torque, dtype=np.float64))
-        K = positive_per_joint(damping, len(d), "damping")
+        joints = max(np.size(torque), np.size(damping))
+        d, K = per_joint(torque, joints, "dead zone: torque"), positive_per_joint(damping, joints, "damping")
+        if np.any(d < 0.0):
+            raise InputError(f"dead zone: torque: expected numbers of at least 0, got {d.tolist()}")
         return cls(np.asarray(gain), np.sqrt((d**2 / K).sum() / K))
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen_array
+from adaptctl.arrays import Array, frozen_array, numbers
 from adaptctl.control.adaptation.law import AdaptationLaw
 from adaptctl.control.gains.hold import scaled_eigenvalues
 from adaptctl.control.memory import Memory
@@ -26,6 +26,7 @@ class Descent(AdaptationLaw[Memory]):
     gain: Array
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         object.__setattr__(self, "gain", checked_gain(self.gain))
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
@@ -61,7 +62,7 @@ class Descent(AdaptationLaw[Memory]):
 
 def checked_gain(gain: ArrayLike) -> Array:
     """A read-only adaptation gain (k,) or (k, k). Raises `InputError` unless symmetric and positive definite."""
-    array = np.asarray(gain, dtype=np.float64)
+    array = numbers(gain, "adaptation gain")
     k = array.shape[:1]
     array = frozen_array(array, (*k, *k) if array.ndim == 2 else k, "adaptation gain")
     if array.ndim not in (1, 2):

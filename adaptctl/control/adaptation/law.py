@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from dataclasses import fields
 from typing import Any, ClassVar, Generic, NamedTuple
 
 import numpy as np
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, real_number
 from adaptctl.control.memory import Memory
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, Scalar, Tunable
@@ -77,6 +78,11 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
 
     needs_double: ClassVar[bool] = False
     """True if the law's memory is a matrix that single precision spoils."""
+
+    def __post_init__(self) -> None:
+        for field in fields(self):  # type: ignore[arg-type]  # a subclass is a dataclass
+            if field.type in ("float", float):
+                real_number(getattr(self, field.name), f"{type(self).__name__}: {field.name}")
 
     @abstractmethod
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:

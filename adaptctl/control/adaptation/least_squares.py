@@ -11,7 +11,7 @@ import numpy as np
 from adaptctl.arrays import Array, frozen_array
 from adaptctl.control.adaptation.gain import require_size
 from adaptctl.control.adaptation.law import AdaptationLaw
-from adaptctl.control.adaptation.prediction import require_cutoff
+from adaptctl.control.adaptation.prediction import require_cutoff, require_positive
 from adaptctl.control.gains.gains import positive_per_joint
 from adaptctl.control.memory import Memory
 from adaptctl.errors import InputError
@@ -35,11 +35,13 @@ class ForgettingLeastSquares(AdaptationLaw[Memory]):
     forgetting: float = 1.0
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         gain = frozen_array(self.gain, (np.size(self.gain),), f"{self.called}: gain")
         if np.any(gain <= 0.0):
             raise InputError(f"{self.called}: gain: expected positive numbers (k,)")
         object.__setattr__(self, "gain", gain)
         self._require_weights(np.size(self.weight))
+        require_positive(self.cutoff)
         if not (np.isfinite(self.forgetting) and self.forgetting >= 0.0):
             raise InputError(f"{self.called}: forgetting: expected at least 0 1/s, got {self.forgetting}")
 

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen
+from adaptctl.arrays import Array, frozen, numbers
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
 from adaptctl.description.inertia import pseudo_inertia
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
@@ -57,6 +57,7 @@ class Natural(AdaptationLaw[NoMemory]):
     rate: float | Array
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         object.__setattr__(self, "rate", checked_rate(self.rate))
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
@@ -112,7 +113,7 @@ class Natural(AdaptationLaw[NoMemory]):
 
 def checked_rate(rate: ArrayLike) -> Array:
     """A read-only copy of a rate, one number or (n,), in 1/J. Raises `InputError` unless positive."""
-    array = np.array(rate, dtype=np.float64)
+    array = numbers(rate, "natural adaptation: rate").copy()
     if array.ndim > 1 or not (np.isfinite(array).all() and np.all(array > 0.0)):
         raise InputError(f"natural adaptation: rate: expected positive numbers in 1/J, got {array.tolist()}")
     return frozen(array)

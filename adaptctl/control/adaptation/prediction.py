@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from adaptctl.arrays import Array, stacked
+from adaptctl.arrays import Array, positive_number, stacked
 from adaptctl.compilation import trace
 from adaptctl.control.adaptation.law import Period
 from adaptctl.dynamics.recursion.momentum import momentum_terms
@@ -125,10 +125,14 @@ def momentum_columns(model: ReducedModel) -> list[list[int]]:
     return [[j for j in range(k) if not always_zero[k * i + j]] for i in range(r)]
 
 
+def require_positive(cutoff: float) -> None:
+    """Raise `InputError` for a cutoff that is not positive and finite."""
+    positive_number(cutoff, "torque filter: cutoff: expected a positive number in 1/s")
+
+
 def require_cutoff(cutoff: float, period: float) -> None:
     """Raise `InputError` for a filter that the control period (s) cannot carry."""
-    if not (np.isfinite(cutoff) and cutoff > 0.0):
-        raise InputError(f"torque filter: cutoff: expected a positive number in 1/s, got {cutoff}")
+    require_positive(cutoff)
     if cutoff * period > 1.0:
         raise InputError(
             f"torque filter: cutoff: {cutoff:g} 1/s is too fast for a control period of {period:g} s; "

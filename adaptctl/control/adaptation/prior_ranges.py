@@ -8,12 +8,12 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen, frozen_array
+from adaptctl.arrays import Array, frozen, frozen_array, positive_number
 from adaptctl.control.gains.estimate_hold import parameter_holds
 from adaptctl.control.gains.gains import Gains
 from adaptctl.control.gains.hold import hold_number
 from adaptctl.control.gains.workspace import Workspace
-from adaptctl.errors import GainError, InputError
+from adaptctl.errors import GainError
 from adaptctl.identifiability import ReducedModel
 
 HOLD_SHARE = 0.2
@@ -43,8 +43,7 @@ class PriorRanges:
 
     def __post_init__(self) -> None:
         for kind in ("mass", "first_moment", "inertia", "viscous", "coulomb"):
-            if not (np.isfinite(getattr(self, kind)) and getattr(self, kind) > 0.0):
-                raise InputError(f"prior range of {kind}: expected a positive number, got {getattr(self, kind)}")
+            positive_number(getattr(self, kind), f"prior range of {kind}: expected a positive number")
 
     @lru_cache(maxsize=64)  # noqa: B019  # a few numbers each, asked for by every controller of a sweep
     def of(self, names: tuple[str, ...]) -> Array:
@@ -83,8 +82,8 @@ def adaptation_gain(
     gains leave of the hold number, 2 - h, over the hold number that a unit of the parameter causes (`parameter_holds`),
     both over a `workspace`, all that the joints' limits allow where None; h is without a unit, HOLD_SHARE is 0.2: a
     light wrist whose inertia is learned a hundred times too large would ring, and its prior range allows that. Raises
-    `GainError` where the period carries no adaptation with these gains, and `InputError`, with gains, for a period that
-    is not positive.
+    `GainError` where the period carries no adaptation with these gains, and `InputError` for a rate
+    that is not positive and, with gains, for such a period.
     """
     reach = (ranges or PriorRanges()).of(model.names)
     if gains is not None:
@@ -93,7 +92,7 @@ def adaptation_gain(
         reach = np.minimum(reach, HOLD_SHARE * max(2.0 - held, 0.0) / np.maximum(caused, np.finfo(float).tiny))
     if not np.all(reach > 0.0):
         raise GainError(f"{model.mechanism.name}: a period of {period:g} s does not carry these gains: nothing is left")
-    return np.asarray(rate * reach**2)
+    return np.asarray(positive_number(rate, "adaptation gain: rate: expected a positive number") * reach**2)
 
 
 def mapped_gain(model: ReducedModel, gain: ArrayLike) -> Array:

@@ -8,7 +8,7 @@ from difflib import get_close_matches
 
 import numpy as np
 
-from adaptctl.arrays import Array, frozen
+from adaptctl.arrays import Array, frozen, numbers
 from adaptctl.control.adaptation.gain import require_size
 from adaptctl.control.adaptation.law import AdaptationLaw, Period
 from adaptctl.control.memory import Memory
@@ -41,8 +41,9 @@ class Projection(AdaptationLaw[Memory]):
     upper: Array
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for name in ("lower", "upper"):
-            bound = np.array(getattr(self, name), dtype=np.float64)
+            bound = numbers(getattr(self, name), f"projection: {name}").copy()
             if bound.ndim != 1 or np.isnan(bound).any():
                 raise InputError(f"projection: {name}: expected numbers (k,), infinite where there is no bound")
             object.__setattr__(self, name, frozen(bound))

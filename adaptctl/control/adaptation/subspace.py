@@ -38,6 +38,7 @@ class Subspace(AdaptationLaw[NoMemory]):
     directions: Array
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         shape = np.shape(self.directions)
         if len(shape) != 2 or not 0 < shape[1] <= shape[0]:
             raise InputError(f"subspace: directions: expected shape (k, s) with 0 < s <= k, got {shape}")

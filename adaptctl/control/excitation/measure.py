@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen_array
+from adaptctl.arrays import Array, frozen_array, per_joint
 from adaptctl.compilation import compile_function
 from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.control.adaptation import PriorRanges
@@ -69,14 +69,15 @@ def persistent_excitation(
     zero v_r and a_r are the reference's own. `scale` (k,), SI units, or one number are prior ranges of the parameters,
     those of `PriorRanges` where None. Eigenvalues come from singular values of triangular factors, so that their error,
     relative to the largest, is the square of what it would be from the Gram matrix itself. Raises `InputError` for a
-    window shorter than 16 samples or longer than the run, and for a scale that is not finite or of another shape.
+    window shorter than 16 samples or longer than the run, for a bandwidth of another shape, and for a scale that is not
+    finite or of another shape.
     """
     count, k = len(run.p), len(model.columns)
     samples = round(window / run.control_period) if np.isfinite(window) else 0
     if not BLOCKS <= samples <= count:
         shortest, longest = BLOCKS * run.control_period, count * run.control_period
         raise InputError(f"window: expected a time from {shortest:g} s to the run's {longest:g} s, got {window}")
-    rows = scaled_regressor(model, *_arguments(run, np.asarray(bandwidth, dtype=np.float64)), scale)
+    rows = scaled_regressor(model, *_arguments(run, per_joint(bandwidth, model.mechanism.dof, "bandwidth")), scale)
     size = samples // BLOCKS
     blocks = rows[: count // size * size].reshape(count // size, -1, k) * np.sqrt(run.control_period)
     factors = _triangular(blocks)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from adaptctl.arrays import whole_number
 from adaptctl.errors import GainError, InputError
 
 if TYPE_CHECKING:
@@ -153,9 +154,11 @@ class ErrorFeedback:
 
     def loop(self, delay: int = 0) -> control.StateSpace:
         """The open loop, cut at the torque, as a discrete python-control system from the commanded to the fed-back
-        acceleration (rad/s^2 or m/s^2), with a delay of `delay` whole control periods, none by default."""
+        acceleration (rad/s^2 or m/s^2), with a delay of `delay` whole control periods, none by default.
+        Raises `InputError` for other than 0 to 1000 periods."""
         import control
 
+        whole_number(delay, "delay in periods", 0, 1000)
         A, B = _held_double_integrator()
         C = np.array([[self.stiffness * self.period**2, self.rate * self.period]])
         opened = control.ss(A, B, C, 0.0, self.period)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, frozen_array, per_joint, positive_number
 from adaptctl.control.gains.workspace import Workspace, everywhere
 from adaptctl.identifiability import ReducedModel
 
@@ -18,11 +18,13 @@ def parameter_holds(
 
     `bandwidth` is Lambda in 1/s, one number or (r,), `period` T_c in s; positions q are the samples of `workspace`, of
     all that the joints' limits allow where None. The norm is Frobenius', which is never below the spectral one.
-    Friction has no part in M: its number is 0.
+    Friction has no part in M: its number is 0. Raises `InputError` for a bandwidth of another shape and a period that
+    is not positive.
     """
     mechanism = model.mechanism
     place = workspace or everywhere(mechanism)
-    L = np.broadcast_to(np.asarray(bandwidth, dtype=np.float64), (mechanism.dof,))
+    L = per_joint(bandwidth, mechanism.dof, "bandwidth")
+    positive_number(period, "period: expected a positive time in s")
     values, vectors = np.linalg.eigh(place.mass_matrices)
     inverse = (vectors / np.sqrt(np.maximum(values, np.finfo(float).tiny))[..., None, :]) @ np.swapaxes(vectors, -1, -2)
     shares = inertia_shares(model, place.samples)
@@ -54,9 +56,12 @@ def estimate_hold(
     the start and s'Ms/2 = `kinetic` (J), 0 where s starts at 0; then sum |error_i| u_i <= H, with u (k,) of
     `parameter_holds` for the same bandwidth (1/s), period (s) and workspace. `gain` is Gamma, its diagonal (k,) or
     whole (k, k). While h + H < 2, h that of K and the true inertia, no estimate on the way can ring. It is
-    conservative: above 2 most arms are stable all the same.
+    conservative: above 2 most arms are stable all the same. Raises `InputError` for numbers of another shape or not
+    finite, and as `parameter_holds` does.
     """
-    gamma, bound = np.asarray(gain, dtype=np.float64), np.asarray(prior, dtype=np.float64)
+    k = len(model.columns)
+    gamma = frozen_array(gain, (k, k) if np.ndim(gain) == 2 else (k,), "gain")
+    bound = frozen_array(prior, (k,), "prior")
     full = np.diag(gamma) if gamma.ndim == 1 else gamma
     energy = kinetic + 0.5 * _largest_distance(full, bound)
     u = parameter_holds(model, bandwidth, period, workspace)

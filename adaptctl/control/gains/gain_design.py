@@ -156,7 +156,8 @@ class GainDesign:
         """The largest factor, without a unit, of all poles for which the period carries the gains: below 1 where it
         does not carry these.
 
-        Infinite where it carries even those of a deadbeat loop.
+        Infinite where it carries even those of a deadbeat loop, 0 where it carries none, as where M is not positive
+        definite.
         """
 
         def excess(logarithm: float) -> float:
@@ -166,6 +167,8 @@ class GainDesign:
         slowest, quickest = (float(np.log(angle / (self.highest * self.period))) for angle in SEARCHED)
         if excess(quickest) <= 0.0:
             return np.inf
+        if excess(slowest) > 0.0:
+            return 0.0
         return float(np.exp(brentq(excess, slowest, quickest, xtol=1e-6)))
 
     def require_carried(self) -> GainDesign:

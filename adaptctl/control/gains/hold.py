@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen, per_joint, stacked_rows
+from adaptctl.arrays import Array, frozen, frozen_array, per_joint, stacked_rows
 from adaptctl.caching import sent_as_made
 from adaptctl.compilation.result_cache import kept
 from adaptctl.control.gains.workspace import Workspace, Worst, everywhere
@@ -64,8 +64,12 @@ def hold_number(
         raise InputError(
             f"hold number: expected a positive damping and a bandwidth of at least 0, got {K.tolist()} and {L.tolist()}"
         )
-    known = None if estimate is None else tuple(np.asarray(estimate, dtype=np.float64).tolist())
+    known = None if estimate is None else tuple(_all_parameters(mechanism, estimate).tolist())
     return _searched(mechanism, workspace, tuple(K.tolist()), tuple(L.tolist()), float(period), known)
+
+
+def _all_parameters(mechanism: Mechanism, values: ArrayLike) -> Array:
+    return frozen_array(values, (len(mechanism.parameter_names),), f"{mechanism.name}: parameters")
 
 
 @lru_cache(maxsize=64)
@@ -209,7 +213,7 @@ def least_definite(mechanism: Mechanism, parameters: ArrayLike, workspace: Works
     the positions `p` (r,), rad or m, where: M^ of `parameters` (P,), SI units, is positive definite in the workspace if
     it is above 0, as far as a local search from the worst samples finds. A `workspace` of None is all that the joints'
     limits allow, in 200 random samples."""
-    D = np.asarray(parameters, dtype=np.float64)
+    D = _all_parameters(mechanism, parameters)
     found = (workspace or everywhere(mechanism)).highest(
         lambda p: -scaled_eigenvalues(mass_matrix_of(mechanism, p, D))[..., 0]
     )

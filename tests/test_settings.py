@@ -1,0 +1,106 @@
+"""Settings that are no numbers, of another shape or out of bounds, are refused in a line that names them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from sampled_loops import arm, reduced
+
+from adaptctl.control import (
+    Composite,
+    CompositeLearning,
+    ConcurrentLearning,
+    DeadZone,
+    Gradient,
+    Natural,
+    PriorRanges,
+    Projection,
+    SigmaModification,
+    Spline,
+    adaptation_gain,
+    hold_number,
+    least_definite,
+)
+from adaptctl.control.excitation.measure import persistent_excitation
+from adaptctl.control.gains.error_feedback import ErrorFeedback
+from adaptctl.control.gains.estimate_hold import estimate_hold, parameter_holds
+from adaptctl.design import DesignTask, PlaceBounds
+from adaptctl.design.bodies import box, cylinder
+from adaptctl.design.removals import removals
+from adaptctl.errors import InputError
+from adaptctl.identifiability import ReducedModel
+
+ONES, TEXT = np.ones(15), cast(Any, "a")
+
+
+def model() -> ReducedModel:
+    return reduced("puma560_arm3")
+
+
+def task() -> DesignTask:
+    return DesignTask.within_limits(arm("puma560_arm3"), 50)
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: Gradient(cast(Any, ["a"])), "adaptation gain: expected numbers"),
+        (lambda: Gradient(ONES, theta=TEXT), "Gradient: theta: expected a number, got 'a'"),
+        (lambda: Gradient(ONES, cap=cast(Any, [1.0, 2.0])), "Gradient: cap: expected a number"),
+        (lambda: SigmaModification(ONES, rate=TEXT), "SigmaModification: rate"),
+        (lambda: CompositeLearning(ONES, recall=TEXT), "CompositeLearning: recall"),
+        (lambda: Natural(TEXT), "natural adaptation: rate: expected numbers"),
+        (lambda: Projection(Gradient(ONES), cast(Any, ["a"] * 15), ONES), "projection: lower: expected numbers"),
+        (lambda: PriorRanges(mass=TEXT), "prior range of mass"),
+        (lambda: Composite(ONES, cutoff=-1.0), "cutoff: expected a positive number in 1/s"),
+        (lambda: ConcurrentLearning(ONES, cutoff=np.nan), "cutoff: expected a positive number in 1/s"),
+        (lambda: CompositeLearning(ONES, cutoff=0.0), "cutoff: expected a positive number in 1/s"),
+        (lambda: DeadZone.against(ONES, 5.0, -1.0), "dead zone: torque: expected numbers of at least 0"),
+        (lambda: DeadZone.against(ONES, 5.0, TEXT), "dead zone: torque: expected numbers"),
+        (lambda: adaptation_gain(model(), rate=-1.0), "rate: expected a positive number"),
+        (lambda: adaptation_gain(model(), rate=np.nan), "rate: expected a positive number"),
+        (lambda: hold_number(arm("puma560_arm3"), 5.0, 1e-3, 8.0, estimate=[1.0]), "expected shape"),
+        (lambda: hold_number(arm("puma560_arm3"), 5.0, 1e-3, 8.0, estimate=np.full(30, np.nan)), "finite"),
+        (lambda: least_definite(arm("puma560_arm3"), [1.0]), "expected shape"),
+        (lambda: parameter_holds(model(), [8.0, 8.0], 1e-3), "bandwidth: expected a number or 3"),
+        (lambda: parameter_holds(model(), 8.0, -1e-3), "period: expected a positive time"),
+        (lambda: estimate_hold(model(), ONES, [1.0], 8.0, 1e-3), "prior: expected shape"),
+        (lambda: estimate_hold(model(), [1.0], ONES, 8.0, 1e-3), "gain: expected shape"),
+        (lambda: ErrorFeedback(100.0, 20.0, 1e-3).loop(-1), "delay in periods: expected a whole number from 0"),
+        (lambda: ErrorFeedback(100.0, 20.0, 1e-3).loop(cast(Any, 0.5)), "delay in periods"),
+        (lambda: removals(task(), [], density=0.0), "density: expected a positive number"),
+        (lambda: PlaceBounds.of(arm("puma560_arm3"), "link3").grid(0), "grid: places along an edge"),
+        (lambda: DesignTask.within_limits(arm("puma560_arm3"), cast(Any, 5.5)), "samples: expected a whole number"),
+        (lambda: DesignTask.within_limits(arm("puma560_arm3"), 50, seed=-1), "seed: expected a whole number"),
+        (lambda: DesignTask(arm("puma560_arm3"), *np.ones((3, 2, 30, 3)), ""), r"expected one shape \(T, 3\)"),
+        (lambda: task().carried(share=np.nan), "share: expected a number, got nan"),
+        (lambda: box(TEXT, (1.0, 1.0, 1.0)), "mass: expected"),
+        (lambda: cylinder(TEXT, 1.0, 1.0), "mass: expected"),
+    ],
+)
+def test_settings_that_cannot_be_are_refused(make: Callable[[], object], says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        make()
+
+
+def test_one_torque_serves_all_joints_of_a_dead_zone() -> None:
+    one, each = (DeadZone.against(ONES, [5.0, 6.0, 7.0], torque) for torque in (0.5, [0.5] * 3))
+    np.testing.assert_array_equal(one.width, each.width)
+
+
+def test_a_spline_at_no_time_is_not_at_rest() -> None:
+    reference = Spline(np.linspace(0.0, 1.0, 8)[:, None] ** 3, np.arange(8.0))
+    assert all(np.isnan(part).all() for part in reference(np.array([np.nan])))
+    assert all(np.isfinite(part).all() for part in reference(np.array([-1.0, 3.0, 9.0])))
+
+
+def test_excitation_is_measured_at_a_bandwidth_of_the_joints() -> None:
+    class Run:
+        p = v = reference_p = reference_v = reference_a = np.zeros((100, 3))
+        control_period = 1e-3
+
+    with pytest.raises(InputError, match="bandwidth: expected a number or 3"):
+        persistent_excitation(model(), cast(Any, Run()), 0.05, bandwidth=[1.0, 2.0])
