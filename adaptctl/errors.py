@@ -7,17 +7,17 @@ LONGEST_MESSAGE = 2_000
 
 
 class AdaptctlError(Exception):
-    """Base class of every error that this package raises on purpose. Its message shows control characters, and sends
-    none."""
+    """Base class of every error that this package raises on purpose. Control characters in its message are written out,
+    so that no terminal obeys them, and a message over LONGEST_MESSAGE (2000) characters is cut."""
 
     def __init__(self, message: object = "") -> None:
         super().__init__(printable(str(message), LONGEST_MESSAGE))
 
 
 def printable(text: str, most: int = 80) -> str:
-    """The text with control characters written out, such as \\x1b, and cut in its middle above `most` characters.
+    """The `text` with control characters written out, such as \\x1b, and cut in its middle above `most` characters.
 
-    Names come from files of strangers, and a terminal would obey what is in them.
+    Names come from files of strangers, and a terminal would obey what is in them. Spaces and line breaks stay.
     """
     if len(text) > most:
         text = f"{text[: most // 2]}...{text[-(most // 2) :]}"
@@ -41,7 +41,8 @@ class NonFiniteError(InputError):
 
 
 class RankError(AdaptctlError):
-    """Error of an energy matrix whose rank cannot be certified; `singular_values` holds the spectrum."""
+    """Error of an energy matrix whose rank cannot be certified; `singular_values` holds its spectrum, empty where that
+    has no part in it."""
 
     def __init__(self, message: str, singular_values: tuple[float, ...] = ()) -> None:
         super().__init__(message)
@@ -49,7 +50,7 @@ class RankError(AdaptctlError):
 
 
 class GainError(InputError):
-    """Error of gains that the sampling period cannot carry."""
+    """Error of feedback gains that are too large for the control period: the sampled loop could ring or be unstable."""
 
 
 class PhysicalConsistencyWarning(UserWarning):
@@ -57,7 +58,8 @@ class PhysicalConsistencyWarning(UserWarning):
 
 
 class StabilityWarning(UserWarning):
-    """Warning of a cause that may make a loop ring which its gains alone would not."""
+    """Warning of a cause, such as estimates far off, that may make a control loop ring (oscillate) whose gains alone
+    would not."""
 
 
 class ReferenceWarning(UserWarning):
@@ -65,13 +67,13 @@ class ReferenceWarning(UserWarning):
 
 
 class TraceError(AdaptctlError, TypeError):
-    """Error of an equation that cannot be traced: it asks for a number that is not known yet, or does what no symbolic
-    scalar can."""
+    """Error of an equation that cannot be traced into an expression graph: it asks for a number that is not known yet,
+    or does what no symbolic scalar can."""
 
 
 class NotCompiledWarning(UserWarning):
-    """Warning that a run which could have been one call of native code goes step by step in Python: the message says
-    why."""
+    """Warning that a run which could have been one call of native code goes step by step in Python, which is slower:
+    the message says why."""
 
 
 class SimplificationWarning(UserWarning):
@@ -79,11 +81,12 @@ class SimplificationWarning(UserWarning):
 
 
 class LoopError(InputError):
-    """Error of loops that do not close, that lock, or that the primary joints do not fit."""
+    """Error of kinematic loops that do not close, are redundant or lock the mechanism, or of primary joints that do not
+    determine them."""
 
 
 class SingularityError(AdaptctlError):
-    """Error of a loop at or near a configuration where its primary joints no longer determine the others."""
+    """Error of a kinematic loop at or near a configuration where its primary joints no longer determine the others."""
 
 
 class MissingExtraError(AdaptctlError, ImportError):
@@ -92,8 +95,8 @@ class MissingExtraError(AdaptctlError, ImportError):
 
 
 class LostSamplesWarning(UserWarning):
-    """Warning that a log has not kept all samples it was given."""
+    """Warning that a log has not kept all samples it was given; the message has their number."""
 
 
 class LiveViewWarning(UserWarning):
-    """Warning that a live view is not, or no longer, to be seen; the loop that it shows goes on."""
+    """Warning that a live view cannot be shown, or no longer; the control loop that it shows goes on."""

@@ -11,8 +11,9 @@ from adaptctl.scalars.scalar import Scalar
 
 
 class Column:
-    """A column of n scalars of one kind. Arithmetic is elementwise, also with a scalar factor on either side, and `@`
-    is the inner product."""
+    """A column (n,) of scalars of one kind, such as floats or arrays of samples; `of` is the tuple of them. Arithmetic
+    is elementwise, also with a scalar factor on either side, and `@` is the inner product; columns of other lengths
+    raise `ValueError`."""
 
     __slots__ = ("of",)
     __array_ufunc__ = None
@@ -65,8 +66,8 @@ def combined(columns: Sequence[Column], weights: Column) -> Column:
 
 
 def column(array: Any) -> Column:
-    """A column of the entries (n,) along an array's last axis: floats for one sample, arrays of samples otherwise. A
-    column is returned as it is."""
+    """A column of the entries (n,) along the last axis of an array (..., n): floats for one sample (n,), arrays of
+    samples (...) otherwise. A column is returned as it is."""
     if isinstance(array, Column):
         return array
     if array.ndim == 1:
@@ -75,7 +76,8 @@ def column(array: Any) -> Column:
 
 
 def each(values: Any, n: int) -> Column:
-    """A column (n,) from one scalar for all entries or from n: a column, or numbers."""
+    """A column (n,) from one scalar for all entries, or from n numbers (n,); a column is returned as it is. Raises
+    `ValueError` for another number of numbers."""
     if isinstance(values, Column):
         return values
     if isinstance(values, np.ndarray | list | tuple):
@@ -84,7 +86,8 @@ def each(values: Any, n: int) -> Column:
 
 
 def spread(values: Column, columns: Sequence[int], size: int) -> Column:
-    """Column (size,) with the values at these indices and exact zeros elsewhere, of which a trace computes nothing."""
+    """Column (size,) with the values (m,) at the indices `columns` (m,) and exact zeros elsewhere, of which a trace
+    computes nothing. Raises `ValueError` for another number of indices."""
     entries: list[Any] = [0.0] * size
     for column, value in zip(columns, values, strict=True):
         entries[column] = value

@@ -27,8 +27,9 @@ from adaptctl.scalars.scalar import (
 
 
 class Dual:
-    """A dual number `value + slope eps`, eps^2 = 0: `slope` is the derivative along the direction of the argument's
-    slopes."""
+    """A dual number `value + slope eps`, eps^2 = 0: `slope`, zero unless given, is the derivative along the direction
+    of the argument's slopes. Either part is a float or an array of samples. As the condition of an `if` it raises
+    `TypeError`: use `where`."""
 
     __slots__ = ("slope", "value")
 

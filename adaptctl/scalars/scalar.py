@@ -14,7 +14,8 @@ import numpy as np
 
 
 class Scalar(Protocol):
-    """Protocol of a scalar: the arithmetic that every kind of scalar supports."""
+    """Protocol of a scalar: the arithmetic (+, -, *, /) that every kind supports: a float, an array of samples, a dual
+    number, a node of an expression graph."""
 
     def __add__(self, other: Any, /) -> Any: ...
     def __radd__(self, other: Any, /) -> Any: ...
@@ -35,53 +36,53 @@ Condition: TypeAlias = Any
 
 
 def sin(x: Any) -> Any:
-    """Sine of an angle in radians."""
+    """Sine of an angle in radians, over scalars of any kind."""
     return math.sin(x) if isinstance(x, float) else np.sin(x)
 
 
 def cos(x: Any) -> Any:
-    """Cosine of an angle in radians."""
+    """Cosine of an angle in radians, over scalars of any kind."""
     return math.cos(x) if isinstance(x, float) else np.cos(x)
 
 
 def sqrt(x: Any) -> Any:
-    """Square root of a scalar of at least 0."""
+    """Square root of a scalar of at least 0, of any kind. Raises `ValueError` for a negative float; NaN in arrays."""
     return math.sqrt(x) if isinstance(x, float) else np.sqrt(x)
 
 
 def exp(x: Any) -> Any:
-    """Exponential of a scalar; infinity where it is larger than doubles go."""
+    """Exponential e^x of a scalar of any kind; infinity where it is larger than doubles go."""
     if isinstance(x, float):
         return math.exp(x) if not x > LARGEST_EXPONENT else math.inf
     return np.exp(x)
 
 
 def log(x: Any) -> Any:
-    """Natural logarithm of a scalar; minus infinity of zero, NaN of what is negative."""
+    """Natural logarithm of a scalar of any kind; minus infinity of zero, NaN of what is negative."""
     if isinstance(x, float):
         return math.log(x) if x > 0.0 else -math.inf if x == 0.0 else math.nan
     return np.log(x)
 
 
 def tanh(x: Any) -> Any:
-    """Hyperbolic tangent of a scalar."""
+    """Hyperbolic tangent of a scalar of any kind."""
     return math.tanh(x) if isinstance(x, float) else np.tanh(x)
 
 
 def atan2(y: Any, x: Any) -> Any:
-    """Angle of the point x, y from the x axis, in rad, from -pi to pi."""
+    """Angle of the point (x, y) from the x axis, in rad, from -pi to pi, over scalars of any kind."""
     return math.atan2(y, x) if isinstance(x, float) and isinstance(y, float) else np.arctan2(y, x)
 
 
 def nearest_whole(x: Any) -> Any:
-    """The whole number that is nearest to a scalar; of two, the even one."""
+    """The whole number that is nearest to a scalar of any kind; of two equally near, the even one."""
     return float(np.rint(x)) if isinstance(x, float) else np.rint(x)
 
 
 def angle(sine: Any, cosine: Any, near: Any) -> Any:
-    """The angle with a sine and a cosine, in rad: of all, whole turns apart, the nearest to `near`.
+    """Angle with this `sine` and `cosine`, in rad: of all such, whole turns apart, the nearest to `near` (rad).
 
-    Their squares add up to 1. A traced angle is known to have them: its sine costs nothing.
+    The squares of sine and cosine add up to 1. A traced angle is known to have them: its sine costs nothing.
     """
     least = atan2(sine, cosine)
     whole = least + 2.0 * math.pi * nearest_whole((near - least) * (0.5 / math.pi))
@@ -89,27 +90,28 @@ def angle(sine: Any, cosine: Any, near: Any) -> Any:
 
 
 def absolute(x: Any) -> Any:
-    """Magnitude of a scalar."""
+    """Magnitude |x| of a scalar of any kind."""
     return np.absolute(x)
 
 
 def minimum(x: Any, y: Any) -> Any:
-    """The smaller of two scalars."""
+    """The smaller of two scalars of any kind, elementwise in arrays; NaN where either is NaN."""
     return np.minimum(x, y)
 
 
 def maximum(x: Any, y: Any) -> Any:
-    """The larger of two scalars."""
+    """The larger of two scalars of any kind, elementwise in arrays; NaN where either is NaN."""
     return np.maximum(x, y)
 
 
 def where(condition: Condition, yes: Any, no: Any) -> Any:
-    """The value `yes` where the condition holds, else `no`: the only branch an equation may take."""
+    """The value `yes` where the `condition`, a comparison of scalars, holds, else `no`, elementwise in arrays: the only
+    branch an equation may take."""
     if isinstance(condition, bool | np.bool_):
         return yes if condition else no
     return np.where(condition, yes, no)
 
 
 def clip(x: Any, lower: Any, upper: Any) -> Any:
-    """A scalar clipped to [lower, upper], to the nearest value within."""
+    """The scalar x clipped to [lower, upper], to the nearest value within, elementwise in arrays."""
     return minimum(maximum(x, lower), upper)

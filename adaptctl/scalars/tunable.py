@@ -19,8 +19,8 @@ from adaptctl.scalars.column import Column
 
 
 class Structure:
-    """The structure of an object, all of it but its tunable numbers: objects of equal structure have one equation. `of`
-    is one that has it."""
+    """The structure of an object, all of it but its tunable numbers: objects of equal structure have one equation,
+    whose native code they share. `of` is an object that has it."""
 
     __slots__ = ("_hash", "_key", "of")
 
@@ -35,11 +35,12 @@ class Structure:
 
 
 class Keyed:
-    """A frozen dataclass, none of whose numbers may change, whose key in structures is made once."""
+    """Base class of frozen dataclasses none of whose numbers are tunable, and whose structure, by which native code is
+    shared, is found once."""
 
     @cached_property
     def structure(self) -> Structure:
-        """Key of an equation of these settings."""
+        """Structure of these settings, all their values: equal ones share an equation and its native code."""
         return Structure(self, _fields_key(self))
 
 
@@ -55,7 +56,7 @@ class Tunable:
 
     @property
     def tunable(self) -> tuple[str, ...]:
-        """Names of the attributes that hold tunable numbers."""
+        """Names of the attributes that hold tunable numbers; none unless a class names them."""
         return ()
 
     def __init_subclass__(cls, **options: Any) -> None:
@@ -65,12 +66,13 @@ class Tunable:
 
     @property
     def tunable_parts(self) -> Mapping[str, Tunable]:
-        """The tunable settings within these, by the attribute they are in."""
+        """The attributes that are themselves tunable settings, by name."""
         return {name: value for name, value in self._settings() if isinstance(value, Tunable)}
 
     @cached_property
     def numbers(self) -> dict[str, Array]:
-        """The tunable numbers, arrays (...) by name, a part's after its own, as in ``adaptation.gain``."""
+        """The tunable numbers as float arrays (), (n,) or (m, n) by name, its own, then those of parts, as in
+        ``adaptation.gain``; without attributes that are None."""
         given = {name: getattr(self, name) for name in self.tunable}
         own = {name: np.asarray(value, dtype=np.float64) for name, value in given.items() if value is not None}
         parts = self.tunable_parts.items()
@@ -78,22 +80,24 @@ class Tunable:
 
     @cached_property
     def packed(self) -> Array:
-        """All tunable numbers (g,), one after the other."""
+        """All tunable numbers (g,), one after the other in the order of `numbers`, matrices row by row."""
         return np.concatenate([np.zeros(0), *(array.ravel() for array in self.numbers.values())])
 
     def substituted(self, packed: Column) -> Self:
-        """A copy of these settings with other tunable numbers (g,), scalars of any kind, not checked."""
+        """A copy of these settings with other tunable numbers (g,), in the order of `packed`, scalars of any kind, not
+        checked."""
         return self.having(self.unpacked(packed))
 
     def unpacked(self, packed: Column) -> dict[str, Any]:
-        """The tunable numbers, packed (g,), by name: a scalar, a column, or a tuple of a matrix's rows."""
+        """The tunable numbers of `packed` (g,), by their names in `numbers`: each a scalar, a column (n,), or a tuple
+        of a matrix's rows, m columns (n,)."""
         ends = accumulate(array.size for array in self.numbers.values())
         parts = zip(self.numbers.items(), ends, strict=True)
         return {name: _shaped(packed.of[end - array.size : end], array.shape) for (name, array), end in parts}
 
     def having(self, numbers: Mapping[str, Any]) -> Self:
-        """A copy of these settings with other numbers by name, not checked: scalars of any kind, or arrays of which
-        leading axes are samples."""
+        """A copy of these settings with other numbers by their names in `numbers`, not checked: scalars of any kind, or
+        arrays of which leading axes are samples. Numbers that are not named stay."""
         other = object.__new__(type(self))
         other.__dict__.update(self._settings())
         other.__dict__.update({name: value for name, value in numbers.items() if "." not in name})
@@ -102,7 +106,8 @@ class Tunable:
         return other
 
     def tuned(self, numbers: Mapping[str, ArrayLike]) -> Self:
-        """A copy of these settings with other numbers by name, checked as new ones are.
+        """A copy of these settings with other numbers by their names in `numbers`, checked as new ones are; others
+        stay.
 
         Raises `NotFoundError` for a name that is none of `numbers`, and what the settings themselves raise.
         """
@@ -118,7 +123,8 @@ class Tunable:
 
     @cached_property
     def structure(self) -> Structure:
-        """Key of these settings' equation: all that it depends on besides the tunable numbers."""
+        """Structure of these settings, all that their equation depends on besides the values of the tunable numbers:
+        equal ones share it."""
         parts, shapes = self.tunable_parts, tuple((name, array.shape) for name, array in self.numbers.items())
         fixed = [(name, value) for name, value in self._settings() if name not in parts]
         rest = tuple((name, _key(value)) for name, value in fixed if name not in self.tunable or value is None)

@@ -9,7 +9,7 @@ from adaptctl.scalars.scalar import Scalar
 
 
 class Vec:
-    """A vector of three scalars of one kind."""
+    """A vector (3,) of scalars `x`, `y` and `z` of one kind, in the coordinates of one frame."""
 
     __slots__ = ("x", "y", "z")
     __array_ufunc__ = None  # lets `array * Vec` reach __rmul__
@@ -34,17 +34,17 @@ class Vec:
 
 
 def dot(a: Vec, b: Vec) -> Any:
-    """Inner (dot) product of two vectors."""
+    """Inner (dot) product of two vectors (3,), a scalar."""
     return a.x * b.x + a.y * b.y + a.z * b.z
 
 
 def cross(a: Vec, b: Vec) -> Vec:
-    """Vector (cross) product a x b."""
+    """Vector (cross) product a x b (3,) of two vectors (3,)."""
     return Vec(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x)
 
 
 class Mat:
-    """A 3 by 3 matrix of scalars, as three rows."""
+    """A 3 by 3 matrix of scalars of one kind, as three rows `x`, `y` and `z`; `@` multiplies it with a `Vec`."""
 
     __slots__ = ("x", "y", "z")
 
@@ -53,7 +53,7 @@ class Mat:
 
     @classmethod
     def of(cls, rows: Sequence[Sequence[float]]) -> Mat:
-        """A matrix of floats from nested sequences or a (3, 3) array."""
+        """A matrix of floats from three rows of three numbers, nested sequences or a (3, 3) array."""
         return cls(*(Vec(*(float(entry) for entry in row)) for row in rows))
 
     def __add__(self, other: Mat) -> Mat:
@@ -70,13 +70,13 @@ class Mat:
 
     @property
     def T(self) -> Mat:
-        """The transposed matrix."""
+        """The transposed matrix (3, 3)."""
         a, b, c = self.x, self.y, self.z
         return Mat(Vec(a.x, b.x, c.x), Vec(a.y, b.y, c.y), Vec(a.z, b.z, c.z))
 
 
 def product(a: Mat, b: Mat) -> Mat:
-    """The matrix product A B."""
+    """The matrix product A B (3, 3) of two matrices (3, 3)."""
     columns = b.T
     return Mat(*(columns @ row for row in a))
 

@@ -52,8 +52,9 @@ class ClosedLoop:
     """A closed loop: a controller that ticks on a plant's measured positions and velocities, and the plant under its
     torque.
 
-    Its columns are those of `Plant.sizes`, what was measured last where there are sensors, and the controller's
-    memory; they come back in this order.
+    Its state's columns are those of `Plant.sizes`, what was measured last where there are sensors, and the controller's
+    memory; they come back in this order. Raises `InputError` where plant and controller differ in their number of
+    joints.
     """
 
     plant: Plant
@@ -67,30 +68,32 @@ class ClosedLoop:
 
     @cached_property
     def state(self) -> dict[str, int]:
-        """Lengths of the columns that pass from one control period to the next, by name."""
+        """Lengths of the columns that pass from one control period to the next, by name: those of `Plant.sizes`,
+        `measured_p` and `measured_v` (r, or 0 without sensors), and the parts of the controller's memory."""
         measured = dict.fromkeys(("measured_p", "measured_v"), self.controller.dof if self._senses else 0)
         memory = {f"memory_{k}": len(part) for k, part in enumerate(leaves(self._blank))}
         return self.plant.sizes | measured | memory
 
     @property
     def held(self) -> dict[str, int]:
-        """Lengths of the columns that stay the same, by name: the plant's parameters (P,) and, where there are any, the
-        gains."""
+        """Lengths of the columns that stay the same, by name: the plant's `parameters` (P,) and, where there are any,
+        the controller's `gains` (g,)."""
         return {"parameters": self.plant.mechanism.equations.parameters} | self.controller.gain_sizes
 
     @property
     def reference(self) -> dict[str, int]:
-        """Lengths of a reference point's parts, by name."""
+        """Lengths of a reference point's parts (positions, velocities, accelerations), by name: r each, or as many as
+        the task space has for a controller there."""
         return dict.fromkeys(REFERENCE, self.controller.reference_size)
 
     @property
     def noise(self) -> dict[str, int]:
-        """Length of the column of the sensors' noise, standard normal numbers, by its name."""
+        """Length of the column `noise` of the sensors' standard normal numbers, by its name: `Plant.noise_size`."""
         return {"noise": self.plant.noise_size}
 
     def equation(self, **columns: Column) -> tuple[list[Column], Sample]:
-        """The columns (n,) passed on, and the `Sample` recorded, of one control period, from the columns of `state`,
-        `held`, `reference` and `noise`."""
+        """The columns (n,) passed on, in the order of `state`, and the `Sample` recorded, of one control period, from
+        the columns, by name, of `state`, `held`, `reference` and `noise`."""
         q, v = columns["q"], columns["v"]
         measured = columns["measured_p"], columns["measured_v"]
         reference = ReferencePoint(*(columns[name] for name in REFERENCE))
@@ -108,7 +111,7 @@ class ClosedLoop:
 
     @cached_property
     def marks(self) -> tuple[str, ...]:
-        """Names of the marks: the plant's, then those of the controller's guards."""
+        """Names of the marks of a `Sample`, each 1 or 0: `Plant.marks`, then those of the controller's guards."""
         return (*self.plant.marks, *getattr(guards(self._blank), "_fields", ()))
 
     def __eq__(self, other: object) -> bool:
@@ -124,19 +127,20 @@ class ClosedLoop:
 
     @lru_cache(maxsize=8)  # noqa: B019  # some code is worth keeping, and its loop with it
     def compiled(self) -> Stepper:
-        """The stepper: native code of a control period of one arm, whose reference and noise come from outside; that of
-        the latest loops is kept."""
+        """The stepper of one arm: native code of a control period, whose reference and noise come from outside. Those
+        of the 8 latest loops are kept."""
         shared, name = self.reference | self.noise, type(self.controller).__name__
         return compile_step(self.step, state=self.state, held=self.held, shared=shared, lanes=1, name=name)
 
     def step(self, **columns: Column) -> tuple[Any, ...]:
-        """The results of `equation` in one tuple: the columns passed on, then those of the `Sample`."""
+        """The results of `equation` in one tuple, from the same columns: those passed on, then the fields of the
+        `Sample`."""
         passed_on, sample = self.equation(**columns)
         return (*passed_on, *sample)
 
     def begin(self, arms: Ensemble, state: PlantState, memory: Any) -> None:
-        """Set the arms to the states of plants (..., n), a controller's memory, one for all, or a row each, and its
-        gains."""
+        """Set the state of `arms`, M copies of the compiled step, to `state`, the plants' (n,) or (M, n), to `memory`,
+        the controller's, one for all or a row each, and their gains, if any, to the controller's."""
         plant = state.q, state.v, state.drives, state.sensors
         measured = (state.measured_p, state.measured_v) if self._senses else np.zeros((2, 0))
         for name, values in zip(self.state, (*plant, *measured, *leaves(memory)), strict=True):
@@ -145,7 +149,8 @@ class ClosedLoop:
             arms.held[name] = self.controller.packed
 
     def now(self, arms: Ensemble, time: float, member: int = 0) -> tuple[PlantState, Any]:
-        """The plant's state of one arm at a time (s), no torque applied yet, and its controller's memory."""
+        """The plant's state of one of the `arms`, the number `member` from 0, at a `time` (s), with torque and marks
+        zero, and its controller's memory."""
         q, v, drives, sensors, *rest = (arms.state[name][member] for name in self.state)
         p = self.plant.positions(q)
         measured, memory = rest[:2] if self._senses else (p, v), like(self._blank, rest[2:])

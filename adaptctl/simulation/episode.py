@@ -21,8 +21,15 @@ rewards (...) and whether the episode ends there (...)."""
 
 @sent_as_made
 class Episode(NamedTuple):
-    """A running episode: what `simulate` asks an environment for by `hand_over()`, and gives back to it by
-    `take_back(state, steps, clipped, terminated)`, which returns the info there."""
+    """A running episode in parts, which `simulate` takes from an environment by `hand_over()`, and gives back by
+    `take_back(state, steps, clipped, terminated)`, which returns the environment's info there.
+
+    `plant` at `state`; `parameters` (P,), the true inertial ones, SI units, without what effects load on them;
+    `reference`, the trajectory; `rng`, which draws the sensors' noise, `Plant.noise_size` standard normal numbers a
+    control period; `steps`, the number of control periods left; `judge`, which maps configurations q (..., n),
+    velocities (..., r), the reference there and the torques applied before (..., r) to rewards (...) and whether the
+    episode ends there (...).
+    """
 
     plant: Plant
     state: PlantState

@@ -16,14 +16,16 @@ Rates: TypeAlias = Callable[[Column, Column], Column]
 
 
 def own(q: Column, v: Column) -> Column:
-    """The rates (n,) of a tree's configuration, which is its positions: the velocities."""
+    """Rates q' (n,) of a tree's configuration, rad/s (m/s): its velocities v (n,), whatever q (n,) is."""
     return v
 
 
 class Integrator(Protocol):
-    """A one-step method for second-order equations.
+    """Protocol of a one-step method for second-order equations q' = rates(q, v), v' = acceleration(q, v).
 
-    `rates` is for mechanisms with loops, whose configuration has joints besides the primary ones.
+    `stages` is the number of accelerations it evaluates a step; `implicit` is True if these have the friction of the
+    step's end, not of its beginning. `rates` is for mechanisms with loops, whose configuration has joints besides the
+    primary ones.
     """
 
     stages: ClassVar[int]
@@ -34,13 +36,17 @@ class Integrator(Protocol):
     def step(
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
     ) -> tuple[Column, Column]:
-        """Configuration (n,) and velocities (r,) `dt` seconds later."""
+        """Configuration q (n,), rad (m), and velocities v (r,), rad/s (m/s), `dt` seconds after those given.
+
+        `acceleration` gives v' (r,) at (q, v), and `rates` gives q' (n,) there: by default v itself, as for a tree,
+        whose configuration is its positions.
+        """
         ...
 
 
 @dataclass(frozen=True)
 class RungeKutta4:
-    """The classical method of order 4 (Kutta 1901): four accelerations a step."""
+    """The classical Runge-Kutta method of order 4 (Kutta 1901): explicit, with four accelerations (`stages`) a step."""
 
     stages: ClassVar[int] = 4
     implicit: ClassVar[bool] = False
@@ -48,7 +54,12 @@ class RungeKutta4:
     def step(
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
     ) -> tuple[Column, Column]:
-        """Configuration (n,) and velocities (r,) `dt` seconds later, with an error of order dt^5."""
+        """Configuration q (n,), rad (m), and velocities v (r,), rad/s (m/s), `dt` seconds after those given, with an
+        error of order dt^5.
+
+        `acceleration` gives v' (r,) at (q, v), and `rates` gives q' (n,) there: by default v itself, as for a tree,
+        whose configuration is its positions.
+        """
         half = 0.5 * dt
         u1, a1 = rates(q, v), acceleration(q, v)
         q2, v2 = q + half * u1, v + half * a1
@@ -63,10 +74,12 @@ class RungeKutta4:
 
 @dataclass(frozen=True)
 class SemiImplicitEuler:
-    """The symplectic Euler method of order 1: one acceleration a step, positions moved by the new velocities.
+    """The symplectic Euler method of order 1: one acceleration (`stages`) a step, positions moved by the new
+    velocities.
 
-    Where the acceleration depends on positions alone, its energy error stays bounded; with the velocity terms
-    of an arm it does so only approximately (Hairer, Lubich and Wanner 2006, section I.1).
+    Where the acceleration depends on positions alone, its energy error stays bounded; with the velocity terms of an arm
+    it does so only approximately (Hairer, Lubich and Wanner 2006, section I.1). Friction is that of the step's
+    beginning: not `implicit`.
     """
 
     stages: ClassVar[int] = 1
@@ -75,7 +88,12 @@ class SemiImplicitEuler:
     def step(
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
     ) -> tuple[Column, Column]:
-        """Configuration (n,) and velocities (r,) `dt` seconds later, with an error of order dt^2."""
+        """Configuration q (n,), rad (m), and velocities v (r,), rad/s (m/s), `dt` seconds after those given, with an
+        error of order dt^2.
+
+        `acceleration` gives v' (r,) at (q, v), and `rates` gives q' (n,) there: by default v itself, as for a tree,
+        whose configuration is its positions.
+        """
         after = v + dt * acceleration(q, v)
         return q + dt * rates(q, after), after
 
@@ -86,9 +104,10 @@ class LinearlyImplicitEuler:
 
         (M + dt B) (v_1 - v) = dt (torque - C v - g - B v),  p_1 = p + dt (v + v_1)/2
 
-    B v is the friction at v: Coulomb friction by the secant of its curve, whose value it keeps at steady speed. With
-    torque and gravity held, friction alone never reverses a velocity (a Rosenbrock method of one stage: Hairer and
-    Wanner 1996, section IV.7).
+    M is the mass matrix, C v the velocity torques, g gravity's, and B v the friction at v: Coulomb friction by the
+    secant of its curve, whose value it keeps at steady speed. One acceleration (`stages`) a step, `implicit` in
+    friction alone. With torque and gravity held, friction alone never reverses a velocity (a Rosenbrock method of one
+    stage: Hairer and Wanner 1996, section IV.7).
     """
 
     stages: ClassVar[int] = 1
@@ -97,6 +116,11 @@ class LinearlyImplicitEuler:
     def step(
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
     ) -> tuple[Column, Column]:
-        """Configuration (n,) and velocities (r,) `dt` seconds later, with an error of order dt^2."""
+        """Configuration q (n,), rad (m), and velocities v (r,), rad/s (m/s), `dt` seconds after those given, with an
+        error of order dt^2.
+
+        `acceleration` gives (v_1 - v)/dt (r,) at (q, v), friction of the step's end included; `rates` gives q' (n,) at
+        (q, (v + v_1)/2): by default that velocity itself, as for a tree, whose configuration is its positions.
+        """
         after = v + dt * acceleration(q, v)
         return q + dt * rates(q, 0.5 * (v + after)), after

@@ -37,16 +37,18 @@ MOST_SUBSTEPS = 1_000_000
 
 @dataclass(frozen=True, eq=False)
 class Plant(Tunable):
-    """A plant: a mechanism driven by torques in N m (N for a prismatic joint), each held over one control period.
+    """A plant: a mechanism driven by torques (r,) in N m (N for a prismatic joint), each held over one control period.
 
-    `control_period` is in s and is integrated in `substeps` equal steps; `torque_limits`, one number or one a joint,
-    bound every joint's effort, infinity meaning none, the mechanism's own when not given. `effects`, in any order, are
-    what real arms have besides rigid links and drives: between controller and joints, in the joints, and back. Joints
-    have no stops.
+    `control_period` (s) is integrated in `substeps` equal steps of the `integrator`; `torque_limits`, N m (N), one
+    number or one a joint (r,), bound the torques' magnitudes, infinity meaning no bound, None the mechanism's effort
+    limits. `effects`, in any order, none by default, are what real arms have besides rigid links and drives: between
+    controller and joints, in the joints, in the sensors, and loads. Joints have no stops.
 
     The inertial parameters are an argument of `step`, so one plant serves an arm with any payload; so is the sensors'
-    noise, and equal calls give equal bits. Mechanisms of at most LARGEST_COMPILED links run as native code, longer ones
-    in Python. Raises `InputError` where settings or effects do not fit.
+    noise, and equal calls give equal bits. Mechanisms of at most LARGEST_COMPILED (100) links run as native code,
+    longer ones in Python. Raises `InputError` for a period or limits that are not positive, `substeps` that are no
+    whole number from 1 to MOST_SUBSTEPS (1 000 000) or too few for springs, a mechanism without mass, and effects that
+    do not fit.
     """
 
     mechanism: Mechanism
@@ -75,54 +77,58 @@ class Plant(Tunable):
 
     @property
     def dof(self) -> int:
-        """Number of joints r."""
+        """Number of primary joints r; of a tree these are all."""
         return self.mechanism.dof
 
     @cached_property
     def loads(self) -> tuple[LoadEffect, ...]:
-        """The effects that change the inertial parameters in mid-motion."""
+        """The effects that change the inertial parameters in mid-motion, such as `PayloadHeld`, in the order given."""
         return self._effects.loads
 
     @property
     def marks(self) -> tuple[str, ...]:
-        """Names of the effects that may hold a torque back, as in `PlantState.marks`."""
+        """Names (m,) of the actuator effects that may hold a torque back, in the order of `PlantState.marks`."""
         return self._effects.marks
 
     @cached_property
     def noise_size(self) -> int:
-        """Number of standard normal numbers that the sensors take a control period: 2r, 0 where there are none, and
-        encoders not on elastic joints' motors."""
+        """Number of standard normal numbers that the sensors take a control period: 2r, or 0 where there are neither
+        sensor effects nor encoders on elastic joints' motors."""
         return 2 * self.dof if self._effects.sensors or self._effects.senses_motors else 0
 
     @cached_property
     def sizes(self) -> dict[str, int]:
-        """Lengths of the columns that `equation` passes from one control period to the next, by name."""
+        """Lengths of the columns q, v, drives and sensors, by name, that `equation` passes from one control period to
+        the next."""
         still, period = np.zeros(self.dof), self.control_period
         memories = self._effects.drive_memory(still, period), self._effects.sensor_memory(still, still, period)
         joints, motors = {"q": self.mechanism.equations.joints, "v": self.dof}, 2 * self.dof if self.is_elastic else 0
         return joints | {"drives": len(memories[0]) + motors, "sensors": len(memories[1])}
 
     def parameters(self, own: Array, time: float) -> Array:
-        """The inertial parameters (..., P), SI units, at a time (s): `own`, with the loads of the effects added."""
+        """The true inertial parameters (..., P), SI units, at a `time` (s): `own` (..., P), with the loads of the
+        effects added."""
         return self._effects.loaded(own, self._links, time)
 
     def until(self, time: float) -> float:
-        """The time (s) until which the parameters at a time (s) stay as they are; infinity for ever."""
+        """The time (s) until which the true parameters at `time` (s) stay as they are; infinity if for ever."""
         return min((load.until(time) for load in self.loads), default=math.inf)
 
     def payload(self, time: float) -> float:
-        """The total mass of the effects' loads at a time (s), kg."""
+        """The total mass of the effects' loads at `time` (s), kg; 0 without loads."""
         return sum(load.mass(time) for load in self.loads)
 
     def init(
         self, p: ArrayLike, v: ArrayLike, parameters: ArrayLike | None = None, noise: ArrayLike | None = None
     ) -> PlantState:
-        """The state at time zero, from positions and velocities (..., r), of as many arms as there are.
+        """The state at time zero, from positions, rad (m), and velocities, rad/s (m/s), (..., r), of as many arms as
+        there are.
 
-        The joints have been held still by the torque that gravity asks for on `parameters` (..., P), which stretches
-        the springs of elastic ones; their motors move as the links do. `noise` (..., 2r)
-        is that of the first measurement, none unless given. Raises `SingularityError` where loops cannot be followed
-        to p, `InputError` on a wrong shape and `NonFiniteError` on NaN or infinity.
+        The joints have been held still by the torque that gravity asks for on `parameters` (..., P), unless given the
+        mechanism's own and the effects' loads; it stretches the springs of elastic joints, whose motors move as the
+        links do. `noise` (..., 2r) is that of the first measurement, standard normal, zero unless given. Raises
+        `SingularityError` where loops cannot be followed to p, and, for p and v, `InputError` on a wrong shape and
+        `NonFiniteError` on NaN or infinity.
         """
         arrays = (np.atleast_1d(np.asarray(values)) for values in (p, v))
         given = zip(arrays, ("p", "v"), strict=True)
@@ -148,11 +154,12 @@ class Plant(Tunable):
         parameters: ArrayLike | None = None,
         noise: ArrayLike | None = None,
     ) -> PlantState:
-        """The state of one arm a control period later, under a torque (r,), clipped to the limits and held.
+        """The state of one arm a control period later, under a torque (r,), N m (N), clipped to the limits and held.
 
         `parameters` (P,) are the true ones in this period; unless given, the mechanism's own with what the effects load
-        on them at the state's time. `noise` (2r,) is standard normal, none unless given. Raises `InputError` on a wrong
-        shape and `NonFiniteError` on NaN or infinity in any argument, or when the motion itself runs away.
+        on them at the state's time. `noise` (2r,) is standard normal, zero unless given. Raises `InputError` on a wrong
+        shape and `NonFiniteError` on NaN or infinity in positions, velocities, torque or parameters, or when the motion
+        itself runs away; the noise is not checked for it.
         """
         true = self._true(state.time) if parameters is None else parameters
         moving = state.q, state.v, self._finite(torque), true
@@ -169,28 +176,29 @@ class Plant(Tunable):
         return PlantState(time, p, v, q, measured_p, measured_v, applied, clipped > 0.0, marks, drives, sensors)
 
     def limited(self, torque: ArrayLike) -> Array:
-        """The torque (r,) N m clipped to the limits. Raises `InputError` and `NonFiniteError` as `step` does."""
+        """The torque (r,), N m (N), clipped to plus and minus the limits. Raises `InputError` on a wrong shape and
+        `NonFiniteError` on NaN or infinity."""
         return np.minimum(np.maximum(self._finite(torque), -self._limits), self._limits)
 
     def energy(self, state: PlantState, parameters: ArrayLike | None = None) -> float:
-        """Kinetic plus potential energy of one arm, J, with springs and motors of elastic joints; true parameters (P,)
-        are the mechanism's own unless given. Raises `InputError` on a wrong shape."""
+        """Kinetic plus potential energy of one arm, J, with springs and motors of elastic joints; `parameters` (P,) are
+        the true ones, unless given the mechanism's own and the effects' loads. Raises `InputError` on a wrong shape."""
         true = self._true(state.time) if parameters is None else parameters
         motors = (state.drives,) if self.is_elastic else ()
         (energy,) = self._energy(state.q, state.v, true, *motors)
         return float(energy[0])
 
     def compile(self) -> None:
-        """Compile the control period now instead of at its first use."""
+        """Compile the control period, the energy and the sensors now instead of at their first use."""
         _ = self._advance, self._energy, self._sense
 
     def positions(self, q: Array) -> Array:
-        """The primary joints' positions (..., r), rad or m, among the tree's (..., n)."""
+        """Positions (..., r), rad (m), of the primary joints among all the tree's joints q (..., n)."""
         return q if self._primary is None else q[..., self._primary]
 
     def may_work(self, q: Array) -> NDArray[np.bool_]:
-        """Mask of the configurations (..., n) at which loops are away from singularities and within their conditions;
-        all true for a tree."""
+        """Mask (...) of the configurations q (..., n), rad (m), at which loops are away from singularities and within
+        their conditions; all true for a tree."""
         if self.mechanism.continuation is None:
             return np.ones(q.shape[:-1], dtype=np.bool_)
         inside = self.mechanism.description.within_conditions(self.positions(q))
@@ -198,14 +206,16 @@ class Plant(Tunable):
 
     @cached_property
     def equation(self) -> ControlPeriod:
-        """The equation of a control period over scalars of any kind, which `step` evaluates."""
+        """Equation of a control period over scalars of any kind, which `step` evaluates: from a mapping of columns q
+        (n,), v (r,), drives, sensors, torque (r,), noise (2r,) and parameters (P,) to a `PeriodOutcome`."""
         settings = self.control_period, self.substeps, self.integrator
         motion = held_motion(self.mechanism, *settings, self._effects.joints, self._transmission)
         primary = tuple(self.mechanism.description.primary)
         return ControlPeriod(motion, self._effects, tuple(self._limits.tolist()), primary, self.control_period)
 
     def energy_equation(self, q: Column, v: Column, parameters: Column, drives: Column) -> Scalar:
-        """Kinetic plus potential energy, in J, that of springs and motors included; over scalars of any kind."""
+        """Kinetic plus potential energy, J, of springs and motors too, over scalars of any kind: at q (n,), rad (m), v
+        (r,), rad/s (m/s), true parameters (P,), and `PlantState.drives`."""
         regressor, springs = self.mechanism.equations.energy_regressor(q, v), self._transmission
         if springs is None:
             rigid: Scalar = regressor @ parameters
@@ -216,7 +226,7 @@ class Plant(Tunable):
         return elastic
 
     def primary(self, q: Column) -> Column:
-        """The primary joints' positions p (r,), rad or m, among the tree's q (n,)."""
+        """Positions p (r,), rad (m), of the primary joints among all the tree's joints q (n,)."""
         return q if self._primary is None else Column(q[i] for i in self._primary)
 
     @cached_property
@@ -366,7 +376,8 @@ def _energy_of(structure: Structure) -> Callable[..., tuple[Array]]:
 
 
 def require_ten_a_link(mechanism: Mechanism) -> None:
-    """Raise `InputError` for a payload where a link's ten parameters are not the mechanism's own to change."""
+    """Raise `InputError` for a payload on a mechanism whose inertial parameters are fewer than ten a link, by relations
+    among them that a payload would not keep to."""
     if len(mechanism.inertial_parameters) < len(mechanism.description.inertial_parameters):
         raise InputError(
             f"payload: {mechanism.name} has relations among its parameters, which a payload would not keep to: take "

@@ -8,8 +8,15 @@ from adaptctl.arrays import Array
 
 
 class PlantState(NamedTuple):
-    """State of an arm of r joints at one time, what was measured of it, and the memory of its drives and sensors; of
-    many arms with leading axes. Without sensors, what is measured is the truth, of the motors where encoders sit there.
+    """State of an arm of r joints at one `time` (s), what was measured of it, and the memory of its drives and sensors;
+    of many arms with leading axes.
+
+    Positions `p` (r,) of the primary joints and `q` (n,) of all the tree's joints (p itself without loops), rad (m);
+    velocities `v` (r,), rad/s (m/s); `measured_p` and `measured_v` (r,), in the same units: without sensors the true
+    ones, of the motors where encoders sit there. Of the last period: `applied` (r,), N m (N), the torques that reached
+    the joints; `clipped`, True if the torque commanded was beyond the plant's limits; `marks` (m,), 1 for each of
+    `Plant.marks` that held a torque back, else 0. `drives` is the memory of the actuator effects, with `ElasticJoints`
+    then the motors' positions (r,) and velocities (r,); `sensors` that of the sensor effects.
     """
 
     time: float

@@ -37,15 +37,18 @@ def rollout(
 ) -> Rollout:
     """The run of an environment driven by a controller, from reset to termination or truncation.
 
-    Any environment will do, wrapped or not, whose `env.unwrapped` has a `control_period` and
-    `observation_slices` that name PARTS. `info` may tell `applied_torque`, `energy` (J), `clipped` (a count);
-    what it does not tell is taken as the torque commanded, NaN, and 0. It may tell true positions `p` and
-    velocities `v`, and `marks`, a mapping from names to numbers; so may the controller's state, as a NamedTuple
-    `marks`. `progress` is called about a hundred times with the share done. A sample of `every` so many control
-    periods is kept, and with `last` only those of the last so many seconds: memory for no more is taken.
+    Any environment will do, wrapped or not, whose `env.unwrapped` has a `control_period` (s) and `observation_slices`
+    that name PARTS: p, v, reference_p, reference_v and reference_a, r each. `seed` and `options` are passed to
+    `env.reset`. `info` may have `applied_torque` (r,), N m (N), `energy` (J), `clipped` (a count) and `time` (s);
+    without them they are the torque commanded, NaN, 0, and periods counted from zero. It may have the true positions
+    `p` and velocities `v`, and `marks`, a mapping from names to numbers; so may the controller's state, as a NamedTuple
+    `marks`. `progress`, if given, is called about a hundred times with the share done, 0 to 1, where the run's length
+    is known. A sample of `every` so many control periods is kept, and with `last` (s) only those of the last so many
+    seconds, all if None: memory for no more is taken.
 
-    Ctrl-C ends the run but keeps what was computed, marked `complete=False`.
-    Raises `InputError` for an environment that cannot be driven; what controller and environment raise passes.
+    Ctrl-C ends the run but keeps what was computed, marked `complete=False`. Raises `InputError` for an environment
+    that cannot be driven, and for an `every` or `last` that is not positive; what controller and environment raise
+    passes.
     """
     loop = _SteppedRun(env, controller, seed, options, every, last)
     interval = max(1, (loop.steps or 0) // 100)

@@ -36,10 +36,18 @@ if TYPE_CHECKING:
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Rollout:
-    """A closed-loop run of r joints as samples; every array is read-only.
+    """A closed-loop run of r joints as T samples; every array is read-only.
 
-    Sample k is the state at `time[k]` and the torque commanded on it; T samples, one a control period unless fewer were
-    asked for.
+    Sample k is the state at `time[k]` and the torque commanded on it, one in `every` control periods. Positions are in
+    rad (m), velocities and accelerations those per s and s^2, torques in N m (N).
+
+    (T,): `time`, s; `clipped`, 1 where a torque was clipped, else 0; `energy`, J, NaN where not known; `reward`; and
+    each of `marks`, events by name. (T, r): positions `p` and velocities `v`, the true ones where the environment gives
+    them; `reference_p`, `reference_v`, `reference_a`; `torque` commanded and `applied`, after the limits; `measured_p`
+    and `measured_v`, None where these are p and v. `estimate` (T, k), the controller's parameter estimates, k = 0 where
+    it has none; `learning` (T, l), the adaptation law's record of its memory, l = 0 where it keeps none.
+    `control_period`, s; `wall_time`, s, that the run took; `complete`, False if it was interrupted; `terminated`, True
+    if the environment ended it early; `info`, the environment's last.
     """
 
     time: Array
@@ -94,7 +102,7 @@ class Rollout:
 
     @property
     def duration(self) -> float:
-        """Duration of the run in closed loop, s, to a sample."""
+        """Duration of the run in closed loop, from time zero to its end, s, to a sample."""
         first = round(float(self.time[0]) / self.control_period) if len(self.time) else 0
         return (first + len(self.time) * self.every) * self.control_period
 
@@ -110,10 +118,11 @@ class Rollout:
 
     @needed("Rollout.save")
     def save(self, path: str | Path, joints: Sequence[str] | None = None) -> None:
-        """Write the run as Parquet, whole or not at all: a row a sample, columns such as `p.joint1` with their
-        units, which `adaptctl identify` reads. `joints` (r,) names them, joint1, joint2, ... by default.
+        """Write the run as Parquet at `path`, whole or not at all: a row a sample, columns such as `p.joint1` with
+        their units, which `adaptctl identify` reads. `joints` (r,) names them, joint1, joint2, ... by default.
 
-        The environment's last `info` is not kept.
+        The environment's last `info` is not kept. Raises `InputError` for another number of names, `FileError` where
+        the place cannot be written, and `MissingExtraError` without pyarrow.
         """
         with RolloutFile(path, self.p.shape[1], joints) as file:
             file.append(self._columns, self.marks)
@@ -121,8 +130,9 @@ class Rollout:
 
     @needed("Rollout.to_arrow")
     def to_arrow(self, joints: Sequence[str] | None = None) -> pyarrow.Table:
-        """The run as an Arrow table: a row a sample, columns such as `p.joint1` with their units. Raises
-        `MissingExtraError` without pyarrow."""
+        """The run as an Arrow table: a row a sample, columns such as `p.joint1` with their units. `joints` (r,) names
+        them, joint1, joint2, ... by default. Raises `InputError` for another number of names, `MissingExtraError`
+        without pyarrow."""
         return rollout_table(self._columns, self.marks, joint_names(self.p.shape[1], joints), self._about)
 
     @property
@@ -134,12 +144,15 @@ class Rollout:
         return {name: getattr(self, name) for name in KEPT}
 
     def to_pandas(self, joints: Sequence[str] | None = None) -> pandas.DataFrame:
-        """The run as a pandas data frame, with the columns of `to_arrow`. Raises `MissingExtraError` without pandas."""
+        """The run as a pandas data frame, with the columns and `joints` of `to_arrow`. Raises `InputError` for another
+        number of names, `MissingExtraError` without pandas or pyarrow."""
         with needed("Rollout.to_pandas"):
             return self.to_arrow(joints).to_pandas()
 
     def plot(self, joints: Sequence[str] | None = None) -> Figure:
-        """A figure of the run: positions on the reference, errors, torques, and estimates where there are any."""
+        """A Matplotlib figure of the run over time (s): positions on the reference, errors, torques, and estimates
+        where there are any. `joints` (r,) names the curves, joint1, joint2, ... by default. Raises `InputError` for
+        another number of names."""
         from adaptctl.simulation.run_plot import run_figure
 
         return run_figure(self, joints)
@@ -166,12 +179,14 @@ class Rollout:
         time: ArrayLike | None = None,
         complete: bool = True,
     ) -> Rollout:
-        """A run that was not simulated here, from positions, torques and the reference's positions, each (T, r).
+        """A run that was not simulated here, from positions, rad (m), torques, N m (N), and the reference's positions,
+        each (T, r) with T of at least 2, and the `control_period` (s).
 
-        Velocities, and the reference's derivatives, are differences of the positions where they are not given;
-        `applied` is the torque commanded, `time` (T,) counts control periods (s) from zero, unless given. `estimate`
-        (T, k) are the controller's. Energy and reward are not known: NaN, and zero. Raises `InputError` on shapes that
-        do not fit, `NonFiniteError` on NaN and infinity.
+        Velocities `v`, and the reference's derivatives, (T, r) each, are differences of the positions where they are
+        not given; `applied` (T, r) is the torque commanded, `time` (T,), s, counts control periods from zero, unless
+        given. `estimate` (T, k) are the controller's, none unless given; `complete` is False for a run that was cut
+        off. Energy and reward are not known: NaN, and zero. Raises `InputError` on shapes that do not fit, a period
+        that is not positive or times that do not increase, `NonFiniteError` on NaN and infinity.
         """
         from adaptctl.simulation.logged_run import logged_run
 
@@ -181,7 +196,8 @@ class Rollout:
     @classmethod
     @needed("Rollout.load")
     def load(cls, path: str | Path) -> Rollout:
-        """The run that `save` wrote. Raises `FileError` for another file, and one that is not whole."""
+        """The run that `save` wrote at `path`. Raises `FileError` for another file, and one that is not whole, and
+        `MissingExtraError` without pyarrow."""
         columns, marks, about = read_rollout(path)
         try:
             return cls(**columns, marks=marks, **{name: about[name] for name in KEPT if name in about or name in WHOLE})

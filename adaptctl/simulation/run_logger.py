@@ -21,12 +21,17 @@ SHARE_OF_MEMORY = 0.5
 
 
 class RunLogger:
-    """A log of a control loop, one sample a control period, that becomes a `Rollout`.
+    """A log of a control loop of `dof` joints (r), one sample a `control_period` (s), that becomes a `Rollout`.
 
-    `capacity` samples are kept, those of the last 300 s at 1 kHz unless given, in memory that is all taken at the
-    start; older ones are overwritten, counted in `lost`, and reported once at the end (`LostSamplesWarning`). `append`
-    neither allocates nor touches files, so a loop at 1 kHz can call it. As a context manager it saves the run at
-    `path`, if there is one, also when the loop ends by an exception; the run is then marked incomplete.
+    `capacity` samples are kept, unless given 300 000, those of the last 300 s at 1 kHz, in memory that is all taken at
+    the start; older ones are overwritten, counted in `lost`, and reported once at the end (`LostSamplesWarning`).
+    `append` neither allocates nor touches files, so a loop at 1 kHz can call it. As a context manager it saves the run
+    at `path`, if there is one, also when the loop ends by an exception; the run is then marked incomplete.
+
+    `estimates` is the number k of the controller's parameter estimates, 0 unless given; `joints` (r,) names the joints
+    in the file, joint1, joint2, ... unless given. `count` is the number of samples appended, `faulty` of those left
+    out. Raises `InputError` for a period that is not positive, counts that are no whole numbers or too small (`dof` 1,
+    `estimates` 0, `capacity` 2), and a capacity that takes over half of the computer's memory.
     """
 
     def __init__(
@@ -51,7 +56,7 @@ class RunLogger:
 
     @property
     def lost(self) -> int:
-        """Number of samples that have been overwritten."""
+        """Number of samples that have been overwritten, as more were appended than `capacity`."""
         return max(0, self.count - len(self._rows))
 
     def append(
@@ -64,10 +69,12 @@ class RunLogger:
         applied: ArrayLike | None = None,
         estimate: ArrayLike = (),
     ) -> None:
-        """Keep a sample: time in s, and (r,) each of what was measured, desired, commanded and, where that differs,
-        applied.
+        """Keep a sample: `time` in s, and (r,) each the positions, rad (m), and velocities measured, the `reference`
+        with its derivatives, and the `torque` commanded, N m (N).
 
-        A sample of another length or with NaN never stops a loop: it is left out and counted in `faulty`.
+        `applied` (r,) is the torque applied, None where that is the one commanded; `estimate` (k,) the controller's,
+        which may be left out only where k = 0. A sample of another length or with NaN or infinity never stops a loop:
+        it is left out and counted in `faulty`.
         """
         row: Any = self._rows[self.count % len(self._rows)]
         given = (p, v, *reference, torque, torque if applied is None else applied, estimate)
@@ -83,7 +90,8 @@ class RunLogger:
             self.faulty += 1
 
     def rollout(self, complete: bool = True) -> Rollout:
-        """The run so far, its oldest sample first. Raises `InputError` where there are fewer than two samples."""
+        """The run so far, its oldest sample first, marked as `complete` or cut off. Raises `InputError` where there are
+        fewer than two samples or their times do not increase."""
         if self.count < 2:
             raise InputError(f"a run needs at least 2 samples, got {self.count} ({self.faulty} faulty)")
         first = self.count % len(self._rows) if self.lost else 0

@@ -48,16 +48,18 @@ def simulate(
     """The run that `rollout` returns for the same arguments, to round-off, computed in native code as a whole.
 
     Controller, effects and plant are compiled into one step, which is taken thousands of times in each call; in between
-    `progress` is called, with the share done, and Ctrl-C is heard, which keeps what was computed. The environment is
-    left where `rollout` leaves it.
+    `progress`, if given, is called with the share done, 0 to 1, and Ctrl-C is heard, which keeps what was computed. The
+    environment is left where `rollout` leaves it. `seed` and `options` are passed to `env.reset`.
 
-    However long a run is, with `every` and `last` it takes no more memory than the samples that are kept, which with
-    `stream` are written to a Parquet file as they come, all that are not thinned out, also those before the last.
-    `Rollout.load` reads it; it appears when the run ends.
+    However long a run is, with `every` (one sample in so many control periods) and `last` (s at the end, the whole run
+    if None) it takes no more memory than the samples that are kept. With `stream`, a path, none if None, samples are
+    written to a Parquet file as they come, all that are not thinned out, also those before the last. `Rollout.load`
+    reads it; it appears when the run ends.
 
     It takes a `TrackingEnv`, or another environment that hands over its `Episode`, in no wrappers but those of
-    `gymnasium.make`; a controller whose torque is that of its `law`; and at most LARGEST_COMPILED links. Anything else
-    is driven by `rollout`, with a `NotCompiledWarning` that says why. Raises what `rollout` raises.
+    `gymnasium.make`; a controller whose torque is that of its `law`; and at most LARGEST_COMPILED (100) links. Anything
+    else is driven by `rollout`, with a `NotCompiledWarning` that says why. Raises what `rollout` raises,
+    `NonFiniteError` where the motion runs away, and for `stream` `FileError` where its place cannot be written.
     """
     _, period = interface(env, controller)
     if reason := _obstacle(env, controller):

@@ -44,6 +44,16 @@ class Rollouts:
 
     Sample k has the states at `time[k]` and the torques commanded on them; T samples. The errors are of all control
     periods, whether or not they are sampled. Runs never see each other: where one is not finite, the others are.
+
+    `time` (T,), s. (T, M, r): positions `p` and `reference_p`, rad (m), velocities `v` and `reference_v`, rad/s (m/s),
+    `torque` commanded and `applied` at the joints, N m (N). `estimate` (T, M, k), the controllers' parameter estimates;
+    `parameters` (M, P), the true ones without what effects load on them. (M, r), rad (m), of p - reference_p:
+    `rms_error`, `largest_error` (magnitude), and `final_rms_error` over the last SETTLED (2) s, NaN in shorter runs.
+    (M,): `return_time`, s, after which every error stayed within the bounds asked for, NaN where none did;
+    `diverged_at`, s, at which an error was first not finite or beyond the bound asked for, NaN where none was, and
+    `diverged_joint`, the first joint whose error was, from 0, else -1; `lyapunov_rise`, J, the largest rise of Slotine
+    and Li's Lyapunov function from one tick to the next, 0 where it never rose, NaN where it is not known.
+    `control_period`, s; `wall_time`, s, that the runs took; `complete`, False if they were interrupted.
     """
 
     time: Array
@@ -94,7 +104,8 @@ class Rollouts:
 
     @property
     def finite(self) -> Array:
-        """Mask (M,) of the runs that stayed finite."""
+        """Mask (M,) of the runs that stayed finite, by `largest_error`; with bounds `beyond` these are also runs that
+        diverged, which `diverged_at` has."""
         return np.asarray(np.isfinite(self.largest_error).all(axis=-1))
 
 
@@ -120,22 +131,25 @@ def simulate_many(
 ) -> Rollouts:
     """The runs of one controller on one plant, of `duration` s each, that differ in what is given as a row each.
 
-    Instead of one controller there may be M that differ in their `numbers` alone.
+    Instead of one controller there may be a sequence of M that differ in their `numbers` alone.
 
     `reference` is one for all or a sequence of M; those that are `Sinusoids` alike in their number of terms cost no
-    memory. `parameters` (P,) or (M, P) are the true ones, the mechanism's own when not given; `p` and `v`, (r,) or
-    (M, r), are where the arms start, on their references when not given; `memory` is what the controllers remember,
-    changed from what `controller.init` gives for one arm or for M, such as estimates; `members` is M where nothing else
-    tells. `gains` are numbers of the controller by their names in `controller.numbers`, as they are there or with a
-    leading axis of M. `seed` is that of the sensors' noise, one for all or M: with one each, an arm's noise does not
-    depend on who else runs.
+    memory. `parameters` (P,) or (M, P) are the true ones, the mechanism's own when not given; `p`, rad (m), and `v`,
+    rad/s (m/s), (r,) or (M, r), are where the arms start, on their references when not given; `memory` is what the
+    controllers remember, changed from what `controller.init` gives for one arm or for M, such as estimates, and that
+    itself when not given; `members` is M, needed where nothing else has M rows, else 1. `gains` are numbers of the
+    controller by their names in `controller.numbers`, as they are there or with a leading axis of M, the controller's
+    own when not given. `seed` is that of the sensors' noise, one for all or M: with one each, an arm's noise does not
+    depend on who else runs; None draws another noise each time.
 
     Every `every`-th control period is recorded, the first one included: memory goes with T M over it; None records
-    nothing but the errors' summaries, which are of all control periods: `within` (rad or m, a number or (r,)) is what
-    `return_time` is about, and `beyond` where a run counts as diverged, besides where it is not finite. `threads` share
-    the arms. In single `precision` twice as many arms fit a register; V's rise is not known then, for it would be
-    round-off's. `progress` is called in between with the share done, and Ctrl-C keeps what was computed. Nothing ends a
-    run early. Raises `InputError` where arguments do not fit together, and for more than LARGEST_COMPILED links.
+    nothing but the errors' summaries, which are of all control periods: `within` (rad or m, a number or (r,), infinite
+    unless given) is the bound that `return_time` is about, and `beyond` (the same) that from which a run counts as
+    diverged, besides where it is not finite. `threads` share the arms. In single `precision` twice as many arms fit a
+    register; V's rise is not known then, for it would be round-off's. `progress`, if given, is called in between with
+    the share done, 0 to 1, and Ctrl-C keeps what was computed. Nothing ends a run early. Raises `InputError` where
+    arguments do not fit together or cannot do with single precision, and for more than LARGEST_COMPILED (100) links,
+    `NonFiniteError` for NaN or infinity in `parameters`, `p` or `v`, and for `gains` what a new controller raises.
     """
     law, own = alike(controller)
     run = _Runs(ClosedLoop(plant, law), reference, duration, every, threads, precision)

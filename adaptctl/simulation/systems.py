@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 
 
 def mechanism_system(mechanism: Mechanism, name: str = "mechanism") -> control.NonlinearIOSystem:
-    """A continuous-time system of the arm: state and outputs p and v (r each), input torque (r) in N m.
+    """A continuous-time python-control system of the arm, called `name`: state and outputs p, rad (m), and v, rad/s
+    (m/s), r each, input torque (r,), N m (N).
 
     Signals are ``torque[0]``, ``p[0]``, ``v[0]`` and so on, in the order of the primary joints. With loops, p is
     followed from the reference configuration at every evaluation.
@@ -47,10 +48,11 @@ def mechanism_system(mechanism: Mechanism, name: str = "mechanism") -> control.N
 
 
 def plant_system(plant: Plant, name: str = "plant") -> control.NonlinearIOSystem:
-    """A discrete-time system of the arm sampled under held torques, limits and friction included, as `rollout` drives
-    it; signals as `mechanism_system`.
+    """A discrete-time python-control system of the arm, called `name`, sampled every control period under held torques,
+    limits and friction included, as `rollout` drives it; signals as `mechanism_system`.
 
-    Raises `InputError` for a plant with other effects, whose state is more than p and v.
+    Raises `InputError` for a plant with effects other than in the joints, such as friction, as its state is more than p
+    and v.
     """
     import control
 
@@ -76,11 +78,12 @@ def plant_system(plant: Plant, name: str = "plant") -> control.NonlinearIOSystem
 def controller_system(
     controller: Controller[Any], period: float, name: str = "controller"
 ) -> control.NonlinearIOSystem:
-    """A discrete-time system of a controller ticking every `period` (s): inputs p, v and the reference's parts, output
-    torque (r) in N m.
+    """A discrete-time python-control system of a controller, called `name`, that ticks every `period` (s): inputs p,
+    rad (m), v, rad/s (m/s), and the reference's parts, positions, velocities and accelerations, r each (or as many as a
+    task space has), output torque (r,), N m (N).
 
-    Its state is all that the law remembers, the estimate first where there is one: `controller_start` has it at
-    the beginning.
+    Its state (n,), ``memory[0]`` and so on, is all that the law remembers, the estimate first where there is one:
+    `controller_start` has it at the beginning.
     """
     import control
 
@@ -106,16 +109,19 @@ def controller_system(
 
 
 def controller_start(controller: Controller[Any], p: Array, v: Array) -> Array:
-    """The first state (n,) of a controller's system, at positions and velocities (r,)."""
+    """The first state (n,) of a controller's system, at positions p, rad (m), and velocities v, rad/s (m/s), (r,) each.
+    Raises `InputError` on a wrong shape and `NonFiniteError` on NaN or infinity."""
     return np.concatenate([*leaves(controller.init(p, v)), np.zeros(0)])
 
 
 def closed_loop_system(
     plant: Plant, controller: Controller[Any], name: str = "closed_loop"
 ) -> control.InterconnectedSystem:
-    """A system of plant and controller, joined: from the reference's parts to p and v (r each).
+    """A discrete-time python-control system of plant and controller, joined, called `name`: from the reference's parts,
+    as inputs of `controller_system`, to p, rad (m), and v, rad/s (m/s), r each.
 
-    The state is the plant's, then the controller's. Raises `InputError` when they are for different arms.
+    The state is the plant's, then the controller's. Raises `InputError` when they are for different numbers of joints,
+    or for a plant that `plant_system` refuses.
     """
     import control
 
