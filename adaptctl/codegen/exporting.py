@@ -97,8 +97,8 @@ LONGEST_NAME = 40
 
 @dataclass(frozen=True)
 class Exported:
-    """An exported controller: its folder, the name that begins its code's names, its files and the contents of its
-    manifest."""
+    """An exported controller: its folder, `directory`, the `name` that begins its code's names, the names of its
+    `files` in the folder, and the contents of its `manifest` in JSON's types."""
 
     directory: Path
     name: str
@@ -120,13 +120,17 @@ def export(
 ) -> Exported:
     """Write a controller as a folder of C99 or WebAssembly that needs no Python; returns what was written.
 
-    `name` begins all names in the code, the mechanism's own unless given. `scalar` is the kind of number. The folder
-    must not exist, and is there whole or not at all. With `check` the controller is simulated for 600 s on `reference`,
-    a stated one unless given, and the outcome is in the manifest; recorded ticks are on it too. A controller should
-    be `Guarded`; `unguarded` lets one go without. `large_stack` allows more than about 16 kB of stack a tick.
+    `name` begins all names in the code, made of the mechanism's own unless given. `scalar` is the kind of number,
+    "double" or in C "float", and `language` "c" or "wasm". The folder `directory` must not exist, and is there whole or
+    not at all. With `check` the controller is simulated for 600 s on `reference`, unless given sinusoids of 0.1 rad or
+    m (0.05 m in the world) about home, or as near to it as joint limits allow, and the outcome is in the manifest;
+    recorded ticks in C's tests are on it too. A controller should be `Guarded`; `unguarded` lets one go without.
+    `large_stack` allows more than about 16 kB of stack a tick in C.
 
-    Raises `InputError` for a controller that is not guarded, one whose check is not finite, a name that is no C
-    identifier, loops that single precision cannot keep closed; `FileError` for a folder that exists.
+    Raises `InputError` for what is no controller, or one with a step of its own or not guarded, one whose check is not
+    finite, stopped by guards or cannot be run, a name that is no C identifier, an unknown kind or language, float in
+    WebAssembly, a stack too large, loops that single precision cannot keep closed; `FileError` for a folder that exists
+    or cannot be written.
     """
     require_controller(controller)
     _require_choice("scalar", scalar, get_args(Kind))

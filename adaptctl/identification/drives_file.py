@@ -69,7 +69,14 @@ class DrivesFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 @dataclass(frozen=True, eq=False)
 class Drives:
     """Drives of a robot, as its motors and joints are coupled: motor position = transmission (joint position -
-    offsets), and joint torque = transmission' motor torque."""
+    offsets), and joint torque = transmission' motor torque.
+
+    `joints` are the names of the r joints, `transmission` (r, r) is each motor's speed (row) a unit of each joint's
+    speed, `offsets` (r,) are the joint positions, rad (m), where the motors are at zero, `motors` (r) the columns of
+    each motor in a log, and its torque constant, `time` is the log's column of time, `units` are the factors from the
+    columns' units to SI units, `payloads` known bodies held in single logs, none unless given, and `source` is where
+    the numbers come from, in words.
+    """
 
     joints: tuple[str, ...]
     transmission: Array
@@ -83,15 +90,15 @@ class Drives:
     source: str = ""
 
     def position(self, motor: Array) -> Array:
-        """Joint positions (..., r) in rad or m of motor positions (..., r)."""
+        """Joint positions (..., r), rad (m), of motor positions (..., r), rad (m)."""
         return motor @ self._inverse.T + self.offsets
 
     def velocity(self, motor: Array) -> Array:
-        """Joint velocities (..., r) in rad/s or m/s of motor velocities (..., r)."""
+        """Joint velocities (..., r), rad/s (m/s), of motor velocities (..., r), rad/s (m/s)."""
         return motor @ self._inverse.T
 
     def torque(self, motor: Array) -> Array:
-        """Joint torques (..., r) in N m or N of motor torques (..., r)."""
+        """Joint torques (..., r), N m (N), of motor torques (..., r), N m (N)."""
         return motor @ self.transmission
 
     @cached_property
@@ -100,12 +107,14 @@ class Drives:
 
     @cached_property
     def constants(self) -> Array:
-        """Torque constants (r,) of the motors, NaN where unknown."""
+        """Torque constants (r,) of the motors, in N m a unit of their torque columns (an ampere, say): 1 where these
+        are torques already, NaN where unknown."""
         given = (motor.torque_constant for motor in self.motors)
         return np.array([math.nan if k == "unknown" else 1.0 if k is None else float(k) for k in given])
 
     def of(self, mechanism: Mechanism) -> Drives:
-        """The same drives in a mechanism's order of joints. Raises `InputError` unless they are its primary joints."""
+        """The same drives with their joints and motors in the order of a mechanism's primary joints. Raises
+        `InputError` unless the drives are of just these joints."""
         names = [joint.name for joint in mechanism.primary_joints]
         if sorted(names) != sorted(self.joints):
             raise InputError(
@@ -125,8 +134,8 @@ class Drives:
         )
 
     def on_joints(self) -> tuple[Drive, ...]:
-        """Drives of all joints, in the order of `joints`, with no rotor or friction modelled yet, each turning with the
-        joints that its motor turns with."""
+        """Drives (r) of a mechanism's description, one a joint in the order of `joints`, with no rotor or friction
+        modelled yet, each turning with the joints that its motor turns with."""
         ratios = self.transmission / np.diag(self.transmission)[:, None]
         coupled = [
             [(name, float(x)) for j, (name, x) in enumerate(zip(self.joints, row, strict=True)) if x and j != i]
@@ -136,7 +145,8 @@ class Drives:
 
 
 def read_drives(path: str | Path) -> Drives:
-    """The drives that a TOML file describes. Raises `FileError`, naming the element."""
+    """The drives that a TOML file describes. Raises `FileError`, naming the element, for a file that cannot be read, is
+    no drives file, or whose entries do not fit together."""
     content = read_toml(path, DrivesFile)
     try:
         return _checked(content)

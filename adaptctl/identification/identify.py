@@ -42,8 +42,19 @@ HELD_OUT = 0.4
 
 @dataclass(frozen=True, eq=False)
 class Identification:
-    """Result of an identification: a robot's parameters as its logs show them, with their deviations and a
-    validation."""
+    """Result of an identification: a robot's k fundamental parameters as its logs show them, with their standard
+    deviations and a validation.
+
+    `mechanism` has the identified parameters, links that bodies can have, and drives coupled as they are; `model` is
+    its model on the fundamental parameters. `deviations` (k,), SI units, are by the block jackknife and what the prior
+    leaves open, `nominal_deviations` (k,) as if residuals were white. `load` (r,) are shares of load-dependent
+    friction, zero where it was not chosen. `alternatives` are simpler models' validations on the rows of `validation`,
+    by name; `choice` is the choice of the fit's settings, `steps` are those of the preparation and `remarks` words on
+    logs and prior. `misfit_ratio` is the training rows' whitened root mean square over that of least squares. `space`
+    is the essential space of the logs' motion, `components` the number of its components that carry the motion's energy
+    to a percent, `combinations` are those of the fundamental parameters, the least excited first. `motions` are the
+    logs' motions, and `drives` those used.
+    """
 
     mechanism: Mechanism
     """with the identified parameters, its links ones that bodies can have, and its drives coupled as they are"""
@@ -74,7 +85,7 @@ class Identification:
 
     @property
     def estimate(self) -> Array:
-        """The fundamental parameters (k,), a first estimate for an adaptive controller."""
+        """The fundamental parameters (k,), SI units, a first estimate for an adaptive controller."""
         return self.model.fundamental_parameters
 
     @property
@@ -84,23 +95,25 @@ class Identification:
 
     @property
     def inflation(self) -> float:
-        """Median ratio of the parameters' deviations to those that white residuals would give."""
+        """Median ratio, without a unit, of the parameters' deviations to those that white residuals would give."""
         known = self.nominal_deviations > 0.0
         return float(np.median(self.deviations[known] / self.nominal_deviations[known]))
 
     @cached_property
     def prior_ranges(self) -> Array:
         """Prior ranges (k,) for an adaptive controller, SI units, the greatest expected distances from the estimate:
-        two deviations, and at least a twentieth of the estimate."""
+        two standard deviations, and at least a twentieth of the estimate."""
         return np.maximum(2.0 * self.deviations, 0.05 * np.abs(self.estimate))
 
     def adaptation_gain(self, rate: float = 0.6) -> Array:
-        """Diagonal (k,) of an adaptation gain Gamma: `rate` times the square of each parameter's prior range."""
+        """Diagonal (k,) of an adaptation gain Gamma, in units of the parameters squared per J: `rate` (1/J) times the
+        square of each parameter's prior range, taken as at least 1e-9 of the greatest one."""
         return rate * np.maximum(self.prior_ranges, 1e-9 * np.max(self.prior_ranges)) ** 2
 
     @property
     def unexcited(self) -> list[Combination]:
-        """Combinations of parameters that the logs hardly excite, about as uncertain as before."""
+        """Combinations of the fundamental parameters that the logs hardly excite, about as uncertain as before, the
+        least excited first."""
         return unexcited(self.combinations, self.inflation)
 
 
@@ -123,13 +136,22 @@ def identify(
 ) -> Identification:
     """The identification of a robot's inertial and friction parameters from logs of its motion.
 
-    `robot` is its mechanism or its file (with links as a first guess); `drives` how motors turn joints, or, where
-    joints are measured themselves, `columns` and `units` (`joint_columns`) and perhaps a sampling `rate` (Hz).
-    Without logs to `validate` on, the last 40 % of the given ones are held out for it, and everything is chosen on
-    the rest; the estimate then takes them all. `topic` names that of a log with several, `skip` steps of the
-    preparation to leave out, `friction` the terms as `FrictionModel.named` reads them; `cutoff` (Hz) and `weight` (of
-    the prior) are chosen by an inner validation unless given. With `instruments`, regressors are
-    freed of noise by instrumental variables, for encoders that are coarse or noisy. Raises `InputError`, `FileError`.
+    `logs` are one file or several (text, Parquet, ROS bags). `robot` is its mechanism or its file (with links as a
+    first guess); `drives`, or their file, are how motors turn joints, or, where joints are measured themselves (None),
+    `columns` and `units` give patterns of column names and the units by "position", "torque", "velocity" and "time"
+    (`joint_columns`), where the log itself does not tell. With a sampling `rate` (Hz) rows are taken as evenly spaced,
+    else by their stamps. Without logs to `validate` on, the last 40 % of the given ones are held out for it, and
+    everything is chosen on the rest; the estimate then takes them all. `topic` names that of a ROS bag with several,
+    `skip` steps of the preparation to leave out ("resample", "unwrap", "velocities", "limits", "standstill"),
+    `friction` the terms ("viscous", "coulomb", "square_root", "stribeck", "offset", "load", separated by commas);
+    these, the filter's `cutoff` (Hz) and the `weight` of the prior (no unit) are chosen by an inner validation unless
+    given. With `instruments`, regressors are freed of noise by instrumental variables, for encoders that are coarse or
+    noisy.
+
+    Raises `FileError` for files that cannot be read or used, `NotFoundError` for an unknown built-in robot, `LoopError`
+    for loops that do not fit together, `MissingExtraError` for ROS bags without rosbags, and `InputError` for drives of
+    other joints, missing columns or units, unknown names in `skip` or `friction`, and logs that are at rest, too short
+    or slow, or not this robot's; `AdaptctlError` where no consistent estimate is found.
     """
     mechanism = load(robot, snap=True) if not isinstance(robot, Mechanism) else robot
     given = _paths(logs)

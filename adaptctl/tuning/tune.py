@@ -45,13 +45,16 @@ def tune(
     """A tuning: reference, gains and integration with which Slotine and Li's law learns a mechanism from zero.
 
     `period` is the control period T (s). The `reference`, unless given, is drawn by `seed` within 60 % of the torque
-    limits; the `initial_error`, unless given, is 0.1 rad or m, and less where a range or a torque limit is small.
-    Lambda is `bandwidth` (1/s) where the torques can follow; K is the largest that T lambda_max((M + T B)^-1 K) of at
-    most `hold` allows along the reference, joint by joint; Gamma is half as the prior ranges are and half alike for all
-    links, with T lambda_max(K^-1 Y Gamma Y') of `adaptation`. With `search` as many settings about these are run, on
-    links 30 % off, in time and late, and the best is taken. What is found is verified in closed loop.
+    limits; the `initial_error` (rad or m, one number or (r,)), unless given, is 0.1 rad or m, and less where a range or
+    a torque limit is small. Lambda is `bandwidth` (1/s) where the torques can follow; K is the largest that T
+    lambda_max((M + T B)^-1 K) of at most `hold` (no unit) allows along the reference, joint by joint, with the mass
+    matrix M and the viscous friction B; Gamma is half as the prior ranges are and half alike for all links, with T
+    lambda_max(K^-1 Y Gamma Y') of `adaptation` (no unit). With `search`, zero for none, as many settings about these
+    are run, on links 30 % off, in time and late, and the best is taken. What is found is verified in closed loop.
 
-    Raises `InputError` for settings that are out of range, and for joints that no gains can hold.
+    Raises `InputError` for settings that are out of range (above 0 and at most: `period` 0.1, `bandwidth` 1000, `hold`
+    1.5, `adaptation` 1; `search` a whole number of at least 0; `initial_error` finite), and for joints that no gains
+    can hold.
     """
     for name, value, most in (("period", period, 0.1), ("bandwidth", bandwidth, 1e3), ("hold", hold, 1.5)):
         _require(name, value, most)

@@ -27,7 +27,13 @@ LINKS_OFF = 0.3
 @dataclass(frozen=True)
 class Verification:
     """Errors of a verifying run with the gains found, and of the same with adaptation off; RMS over all joints, rad or
-    m."""
+    m.
+
+    `name` is the run: "as described", "torque late" (by a period), "links off" (by 30 %) or "both". `first` is the
+    error over the first second, `last` that over the last two, `off` the last one with adaptation off, infinite where
+    the arm strayed by 1 rad or m, `largest` that of any joint at any time, not RMS, and `limited` the share, 0 to 1, of
+    the second half of the run in which a torque was at its limit.
+    """
 
     name: str
     first: float
@@ -43,13 +49,14 @@ class Verification:
 
     @property
     def stayed(self) -> bool:
-        """True if no error passed 1 rad or m, and torques were hardly limited once it had settled."""
+        """True if no joint's error reached 1 rad or m, and in at most 5 % of the second half of the run a torque was at
+        its limit."""
         return self.largest < ASTRAY and self.limited <= CLIPPED
 
     @property
     def learns(self) -> bool:
-        """True if the arm stayed near the reference, and the last error is at most a third of the first and of that
-        with adaptation off."""
+        """True if the arm stayed near the reference (`stayed`), and the last error is at most a third of the first and
+        of that with adaptation off."""
         return self.stayed and self.last <= LEARNED * min(self.first, self.off)
 
     def __str__(self) -> str:

@@ -13,11 +13,12 @@ from adaptctl.simulation.effects.effect import ActuatorEffect, require_positive
 
 @dataclass(frozen=True)
 class ActuatorLag(ActuatorEffect):
-    """First-order lag of a drive's torque x behind the one commanded, u: time_constant x' = u - x (s), as of a current
-    loop.
+    """First-order lag of a drive's torque x behind the one commanded, u (N m): time_constant x' = u - x, as of a
+    current loop. `time_constant` is in s.
 
-    Under a u held over a period x is an exponential. The joints get its mean over the period, so that the impulse
-    is exact: what is left out is of third order in the period.
+    Under a u held over a period x is an exponential. The joints get its mean over the period, so that the impulse is
+    exact: what is left out is of third order in the period. Raises `InputError` for a time constant that is not
+    positive and finite.
     """
 
     time_constant: float
@@ -28,14 +29,16 @@ class ActuatorLag(ActuatorEffect):
         require_positive(self.time_constant, "actuator lag", "s")
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise nothing: a lag fits any plant."""
+        """Raise nothing: a lag fits any joints, links and control period (s)."""
 
     def start(self, torque: Array, control_period: float) -> Array:
-        """The memory (r,): the torque now, N m."""
+        """The memory (..., r): the torque (..., r) that held the joints, N m (N for a prismatic joint), whatever the
+        control period (s)."""
         return torque
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """The mean torque (r,) N m over the period, and as memory the torque (r,) at its end."""
+        """The mean torque (r,), N m (N for a prismatic joint), over the control period (s), and as memory the torque
+        (r,) at its end; of the torque commanded (r,) and the memory (r,) before."""
         ratio = control_period / self.time_constant
         mean = -math.expm1(-ratio) / ratio
         behind = memory - torque

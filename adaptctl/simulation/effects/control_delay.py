@@ -21,9 +21,9 @@ class ControlDelay(ActuatorEffect):
     """Delay of the torque: it takes effect `ticks` control periods after it was commanded, by computing and
     communication.
 
-    Sampling and hold alone delay by half a period; a controller that needs the period to compute delays by one
-    more (Astrom and Wittenmark, Computer-Controlled Systems, 1997, section 2.3). Before the first torque arrives,
-    the joints get what held them.
+    Sampling and hold alone delay by half a period; a controller that needs the period to compute delays by one more
+    (Astrom and Wittenmark, Computer-Controlled Systems, 1997, section 2.3). Before the first torque arrives, the joints
+    get what held them. Raises `InputError` unless `ticks` is a whole number from 0 to 64.
     """
 
     ticks: int
@@ -40,14 +40,16 @@ class ControlDelay(ActuatorEffect):
             )
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise nothing: a delay fits any plant."""
+        """Raise nothing: a delay fits any joints, links and control period (s)."""
 
     def start(self, torque: Array, control_period: float) -> Array:
-        """The memory (ticks r,): the torques (N m) on their way, the oldest first."""
+        """The memory (..., ticks r), whatever the control period (s): the torques on their way, the oldest first, all
+        as the torque (..., r) that held the joints, N m (N for a prismatic joint)."""
         return np.tile(torque, self.ticks)
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """The torque (r,) N m commanded `ticks` periods ago, and the memory with the newest at its end."""
+        """The torque (r,) commanded `ticks` periods ago, N m (N for a prismatic joint), and the memory (ticks r,) with
+        the one commanded now (r,) at its end, whatever the control period (s)."""
         if self.ticks == 0:
             return torque, memory
         dof = len(torque)

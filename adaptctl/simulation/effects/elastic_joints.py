@@ -22,14 +22,15 @@ class ElasticJoints(Effect):
 
         J w' = torque - f,   M(q) v' + C v + g + friction = f,   f = stiffness (theta - p) + damping (w - v)
 
-    `stiffness` is in N m/rad (N/m of a prismatic joint) and `damping` in N m s/rad, each one number or one a joint
-    (r,). J (kg m^2, behind the gears) is the rotor inertia of the mechanism's drives, which then no longer turns with
-    the links, and `motor_inertia` besides: with ever greater stiffness the plant becomes the rigid one with that much
-    rotor inertia. Friction stays with the links. Rotors turn about their joints' axes alone, as Spong assumes: their
-    energy does not depend on how the links that carry them move.
+    `stiffness` is in N m/rad (N/m of a prismatic joint) and `damping` in N m s/rad (N s/m), each one number or one a
+    joint (r,). J (kg m^2, or kg, behind the gears) is the rotor inertia of the mechanism's drives, which then no longer
+    turns with the links, and `motor_inertia`, one number or (r,), besides: with ever greater stiffness the plant
+    becomes the rigid one with that much rotor inertia. Friction stays with the links. Rotors turn about their joints'
+    axes alone, as Spong assumes: their energy does not depend on how the links that carry them move.
 
     `encoders` sit behind the spring, on the "link", or before it, on the "motor": there controllers measure theta and
-    w, as most robots tell them. The state of the motors is the last 2r numbers of `PlantState.drives`: theta, then w.
+    w, as on most robots. The state of the motors is the last 2r numbers of `PlantState.drives`: theta, then w. Raises
+    `InputError` for another place of `encoders`.
     """
 
     stiffness: ArrayLike
@@ -42,15 +43,17 @@ class ElasticJoints(Effect):
             raise InputError(f"elastic joints: encoders: expected {LINK!r} or {MOTOR!r}, got {self.encoders!r}")
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise `InputError` unless stiffness is positive, the others at least 0, and all finite."""
+        """Raise `InputError` unless stiffness is positive, the others at least 0, all finite, and each one number or
+        one for each of `dof` (r) joints; links and control period (s) may be any."""
         stiffness = self.each("stiffness", dof)
         if not np.all(stiffness > 0.0):
             raise InputError(f"elastic joints: stiffness: expected positive numbers, got {stiffness.tolist()}")
         self.each("damping", dof), self.each("motor_inertia", dof)
 
     def each(self, name: str, dof: int) -> Array:
-        """The values (r,) of the setting of a name, one a joint. Raises `InputError` for what is negative or not
-        finite."""
+        """The values (r,) of the setting of a name, "stiffness", "damping" or "motor_inertia", one for each of `dof`
+        (r) joints, in its own unit. Raises `InputError` for what is negative, not finite or of another shape than one
+        number or (r,)."""
         values = at_least_zero(getattr(self, name), dof, f"elastic joints: {name}")
         if not np.isfinite(values).all():
             raise InputError(f"elastic joints: {name}: expected finite numbers, got {getattr(self, name)}")

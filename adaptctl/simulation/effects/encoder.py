@@ -19,11 +19,12 @@ _WHOLE = 1.5 * 2.0**52
 
 @dataclass(frozen=True, eq=False)
 class Encoder(SensorEffect):
-    """Encoders: positions in whole counts of `resolution` (rad, m), after Gaussian noise of standard deviation `noise`.
+    """Encoders: positions in whole counts of `resolution` (rad or m), after Gaussian noise of standard deviation
+    `noise` (rad or m).
 
-    Velocities get Gaussian noise of standard deviation `velocity_noise` (rad/s, m/s), as of a tachometer; use
-    `FilteredDifferences` where they come from the positions. Each is one number or (r,), zero for none. An
-    encoder of n counts a turn behind a gear g has a resolution of 2 pi/(n g) at the joint.
+    Velocities get Gaussian noise of standard deviation `velocity_noise` (rad/s or m/s), as of a tachometer; use
+    `FilteredDifferences` where they come from the positions. Each is one number or (r,), zero for none. An encoder of n
+    counts a turn behind a gear g has a resolution of 2 pi/(n g) at the joint.
     """
 
     resolution: ArrayLike = 0.0
@@ -33,19 +34,22 @@ class Encoder(SensorEffect):
     rank: ClassVar[int] = 0
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise `InputError` unless each setting is a finite number of at least 0, or one a joint."""
+        """Raise `InputError` unless each setting is a finite number of at least 0, or one for each of `dof` (r) joints;
+        links and control period (s) may be any."""
         for name in ("resolution", "noise", "velocity_noise"):
             if not np.isfinite(at_least_zero(getattr(self, name), dof, f"encoder: {name}")).all():
                 raise InputError(f"encoder: {name}: expected finite numbers, got {getattr(self, name)}")
 
     def start(self, p: Array, v: Array, control_period: float) -> Array:
-        """An empty memory (0,)."""
+        """An empty memory (0,), for any positions p (..., r), velocities v (..., r) and control period (s)."""
         return np.zeros(0)
 
     def measure(
         self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
     ) -> tuple[Column, Column, Column]:
-        """Positions (r,) in whole counts, noisy velocities (r,), and the memory."""
+        """Positions (r,), rad or m, in whole counts, noisy velocities (r,), rad/s or m/s, and the memory (0,)
+        unchanged, of true p and v (r,) and standard normal `noise` (2r,), the positions' first, whatever the control
+        period (s). Raises `InputError` for settings that do not fit r joints."""
         dof = len(p)
         jitter, steps, shake = (
             at_least_zero(values, dof, "encoder").tolist()

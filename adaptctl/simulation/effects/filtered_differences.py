@@ -21,9 +21,10 @@ class FilteredDifferences(SensorEffect):
 
         w_k = a w_(k-1) + (1 - a) (p_k - p_(k-1))/T_c,   a = exp(-2 pi cutoff T_c)
 
-    `cutoff` is in Hz. This is the derivative that controllers use in practice (Astrom and Hagglund, Advanced PID
-    Control, 2006, section 3.3); it is late by about T_c/2 + 1/(2 pi cutoff). An encoder's counts q make it jump by
-    (1 - a) q/T_c. Raises `InputError` for a cutoff that is not positive.
+    w is in rad/s (m/s), `cutoff` in Hz, T_c the control period in s. This is the derivative that controllers use in
+    practice (Astrom and Hagglund, Advanced PID Control, 2006, section 3.3); it is late by about T_c/2 + 1/(2 pi
+    cutoff). An encoder's counts q make it jump by (1 - a) q/T_c. Raises `InputError` for a cutoff that is not positive
+    and finite.
     """
 
     cutoff: float
@@ -34,7 +35,8 @@ class FilteredDifferences(SensorEffect):
         require_positive(self.cutoff, "filtered differences: cutoff", "Hz")
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise `InputError` unless the cutoff is below half the sampling rate."""
+        """Raise `InputError` unless the cutoff (Hz) is below half the sampling rate, 0.5/control_period (s); joints and
+        links may be any."""
         if self.cutoff >= 0.5 / control_period:
             raise InputError(
                 f"filtered differences: a cutoff of {self.cutoff:g} Hz is not below half the sampling rate, "
@@ -42,13 +44,15 @@ class FilteredDifferences(SensorEffect):
             )
 
     def start(self, p: Array, v: Array, control_period: float) -> Array:
-        """The memory (2r,): the last position, and the settled state of the filter."""
+        """The memory (..., 2r): the positions one control period (s) earlier, rad or m, and the settled state of the
+        filter, the velocities v (rad/s or m/s); of arms at p with v, (..., r) each."""
         return np.concatenate((p - control_period * v, v), axis=-1)
 
     def measure(
         self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
     ) -> tuple[Column, Column, Column]:
-        """Positions (r,) unchanged, velocities (r,) by filtered differences, and the memory after them."""
+        """Positions p (r,), rad or m, unchanged, velocities (r,), rad/s or m/s, by filtered differences, and the memory
+        (2r,) after them; v (r,) and `noise` (2r,) are not used, `control_period` is in s."""
         dof, kept = len(p), math.exp(-2.0 * math.pi * self.cutoff * control_period)
         before, rate = Column(memory.of[:dof]), Column(memory.of[dof:])
         after = kept * rate + ((1.0 - kept) / control_period) * (p - before)

@@ -20,13 +20,13 @@ class Friction(JointEffect):
 
         torque = viscous v + (coulomb + stribeck/(1 + (v/speed)^2)) sign(v)
 
-    (Hess and Soom 1990; Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2.2.) `stribeck` is how much
-    static friction exceeds Coulomb friction, `speed` (rad/s) where half of that is gone. `viscous` (N m s/rad),
-    `coulomb` and `stribeck` (N m) are one number or (r,). The sign is smoothed as that of a drive's Coulomb
-    friction is, so the arm creeps where a real one sticks.
+    (Hess and Soom 1990; Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2.2.) `stribeck` is how much static
+    friction exceeds Coulomb friction, `speed` (rad/s, m/s) where half of that is gone. `viscous` (N m s/rad, N s/m),
+    `coulomb` and `stribeck` (N m, N) are one number or (r,), zero unless given. The sign is smoothed as that of a
+    drive's Coulomb friction is, so the arm creeps where a real one sticks.
 
-    It is in the plant alone, of the primary joints. What the mechanism's drives have is in the plant and in the
-    model, and can be adapted; this comes on top.
+    It is in the plant alone, of the primary joints. What the mechanism's drives have is in the plant and in the model,
+    and can be adapted; this comes on top. Raises `InputError` for a speed that is not positive and finite.
     """
 
     viscous: ArrayLike = 0.0
@@ -38,19 +38,22 @@ class Friction(JointEffect):
         require_positive(self.speed, "friction: speed", "rad/s")
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise `InputError` unless each setting is a finite number of at least 0, or one a joint."""
+        """Raise `InputError` unless each of `viscous`, `coulomb` and `stribeck` is a finite number of at least 0, or
+        one for each of `dof` (r) joints; links and control period (s) may be any."""
         if not np.isfinite(self._each(dof)).all():
             raise InputError("friction: expected finite numbers")
 
     def torque(self, v: Column) -> Column:
-        """The friction torque (r,) at velocities v (r,), N m."""
+        """The friction torque (r,), N m (N for a prismatic joint), at velocities v (r,), rad/s (m/s): positive where v
+        is. Raises `InputError` for settings that do not fit r joints."""
         viscous, coulomb, stribeck = (Column(values.tolist()) for values in self._each(len(v)))
         signs = Column(map(_sign, v))
         film = Column(1.0 / (1.0 + (x / self.speed) * (x / self.speed)) for x in v)
         return viscous * v + (coulomb + stribeck * film) * signs
 
     def steepest(self, dof: int) -> Array:
-        """The slope (r,) of the torque at rest, N m s/rad."""
+        """The slope (r,) of the torque at rest, N m s/rad (N s/m), for `dof` (r) joints. Raises `InputError` for
+        settings that do not fit them."""
         viscous, coulomb, stribeck = self._each(dof)
         return viscous + (coulomb + stribeck) / SLOW
 

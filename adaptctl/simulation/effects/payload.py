@@ -20,8 +20,12 @@ from adaptctl.errors import InputError, NotFoundError
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Payload:
-    """A payload, a body held by the last link: `mass` in kg, `center` (3,) in m in that link's frame, and `inertia` (3,
-    3) in kg m^2 about that centre. A point in the frame's origin unless given."""
+    """A payload, a body held by a link: `mass` in kg, `center` of mass (3,) in m in that link's frame, and `inertia`
+    (3, 3) in kg m^2 about that centre. A point in the frame's origin unless given.
+
+    Raises `InputError` for a mass that is negative or above 1e20 kg, a wrong shape, numbers that are not finite, and an
+    inertia, unless zero, that no body has.
+    """
 
     mass: float
     center: Array = field(default_factory=lambda: np.zeros(3))
@@ -41,8 +45,9 @@ class Payload:
 
     @classmethod
     def of(cls, given: float | Mapping[str, Any] | Payload) -> Payload:
-        """A payload from a mass in kg, or from a mapping with `mass`, `center` and `inertia`. Raises `InputError` for
-        what is none, `NotFoundError` for an unknown entry."""
+        """A payload from a mass in kg, or from a mapping with `mass` and perhaps `center` and `inertia`; a `Payload` is
+        returned as it is. Raises `InputError` for what is none, `NotFoundError` for an unknown entry or a missing
+        mass."""
         if isinstance(given, Payload):
             return given
         if not isinstance(given, Mapping):
@@ -55,7 +60,8 @@ class Payload:
         return cls(**given)
 
     def added_to(self, parameters: ArrayLike, link: int) -> Array:
-        """The inertial parameters (..., P) with the payload added to the ten of the link of that index."""
+        """The inertial parameters (..., P), SI units, with the payload added to the ten of the link of that index: a
+        copy of those given, whose first are ten a link."""
         loaded = np.array(parameters, dtype=np.float64)
         loaded[..., 10 * link : 10 * link + 10] += from_center_of_mass(self.mass, self.center, self.inertia)
         return loaded

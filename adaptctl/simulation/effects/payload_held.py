@@ -15,10 +15,13 @@ from adaptctl.simulation.effects.payload import Payload
 
 @dataclass(frozen=True, eq=False)
 class PayloadHeld(LoadEffect):
-    """A payload held from `start` to `stop` (s): by the last link that has mass, or by the one that is named.
+    """A payload held from `start` to `stop` (s), from the beginning and for ever unless given: by the last link that
+    has mass, or by the one that `link` names.
 
-    It is a `Payload`, a mass in kg, or a mapping with `mass`, `center` and `inertia`. When it is picked up it
-    already moves with the link, and when it is dropped it moves on: the arm's velocities do not jump.
+    It is a `Payload`, a mass in kg, or a mapping with `mass`, `center` and `inertia`. When it is picked up it already
+    moves with the link, and when it is dropped it moves on: the arm's velocities do not jump. Raises `InputError` where
+    it is no payload, or `start` is not finite and before `stop`, and `NotFoundError` for a mapping without `mass` or
+    with unknown entries.
     """
 
     payload: Payload | float | Mapping[str, Any]
@@ -32,20 +35,22 @@ class PayloadHeld(LoadEffect):
             raise InputError(f"payload: expected a start before its stop, got {self.start} and {self.stop} s")
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise `NotFoundError` for a link that does not exist."""
+        """Raise `NotFoundError` for a link that is not among the names `links`; joints and control period (s) may be
+        any."""
         if self.link is not None and self.link not in links:
             raise NotFoundError(f"payload: there is no link {self.link!r}; links: {', '.join(links)}")
 
     def mass(self, time: float) -> float:
-        """The payload's mass while it is held, kg, else 0."""
+        """The payload's mass, kg, while it is held at `time` (s), else 0."""
         return Payload.of(self.payload).mass if self.start <= time < self.stop else 0.0
 
     def until(self, time: float) -> float:
-        """The time (s) at which the payload is next picked up or dropped; infinity for never."""
+        """The time (s) at which the payload is next picked up or dropped after `time` (s); infinity for never."""
         return next((change for change in (self.start, self.stop) if time < change), math.inf)
 
     def loaded(self, parameters: Array, links: tuple[str, ...], time: float) -> Array:
-        """The inertial parameters (..., P), with the payload's ten added to those of its link while it is held."""
+        """The inertial parameters (..., P), SI units, with the payload's ten added to those of its link while it is
+        held at `time` (s); the first of those given (..., P) are ten for each of the `links`, by name."""
         if not self.start <= time < self.stop:
             return parameters
         link = len(links) - 1 if self.link is None else links.index(self.link)

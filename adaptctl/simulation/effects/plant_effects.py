@@ -17,11 +17,12 @@ from adaptctl.simulation.effects.elastic_joints import MOTOR, ElasticJoints
 
 @dataclass(frozen=True)
 class PlantEffects:
-    """The effects of a plant by their places, those between controller and joint, and back, in the order of the
-    signal's way.
+    """The effects of a plant by their places: `actuators` between controller and joint, `sensors` back, each in the
+    order of the signal's way, torques in the `joints`, `loads`, and `elastic` joints; none unless given, None for rigid
+    joints.
 
-    A torque is delayed, then limited, then limited in rate, then lags; positions are read by encoders, then
-    velocities are found from them.
+    A torque is delayed, then limited, then limited in rate, then lags; positions are read by encoders, then velocities
+    are found from them.
     """
 
     actuators: tuple[ActuatorEffect, ...] = ()
@@ -32,9 +33,9 @@ class PlantEffects:
 
     @classmethod
     def of(cls, effects: Iterable[Effect]) -> PlantEffects:
-        """The effects, given in any order, in their places.
+        """The plant's effects, given in any order, sorted into their places.
 
-        Raises `InputError` for what is none, and for two of a kind in one chain.
+        Raises `InputError` for what is no `Effect`, and for two actuators, sensors or elastic joints of one kind.
         """
         given = tuple(effects)
         for effect in given:
@@ -50,7 +51,8 @@ class PlantEffects:
         )
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise `InputError` where an effect does not fit."""
+        """Raise `InputError` where an effect does not fit `dof` (r) joints, the names of the `links` or a control
+        period (s), `NotFoundError` for a payload's link that is none of them."""
         elastic = () if self.elastic is None else (self.elastic,)
         for effect in (*self.actuators, *self.sensors, *self.joints, *self.loads, *elastic):
             effect.require(dof, links, control_period)
@@ -62,25 +64,30 @@ class PlantEffects:
 
     @property
     def marks(self) -> tuple[str, ...]:
-        """Names of the actuator effects that may hold a torque back."""
+        """Names of the actuator effects that may hold a torque back, in their order."""
         return tuple(effect.mark for effect in self.actuators if effect.mark is not None)
 
     def loaded(self, parameters: Array, links: tuple[str, ...], time: float) -> Array:
-        """The inertial parameters (..., P) with the loads of all effects at a time (s) added."""
+        """The inertial parameters (..., P), SI units, with the loads of all effects at a time (s) added to those given
+        (..., P), whose first are ten for each of the `links`, by name."""
         for load in self.loads:
             parameters = load.loaded(parameters, links, time)
         return parameters
 
     def drive_memory(self, torque: Array, control_period: float) -> Array:
-        """The actuators' memory (..., m) at rest, after the joints were held by a torque (..., r) N m."""
+        """The actuators' memory (..., m) at rest, m numbers of all together, after the joints were held by a torque
+        (..., r), N m (N for a prismatic joint); `control_period` is in s."""
         return _joined((effect.start(torque, control_period) for effect in self.actuators), torque.shape[:-1])
 
     def sensor_memory(self, p: Array, v: Array, control_period: float) -> Array:
-        """The sensors' memory (..., m) before the first measurement, of arms at p, v (..., r)."""
+        """The sensors' memory (..., m) before the first measurement, m numbers of all together, of arms at p (rad or m)
+        with v (rad/s or m/s), (..., r) each; `control_period` is in s."""
         return _joined((effect.start(p, v, control_period) for effect in self.sensors), p.shape[:-1])
 
     def driven(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column, Column]:
-        """The torque (r,) after all actuators, their memory, and marks (m,); over scalars of any kind."""
+        """The torque (r,) after all actuators of a torque (r,), N m (N for a prismatic joint), in one control period
+        (s), their memory (m,) after it, and marks, one for each of `marks`: 1 where the effect changed the torque, else
+        0; over scalars of any kind. Raises `InputError` for effects that do not fit r joints."""
         still = np.zeros(len(torque))
         parts = _split(memory, [len(effect.start(still, control_period)) for effect in self.actuators])
         after: list[Column] = []
@@ -96,7 +103,9 @@ class PlantEffects:
     def measured(
         self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
     ) -> tuple[Column, Column, Column]:
-        """The measured p and v (r,), and the sensors' memory; over scalars of any kind."""
+        """The measured p (rad or m) and v (rad/s or m/s), (r,) each, and the sensors' memory (m,) after it, of the true
+        ones (r,) and the memory before; `noise` (2r,) is standard normal, `control_period` in s; over scalars of any
+        kind. Raises `InputError` for effects that do not fit r joints."""
         still = np.zeros(len(p))
         parts = _split(memory, [len(effect.start(still, still, control_period)) for effect in self.sensors])
         after: list[Column] = []

@@ -27,14 +27,16 @@ class TorqueLimit(ActuatorEffect):
     mark: ClassVar[str | None] = "torque_limited"
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise `InputError` unless the limit is a number of at least 0, or one a joint."""
+        """Raise `InputError` unless the limit is a number of at least 0, or one for each of `dof` (r) joints; it may be
+        infinite, and links and control period (s) any."""
         at_least_zero(self.limit, dof, "torque limit")
 
     def start(self, torque: Array, control_period: float) -> Array:
-        """An empty memory (0,)."""
+        """An empty memory (0,), for any torque (..., r) and control period (s)."""
         return np.zeros(0)
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """The nearest torque (r,) N m within the limits, and the empty memory."""
+        """The torque (r,) within the limits nearest to the one asked (r,), N m (N for a prismatic joint), and the empty
+        memory (0,), whatever the control period (s). Raises `InputError` for limits that do not fit r joints."""
         limits = at_least_zero(self.limit, len(torque), "torque limit").tolist()
         return Column(clip(x, -most, most) for x, most in zip(torque, limits, strict=True)), memory

@@ -14,8 +14,8 @@ from adaptctl.simulation.effects.effect import ActuatorEffect, at_least_zero
 
 @dataclass(frozen=True, eq=False)
 class TorqueRateLimit(ActuatorEffect):
-    """Limit of a drive's torque rate: the torque changes by at most `rate` (N m/s, one number or (r,)), supply voltage
-    over inductance."""
+    """Limit of a drive's torque rate: the torque changes by at most `rate` (N m/s, N/s of a prismatic joint; one number
+    or (r,)), supply voltage over inductance."""
 
     rate: ArrayLike
 
@@ -23,15 +23,19 @@ class TorqueRateLimit(ActuatorEffect):
     mark: ClassVar[str | None] = "rate_limited"
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise `InputError` unless the rate is a number of at least 0, or one a joint."""
+        """Raise `InputError` unless the rate is a number of at least 0, or one for each of `dof` (r) joints; it may be
+        infinite, and links and control period (s) any."""
         at_least_zero(self.rate, dof, "torque rate limit")
 
     def start(self, torque: Array, control_period: float) -> Array:
-        """The memory (r,): the torque now, N m."""
+        """The memory (..., r): the torque (..., r) that held the joints, N m (N for a prismatic joint), whatever the
+        control period (s)."""
         return torque
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """The torque (r,) N m nearest to the one asked that is within reach of the last one; it is the memory too."""
+        """The torque (r,) nearest to the one asked (r,), N m (N for a prismatic joint), that is within reach of the
+        last one, the memory (r,), in a control period (s); it is the memory after it too. Raises `InputError` for rates
+        that do not fit r joints."""
         steps = (at_least_zero(self.rate, len(torque), "torque rate limit") * control_period).tolist()
         given = Column(clip(x, y - step, y + step) for x, y, step in zip(torque, memory, steps, strict=True))
         return given, given
