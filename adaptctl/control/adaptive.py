@@ -21,10 +21,16 @@ from adaptctl.scalars import Column, Tunable, absolute, clip, spread, where
 
 
 class AdaptiveState(NamedTuple):
-    """The memory of an adaptive control law: its estimate, and the last tick, from which it learns at the next.
+    """Memory of an adaptive control law: its estimate, and the last tick, from which it learns at the next.
 
-    Whatever limits the torque behind the controller should put what was applied into `torque`, and zero into
-    `elapsed` for a period that is not to be learned from.
+    Columns, each with leading axes where there are many arms: `estimate` (k,) of the parameters, SI units; `q` (n,),
+    the tree's joints at the last tick, rad (m), from which loops, if any, are followed; `motion`, numbers of that
+    tick's motion, from which the gradient Y_r's is made; `s` (r,), the sliding variable there, rad/s (m/s); `torque`
+    (r,), N m (N for a prismatic joint), held since; `elapsed` (1,), the time since in s, 0 before the first tick.
+    `learning` is the adaptation law's memory, `more` the control law's own besides.
+
+    Whatever limits the torque behind the controller should put what was applied into `torque`, and zero into `elapsed`
+    for a period that is not to be learned from.
     """
 
     estimate: Any
@@ -46,17 +52,19 @@ class AdaptiveState(NamedTuple):
 
     @property
     def recorded(self) -> Any:
-        """Part of the adaptation law's memory that a run keeps, where it keeps any."""
+        """Part of the adaptation law's memory that a run keeps, a column (..., n) in that law's units. Raises
+        `AttributeError` where the law keeps none."""
         return self.learning.recorded
 
 
 class AdaptiveController(Controller[AdaptiveState]):
     """Base class of adaptive controllers: a control law on a model's k parameters, and an adaptation law of choice.
 
-    `adaptation` is the law, or a gain for `Gradient`, or None to switch adaptation off; `initial` (k,) is the
-    first estimate, zero when not given; `period` is the control period T_c in s. Nothing is learned from a period whose
-    torque is beyond `torque_limits` (r,), N m (N for a prismatic joint), the mechanism's own unless given. Raises
-    `InputError` where period, first estimate or gain do not fit.
+    `model` has the parameters; `adaptation` is the law, or a gain Gamma, (k,) or (k, k), for `Gradient`, or None to
+    switch adaptation off; `initial` (k,) is the first estimate in SI units, None for zero; `period` is the control
+    period T_c in s. Nothing is learned from a period whose torque is beyond `torque_limits`, one number or (r,), N m (N
+    for a prismatic joint), None for the mechanism's own. Raises `InputError` where period, first estimate, torque
+    limits or gain do not fit.
     """
 
     model: ReducedModel
@@ -87,7 +95,8 @@ class AdaptiveController(Controller[AdaptiveState]):
 
     @property
     def tunable_parts(self) -> Mapping[str, Tunable]:
-        """The parts whose numbers can be tuned, by attribute: the adaptation law, also where only a gain was given."""
+        """The parts whose numbers can be tuned, by attribute: the adaptation law as "adaptation", also where only a
+        gain was given; empty with adaptation off."""
         return {} if self.adaptation_law is None else {"adaptation": self.adaptation_law}
 
     @property
@@ -101,8 +110,9 @@ class AdaptiveController(Controller[AdaptiveState]):
         return self.model.mechanism.home
 
     def start(self, p: Array, v: Array) -> AdaptiveState:
-        """The memory before the first tick, at p, v (..., r): the first estimate, and a period of no length to learn
-        from."""
+        """The memory before the first tick, of arms at positions p in rad (m) and velocities v in rad/s (m/s),
+        (..., r): the first estimate, zero torque, and a period of no length to learn from. Raises `InputError` on a
+        wrong shape of p, `NonFiniteError` on NaN or infinity in it, `SingularityError` near locked loops."""
         rest, initial = np.zeros(self.dof), np.array(self.initial)
         motion = np.zeros(self._motion_size)
         q, law = self.model.mechanism.configuration(p), self.adaptation_law

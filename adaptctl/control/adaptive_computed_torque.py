@@ -22,27 +22,32 @@ from adaptctl.scalars import Column, column
 
 @dataclass(frozen=True, eq=False)
 class AdaptiveComputedTorque(AdaptiveController):
-    """Adaptive computed torque (Craig, Hsu and Sastry 1987).
+    """Adaptive computed-torque control law on a model's k parameters (Craig, Hsu and Sastry 1987).
 
         e = p - p_d,  s = e' + Lambda e
         torque = M^(p) (a_d - 2 Lambda e' - Lambda^2 e) + C^(p, v) v + g^(p), all of the estimate
         estimate' = -Gamma Y(p, v, a)' M^^-1 W s
 
-    With both poles of the error loop at -Lambda, s' + Lambda s = M^^-1 Y error, the strictly positive real
-    filter of the paper. Guarantees, without disturbance and while M^ is positive definite:
-    V = s'Ws/2 + error' Gamma^-1 error/2 falls as -s'W Lambda s, so the tracking error goes to zero.
+    With both poles of the error loop at -Lambda, s' + Lambda s = M^^-1 Y error, the strictly positive real filter of
+    the paper. Guarantees, without disturbance and while M^ is positive definite: V = s'Ws/2 + error' Gamma^-1 error/2
+    falls as -s'W Lambda s, so the tracking error goes to zero.
 
-    Gives up: it needs the acceleration a, which is taken from the difference of velocities over the period and
-    so carries the noise of velocities over T_c: noise of deviation sigma moves an inertia by about Gamma sigma^2 a
-    period, where `SlotineLi`'s regressor moves it by T_c Lambda of that, so Gamma must be as much smaller (a
-    filtered a, which is late, did worse); and M^^-1, so the estimate must keep M^ positive definite. The
-    first one must; then `Natural` guarantees it, `Projection` on narrow bounds makes it likely, and nothing else
-    does. The paper resets parameters at their bounds, which is `Projection`.
+    Gives up: it needs the acceleration a, which is taken from the difference of velocities over the period and so
+    carries the noise of velocities over T_c: noise of deviation sigma moves an inertia by about Gamma sigma^2 a period,
+    where `SlotineLi`'s regressor moves it by T_c Lambda of that, so Gamma must be as much smaller (a filtered a, which
+    is late, did worse); and M^^-1, so the estimate must keep M^ positive definite. The first one must; then `Natural`
+    guarantees it, `Projection` on narrow bounds makes it likely, and nothing else does. The paper resets parameters at
+    their bounds, which is `Projection`.
 
-    `bandwidth` is Lambda (1/s); `weight` is W (r,) in kg m^2, the joints' typical inertias when not given, which
-    makes gains comparable to `SlotineLi`'s. Other arguments as there. Raises `InputError` for a first estimate
-    whose mass matrix is not positive definite everywhere, as far as a local search from the worst of 200
-    configurations finds.
+    `model` has the k parameters; `bandwidth` is Lambda (1/s), one number or (r,); `initial` (k,) is the first estimate
+    in SI units, None for zero, which has no such mass matrix and is refused; `adaptation` is an adaptation law, or
+    Gamma for `Gradient`, (k,) or (k, k), or None to switch adaptation off; `weight` is W, one number or (r,), in kg m^2
+    (kg for a prismatic joint), None for the joints' typical inertias, which makes gains comparable to `SlotineLi`'s;
+    `period` is the control period T_c in s; nothing is learned from a period whose torque is beyond `torque_limits`,
+    one number or (r,), N m (N), None for the mechanism's own. Raises `GainError` where 2 Lambda T_c is above 1.5, and
+    `InputError` on wrong shapes, on bandwidths, weights or limits that are not positive, on an adaptation law that does
+    not fit the model, and for a first estimate whose mass matrix is not positive definite everywhere, as far as a local
+    search from the worst of 200 configurations finds.
     """
 
     tunable = ("bandwidth", "weight", "initial")
@@ -66,7 +71,9 @@ class AdaptiveComputedTorque(AdaptiveController):
     def law(
         self, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> tuple[Column, AdaptiveState]:
-        """The torque (r,) N m of one tick, and the memory after learning from the period that has passed."""
+        """The torque (r,), N m (N for a prismatic joint), of one tick, and the memory after learning from the period
+        that has passed; at measured positions p in rad (m) and velocities v in rad/s (m/s), (r,), towards `reference`,
+        with the last tick's `memory`."""
         equations, bandwidth = self.model.mechanism.equations, column(self.bandwidth)
         q = equations.closed(p, memory.q)
         e, e_rate = p - reference.p, v - reference.v

@@ -26,7 +26,8 @@ from adaptctl.scalars import Column, Structure, Tunable
 
 
 class ReferencePoint(NamedTuple):
-    """Desired positions (rad or m), velocities and accelerations (per s and s^2), each (..., r) or a column."""
+    """Desired positions `p` in rad (m), velocities `v` in rad/s (m/s) and accelerations `a` in rad/s^2 (m/s^2), each
+    (..., r), in task space (..., m) in m and s; in a law a column each."""
 
     p: Any
     v: Any
@@ -34,7 +35,8 @@ class ReferencePoint(NamedTuple):
 
 
 class Reference(Protocol):
-    """A reference trajectory: a callable from times (...) in s to a `ReferencePoint` (..., r)."""
+    """A reference trajectory: a callable from times (...) in s to a `ReferencePoint` (..., r), in task space
+    (..., m)."""
 
     def __call__(self, t: ArrayLike, /) -> ReferencePoint:
         """The reference at times t."""
@@ -48,12 +50,13 @@ GAINS, MEMORY = "gains", "memory"
 class Controller(Tunable, ABC, Generic[Memory]):
     """A control law for a mechanism of r joints, called once a control period, for one arm or for many.
 
-    A subclass is a frozen dataclass of configuration. It writes `start` and `law`; `law` is an equation over
-    scalars of any kind, so it is compiled to native code here, differentiated there, and run on floats when a
-    mechanism is too long to compile. What changes over time is the memory, passed in and out.
+    A subclass is a frozen dataclass of configuration. It writes `start` and `law`; `law` is an equation over scalars of
+    any kind, so it is compiled to native code here, differentiated there, and run on floats when a mechanism is too
+    long to compile. What changes over time is the memory, passed in and out.
 
     Numbers that the class names in `tunable`, its gains, are arguments of the native code: controllers that differ in
-    them alone share it, and `tuned` makes one of another. Without such names all numbers are compiled in.
+    them alone share it, and `tuned` makes one of another. Without such names all numbers are compiled in. A tick
+    refuses NaN and infinity in its results where `finite` is "results", also in its arguments where it is True.
     """
 
     finite: ClassVar[Finite] = "results"
@@ -76,19 +79,20 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @abstractmethod
     def start(self, p: Array, v: Array) -> Memory:
-        """The memory before the first tick, of arms at p, v (..., r): its leaves (..., n), or (n,) where all arms
-        begin alike."""
+        """The memory before the first tick, of arms at p in rad (m) and v in rad/s (m/s), (..., r): its leaves
+        (..., n), or (n,) where all arms begin alike."""
 
     @abstractmethod
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: Memory) -> tuple[Column, Memory]:
-        """The torque (r,) N m of one tick, and the memory after it."""
+        """The torque (r,), N m (N for a prismatic joint), of one tick, and the memory after it; at measured positions p
+        in rad (m) and velocities v in rad/s (m/s), (r,), towards `reference`, with the last tick's `memory`."""
 
     def init(self, p: ArrayLike, v: ArrayLike, gains: Mapping[str, Array] | None = None) -> Memory:
-        """The state before the first tick, from measured positions and velocities (..., r).
+        """The state before the first tick, from measured positions in rad (m) and velocities in rad/s (m/s), (..., r).
 
         Leading axes are arms, and each has its own state: leaves (..., n), all in one array. `gains` by their names in
-        `numbers`, with the same leading axes, are those of arms that have their own; they are not checked. Raises
-        `NonFiniteError` where the state would not be finite.
+        `numbers`, with the same leading axes, are those of arms that have their own, None for the controller's; they
+        are not checked. Raises `InputError` on a wrong shape, `NonFiniteError` where p, v or the state are not finite.
         """
         positions, velocities = self._measured(p, "p"), self._measured(v, "v")
         with np.errstate(over="ignore", invalid="ignore"):
@@ -100,8 +104,9 @@ class Controller(Tunable, ABC, Generic[Memory]):
     def restart(self, state: Memory, arms: ArrayLike, p: ArrayLike, v: ArrayLike) -> Memory:
         """The state of many arms after some of them, those of a mask (...), are set to before their first tick.
 
-        These are arms whose episode has begun anew, at p and v (..., r): nothing of the last one is to be remembered.
-        Raises `InputError` for another mask.
+        These are arms whose episode has begun anew, at p in rad (m) and v in rad/s (m/s), (..., r): nothing of the last
+        one is to be remembered. Raises `InputError` for another mask or shape, `NonFiniteError` for p or v not finite
+        there.
         """
         chosen, p, v = np.asarray(arms), np.asarray(p), np.asarray(v)
         if chosen.dtype != np.bool_ or not chosen.shape == p.shape[:-1] == v.shape[:-1]:
@@ -116,9 +121,10 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @replaced_by("_step_one")
     def step(self, state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint) -> tuple[Array, Memory]:
-        """The torque (..., r) N m of one tick on arrays, and the next state.
+        """The torque (..., r), N m (N for a prismatic joint), of one tick on arrays, and the next state; p in rad (m),
+        v in rad/s (m/s).
 
-        Leading axes of p are arms, which are worked on in SIMD lanes; v and the reference may be the same for all.
+        Leading axes of p (..., r) are arms, worked on in SIMD lanes; v and the reference may be (r,), the same for all.
         Raises `InputError` on a wrong shape and `NonFiniteError` when a measurement, a reference or the outcome is not
         finite, of any arm: nothing non-finite leaves a controller. The state given is as it was, so the arm that is
         named can be dealt with, or all arms wrapped in `Guarded`, which brakes that one alone.
@@ -128,12 +134,14 @@ class Controller(Tunable, ABC, Generic[Memory]):
     def step_tuned(
         self, gains: Array, state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint
     ) -> tuple[Array, Memory]:
-        """The torques (N, r) N m of one tick of N arms that have gains (N, g) of their own, and the next state: `step`,
-        with rows as `packed` is, not checked."""
+        """The torques (N, r), N m (N for a prismatic joint), of one tick of N arms that have gains (N, g) of their own,
+        rows as `packed` is, not checked, and the next state; arguments and errors are otherwise those of `step`."""
         return self._step_many(state, p, v, reference, gains)
 
     def compile(self, many: bool = False) -> Self:
-        """The controller itself, compiled now instead of at its first step, for one arm or for `many`."""
+        """The controller itself, its tick set up now instead of at the first step: compiled for one arm, or, with
+        `many`, prepared for many. Raises `InputError` where `law` does not return torque and memory, `TraceError` where
+        it cannot be traced."""
         _ = self._many if many else self._step_one
         return self
 
@@ -199,7 +207,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @property
     def kernel(self) -> Kernel | None:
-        """The law as native code, which can count its operations; None above LARGEST_COMPILED joints.
+        """The law as native code, which can count its operations; None above LARGEST_COMPILED (100) joints.
 
         It takes p, v, the reference's parts, the memory in one array and, where there are any, the gains (`packed`).
         """
@@ -208,7 +216,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
     @property
     def on_floats(self) -> OnFloats:
         """The law as a function in Python with its own gains: it takes p, v, the reference's parts and the leaves of
-        the memory."""
+        the memory, arrays (n,), and returns the torque (r,) in N m (N) and the leaves after it."""
         sizes = self._given_sizes | self._memory_sizes
         return OnFloats(self._equation(), sizes, name=type(self).__name__, finite=self.finite)
 
@@ -245,7 +253,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @property
     def gain_sizes(self) -> dict[str, int]:
-        """Length of the column of tunable gains by its name; an empty mapping where all gains are compiled in."""
+        """Length g of the column of tunable gains by its name; an empty mapping where all gains are compiled in."""
         return {GAINS: self.packed.size} if self.packed.size else {}
 
     @cached_property

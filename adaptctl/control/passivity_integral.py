@@ -42,7 +42,8 @@ class PassivityIntegral(SlotineLi):
     and winds up while torques are limited. It stands still in a period whose `elapsed` is set to zero, as adaptation
     does.
 
-    Arguments and errors are those of `SlotineLi`.
+    Arguments, their defaults and errors are those of `SlotineLi`: a model, `bandwidth` Lambda in 1/s, `damping` K in
+    N m s/rad (N s/m for a prismatic joint), and so on; the period must carry twice the bandwidth.
     """
 
     tunable = SlotineLi.tunable
@@ -50,8 +51,9 @@ class PassivityIntegral(SlotineLi):
     def reference_velocity(
         self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> ReferenceVelocity:
-        """The reference velocity v_r = v_d - 2 Lambda e - Lambda^2 (integral of e) (r,) in rad/s or m/s, and its
-        derivative."""
+        """The reference velocity v_r = v_d - 2 Lambda e - Lambda^2 (integral of e) (r,) in rad/s (m/s), its derivative
+        a_r (r,) in rad/s^2 (m/s^2), and the integral's memory; at measured positions p in rad (m) and velocities v in
+        rad/s (m/s), (r,), with the last tick's `memory`. The configuration q (n,) is not used."""
         bandwidth = column(self.bandwidth)
         twice, square = 2.0 * bandwidth, bandwidth * bandwidth
         before: Integral = memory.more

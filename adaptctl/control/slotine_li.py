@@ -41,22 +41,23 @@ class SlotineLi(AdaptiveController):
         estimate' = -Gamma Y_r' s, or another adaptation law's
 
     Theorem: M s' + C s + K s = Y_r error, so that in continuous time V = s'Ms/2 + error' Gamma^-1 error/2 falls as
-    -s'Ks, and the tracking error goes to zero. Drives' friction f is modelled at v_r: with it V falls by
-    s'(f(v) - f(v_r)) >= 0 besides, for any friction that rises with velocity. At v an estimate above the truth would
-    be positive feedback. The estimates converge too only under persistent excitation, and
-    nothing keeps them physically consistent, unless the adaptation law does. The proof asks of v_r only that a_r be
-    its derivative (Ortega and Spong 1989): `PassivityIntegral` and `TaskSpaceSlotineLi` are this law with another.
+    -s'Ks, and the tracking error goes to zero. Drives' friction f is modelled at v_r: with it V falls by s'(f(v) -
+    f(v_r)) >= 0 besides, for any friction that rises with velocity. At v an estimate above the truth would be positive
+    feedback. The estimates converge too only under persistent excitation, and nothing keeps them physically consistent,
+    unless the adaptation law does. The proof asks of v_r only that a_r be its derivative (Ortega and Spong 1989):
+    `PassivityIntegral` and `TaskSpaceSlotineLi` are this law with another.
 
-    `model` has the k parameters; `bandwidth` is Lambda (1/s) and `damping` K (N m s/rad), each one number or one a
-    joint (r,); `adaptation` is an adaptation law, or Gamma for `Gradient`, its diagonal (k,) or whole (k, k), or None
-    to switch adaptation off; `initial` (k,) is the first estimate, zero when not given; `period` is the control period
-    T_c in s; `workspace` is where the period must carry the gains, all that the limits allow unless given; nothing is
-    learned from a period whose torque is beyond `torque_limits` (r,), the mechanism's own unless given; `prior` (k,) is
-    how far each parameter may be from its first estimate: with it, `StabilityWarning` tells where the estimate could
-    come to ring (`estimate_hold`), which is no reason not to try.
+    `model` has the k parameters; `bandwidth` is Lambda (1/s) and `damping` K in N m s/rad (N s/m for a prismatic
+    joint), each one number or one a joint (r,); `adaptation` is an adaptation law, or Gamma for `Gradient`, its
+    diagonal (k,) or whole (k, k), or None to switch adaptation off; `initial` (k,) is the first estimate in SI units,
+    None for zero; `period` is the control period T_c in s; `workspace` is where the period must carry the gains, None
+    for all that the joints' limits allow; nothing is learned from a period whose torque is beyond `torque_limits`, one
+    number or (r,), N m (N), None for the mechanism's own; `prior` (k,), in SI units, is how far each parameter may be
+    from its first estimate: with it, `StabilityWarning` tells where the estimate could come to ring (`estimate_hold`),
+    which is no reason not to try; None looks for no such place. `tunable` names the numbers that `tuned` changes.
 
-    Raises `GainError` when the period cannot carry the damping, `InputError` on wrong shapes and on an adaptation law
-    that does not fit the model.
+    Raises `GainError` when the period cannot carry the damping, `InputError` on wrong shapes, on gains, limits or a
+    period that are not positive, and on an adaptation law that does not fit the model.
     """
 
     tunable: ClassVar[tuple[str, ...]] = ("bandwidth", "damping", "initial")
@@ -82,7 +83,9 @@ class SlotineLi(AdaptiveController):
     def law(
         self, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> tuple[Column, AdaptiveState]:
-        """The torque (r,) N m of one tick, and the memory after learning from the period that has passed."""
+        """The torque (r,), N m (N for a prismatic joint), of one tick, and the memory after learning from the period
+        that has passed; at measured positions p in rad (m) and velocities v in rad/s (m/s), (r,), towards `reference`,
+        with the last tick's `memory`."""
         equations, damping = self.model.mechanism.equations, column(self.damping)
         q = equations.closed(p, memory.q)
         v_r, a_r, more = self.reference_velocity(q, p, v, reference, memory)
@@ -101,8 +104,9 @@ class SlotineLi(AdaptiveController):
     def reference_velocity(
         self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> ReferenceVelocity:
-        """The reference velocity v_r = v_d - Lambda e (r,) in rad/s or m/s, and its derivative, at configuration q (n,)
-        of the tree."""
+        """The reference velocity v_r = v_d - Lambda e (r,) in rad/s (m/s), its derivative a_r (r,) in rad/s^2 (m/s^2),
+        and an empty memory; at measured positions p in rad (m) and velocities v in rad/s (m/s), (r,). The configuration
+        q (n,) of the tree and the last tick's `memory` are for laws that need them."""
         bandwidth = column(self.bandwidth)
         e, e_rate = p - reference.p, v - reference.v
         return ReferenceVelocity(reference.v - bandwidth * e, reference.a - bandwidth * e_rate, NoMemory())

@@ -23,7 +23,8 @@ LISTED = 80
 
 @dataclass(frozen=True)
 class Leftover:
-    """A singular value beyond the gap that is more than round-off, and the parameters it is made of."""
+    """A singular value beyond the gap that is more than round-off, `value` relative to sigma_1, and the names of the
+    `parameters` that dominate its vector."""
 
     value: float
     """The singular value, relative to sigma_1."""
@@ -36,15 +37,18 @@ class Leftover:
 @dataclass(frozen=True)
 class Certificate:
     """Certificate of a rank k: the ranks found in independent ways, three from scaled matrices and one in exact
-    arithmetic, and numbers that say how clear-cut they are.
+    arithmetic, and numbers, all without a unit, that say how clear-cut they are.
 
-    `gap` is sigma_k/sigma_k+1 of the energy differences, `relative_smallest` sigma_k/sigma_1, both floored at
-    1e-15 of sigma_1. `null_residual` is the largest torque that any null vector makes on other samples,
-    relative to the largest that a vector of its size can make.
-    By transfers, `rank_geometry`, which follows from a tree's geometry, takes the place of `rank_torque`. Gap and
+    `rank_energy` is that of the energy differences at `samples` random states, drawn by `seed`, `rank_doubled` of twice
+    as many, `rank_torque` of torques, None by transfers. `gap` is sigma_k/sigma_k+1 of the energy differences,
+    `relative_smallest` sigma_k/sigma_1, both floored at 1e-15 of sigma_1. `null_residual` is the largest torque that
+    any null vector makes on other samples, relative to the largest that a vector of its size can make. By transfers,
+    `rank_geometry`, which follows from a tree's geometry (None otherwise), takes the place of `rank_torque`. Gap and
     smallest value are then those of the worst joint's energy changes, as bodies are moved from its link to the parent
-    link, and `null_residual` is the largest relative change by a body that is unobservable at its joint.
-    `rank_exact` is that of exact geometry, computed in what `exact_by` says; None where it was not asked for.
+    link, and `null_residual` is the largest relative change by a body that is unobservable at its joint. `rank_exact`
+    is that of exact geometry, computed in what `exact_by` says; None, and "", where it was not asked for. `leftovers`
+    are values beyond the gap that are more than round-off, `near_right_angles` pairs of axes that nearly meet at one;
+    both are empty where there are none.
     """
 
     rank_energy: int
@@ -68,7 +72,7 @@ class Certificate:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """Reasons for which the rank cannot be accepted; empty when it can."""
+        """Reasons, as texts, for which the rank cannot be accepted; empty when it can."""
         other, what = self._other
         ranks = (self.rank_energy, other, self.rank_doubled)
         largest = max((leftover.value for leftover in self.leftovers), default=0.0)
@@ -91,7 +95,8 @@ class Certificate:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Remarks on what is no fault but worth a look: values beyond the gap, and axes near right angles."""
+        """Remarks, as texts, on what is no fault but worth a look: values beyond the gap, and axes near right
+        angles."""
         leftovers = [f"beyond the gap, {leftover} is more than round-off" for leftover in self.leftovers]
         return (*leftovers, *map(str, self.near_right_angles))
 
@@ -111,7 +116,8 @@ class Certificate:
         return self.rank_torque, "torques"
 
     def require_accepted(self, mechanism: str, spectrum: Array, suspects: Sequence[object] = ()) -> None:
-        """Raise `RankError`, with the spectrum (n,) and the suspects, unless the rank can be accepted."""
+        """Raise `RankError`, with the scaled singular values `spectrum` (n,), falling, unless the rank can be accepted;
+        the message names the `mechanism`, the faults and the `suspects`, possible causes, none by default."""
         if not self.faults:
             return
         hints = "".join(f"; {suspect}" for suspect in suspects)

@@ -31,8 +31,8 @@ EDGE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Lift:
-    """A lift of fundamental parameters: physically consistent full ones, and how far their fundamental ones are from
-    those asked for."""
+    """A lift of fundamental parameters: physically consistent full `parameters` (P,), their `fundamental` ones (k,),
+    and the `wanted` ones (k,), those asked for; all in SI units."""
 
     parameters: Array
     """Physically consistent full parameters (P,)."""
@@ -44,27 +44,29 @@ class Lift:
     @cached_property
     def distance(self) -> float:
         """The relative distance |beta - wanted| / |wanted| of the lift's fundamental parameters from those asked for,
-        in SI units."""
+        the numbers taken in SI units; the absolute one where those asked for are zero."""
         return float(np.linalg.norm(self.fundamental - self.wanted)) / _size(self.wanted)
 
     @property
     def realisable(self) -> bool:
-        """True if some rigid bodies have the fundamental parameters asked for."""
+        """True if some rigid bodies have the fundamental parameters asked for: if `distance` is below 1e-6."""
         return self.distance < REALISABLE
 
 
 def nearest_consistent(model: ReducedModel, beta: ArrayLike, prior: ArrayLike | None = None) -> Lift:
-    """The physically consistent full parameters with fundamental ones beta (k,) that are nearest to a prior (P,).
+    """The lift of fundamental parameters beta (k,) to the physically consistent full ones (P,) that are nearest to a
+    prior (P,), all in SI units.
 
-    Fundamental parameters fix k of P numbers only; many sets of rigid bodies have the same, or none. Nearest is
-    meant by the Bregman divergence sum_i tr(P_i prior^-1 P_i) - log det P_i of the links' pseudo-inertias, which
-    depends on no units and no frames (Lee, Wensing and Park 2020); the prior must be consistent, and is the
-    mechanism's own when not given. Where no rigid bodies have beta, the nearest realisable ones take its place,
-    in the least squares of SI units, and of the bodies that come as near but for a thousandth those nearest to
-    the prior: ask `realisable` and `distance`. Rotor inertia and friction stay positive.
+    Fundamental parameters fix k of P numbers only; many sets of rigid bodies have the same, or none. Nearest is meant
+    by the Bregman divergence sum_i tr(P_i prior^-1 P_i) - log det P_i of the links' pseudo-inertias, which depends on
+    no units and no frames (Lee, Wensing and Park 2020); the prior must be consistent, and is the mechanism's own where
+    None. Where no rigid bodies have beta, the nearest realisable ones take its place, in the least squares of SI units,
+    and of the bodies that come as near but for a thousandth those nearest to the prior: ask `realisable` and
+    `distance`. Rotor inertia and friction stay positive.
 
     A semidefinite programme of 10 unknowns a link. Raises `MissingExtraError` without the extra `consistency`,
-    `InputError` for a prior that no rigid bodies have.
+    `InputError` on wrong shapes, for numbers that are not finite and for a prior that no rigid bodies have,
+    `AdaptctlError` where the programme ends without a solution.
     """
     wanted = frozen_array(beta, (len(model.columns),), "fundamental parameters")
     own = model.mechanism.inertial_parameters

@@ -33,9 +33,10 @@ INDEPENDENT = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Relation:
-    """A linear relation among inertial parameters: sum of weight times parameter = value, in SI units.
+    """A linear relation among inertial parameters: sum of weight times parameter = `value`, in SI units.
 
-    Raises `InputError` for weights that are all zero and for numbers that are not finite.
+    `weights` are by parameter name, such as ``link4.m``; `name` is what messages call the relation, its terms where
+    empty. Raises `InputError` for weights that are all zero and for numbers that are not finite.
     """
 
     weights: Mapping[str, float]
@@ -55,7 +56,8 @@ class Relation:
 
 @dataclass(frozen=True, eq=False)
 class Constraints:
-    """Constraints on inertial parameters: known values by name, and linear relations."""
+    """Constraints on inertial parameters: `known` values in SI units by parameter name, such as ``link2.mc_z``, and
+    linear `relations`; none of either by default."""
 
     known: Mapping[str, float] = field(default_factory=dict)
     relations: tuple[Relation, ...] = ()
@@ -66,9 +68,10 @@ class Constraints:
 
     @classmethod
     def of(cls, matrix: ArrayLike, names: Sequence[str], values: ArrayLike | None = None) -> Constraints:
-        """The constraints matrix D = values, a relation for each of m rows, among n parameters of these names.
+        """The constraints matrix D = values, a relation for each of m rows, among n parameters D of these `names`.
 
-        `matrix` is (m, n), `values` (m,), zero by default. Raises `InputError` for other shapes.
+        `matrix` is (m, n), `values` (m,), None for zeros, in SI units. Raises `InputError` for other shapes, numbers
+        that are not finite, and a row of zeros.
         """
         rows = np.atleast_2d(np.asarray(matrix, dtype=np.float64))
         right = np.zeros(len(rows)) if values is None else np.asarray(values, dtype=np.float64)
@@ -86,7 +89,7 @@ class Constraints:
 
     @classmethod
     def read(cls, path: str | Path) -> Constraints:
-        """The constraints that a TOML file states, by parameter::
+        """The constraints that a TOML file states, by parameter, in SI units::
 
             schema = "adaptctl/parameter-constraints/1"
 
@@ -98,7 +101,7 @@ class Constraints:
             weights = { link4.m = 1.0, link5.m = -1.0 }
             value = 0.0
 
-        Raises `FileError` naming the element that is wrong.
+        Raises `FileError` for a file that cannot be read, or naming the element that is wrong.
         """
         content = read_toml(path, _ConstraintsFile)
         try:
@@ -109,7 +112,8 @@ class Constraints:
 
     @property
     def every(self) -> tuple[Relation, ...]:
-        """All constraints as relations: the known values, then the relations."""
+        """All constraints as relations: the known values, then the relations. Raises `InputError` for a known value
+        that is not finite."""
         known = (Relation({name: 1.0}, value, f"{name} = {value:g}") for name, value in self.known.items())
         return (*known, *self.relations)
 
@@ -119,12 +123,12 @@ def constrained(
 ) -> ConstrainedMechanism:
     """The mechanism on the parameters that the constraints leave free: each takes one away.
 
-    A relation takes away the parameter that the priority would remove first (default: Table 4's rule) and that no
-    other relation has taken; its value follows from the others'. Essential space, basis, model and controllers that
-    are made from the result keep to the constraints, and need not know of them. The mechanism's own values of
-    parameters taken away are replaced by what the constraints say.
-    Raises `InputError` naming a relation that contradicts those before it; one that follows from them is left out.
-    Raises `NotFoundError` for a parameter that the mechanism does not have.
+    A relation takes away the parameter that the priority (None: the rule of Table 4 in Sheu and Walker 1991) would
+    remove first and that no other relation has taken; its value follows from the others'. Essential space, basis, model
+    and controllers that are made from the result keep to the constraints, and need not know of them. The mechanism's
+    own values of parameters taken away are replaced by what the constraints say. Raises `InputError` naming a relation
+    that contradicts those before it; one that follows from them is left out. Raises `NotFoundError` for a parameter, of
+    constraints or priority, that the mechanism does not have.
     """
     names = mechanism.parameter_names[: mechanism.energetic]
     A, b = _system(constraints.every, names)

@@ -35,11 +35,15 @@ class EssentialSpace:
     """The essential space of inertial parameters (P,), which change energies and torques, and its complement, the null
     space, which changes none.
 
-    `singular_values` (P,) and `basis` V1 (P, k) belong to the energy differences H of `states`, unscaled, as
-    the paper has them (Sheu and Walker 1991, section 3). `null_basis` V2 (P, P-k) is orthonormal and does not
-    depend on the states. `scales` (P,) make parameters comparable: choices between parameters of different units
-    are made on D / scales, whose null vectors are `scaled_null_basis` (P, P-k). Arrays are computed when first asked
-    for, and are read-only.
+    `singular_values` (P,) and `basis` V1 (P, k) belong to the energy differences H of `states`, unscaled, as the paper
+    has them (Sheu and Walker 1991, section 3). `null_basis` V2 (P, P-k) is orthonormal and does not depend on the
+    states. `scales` (P,) make parameters comparable: choices between parameters of different units are made on D /
+    scales, whose null vectors are `scaled_null_basis` (P, P-k). Arrays are computed when first asked for, and are
+    read-only.
+
+    `search` holds the mechanism and the settings by which the null space is found, `certificate` proves its rank,
+    `states` says in words where the states come from, `energies` gives the triangle R (n, P) of their H = Q R, in J per
+    unit of each parameter; None for those of the search.
     """
 
     search: Search
@@ -52,17 +56,18 @@ class EssentialSpace:
 
     @property
     def mechanism(self) -> Mechanism:
-        """The mechanism."""
+        """The mechanism whose parameters these are."""
         return self.search.mechanism
 
     @property
     def null_space(self) -> NullSpace:
-        """The null space of the energies."""
+        """The null space of the energies: its scales, its null vectors among scaled parameters, and regrouping through
+        them."""
         return self.search.found.null_space
 
     @property
     def proof(self) -> ExactEnergies | None:
-        """Energies on exact geometry, where they were computed."""
+        """Energies on exact geometry, in exact arithmetic; None where they were not computed."""
         return self.search.found.proof
 
     @property
@@ -72,17 +77,17 @@ class EssentialSpace:
 
     @property
     def sha256(self) -> str:
-        """Hash of the mechanism's description, inertial values included."""
+        """SHA-256 hash (hexadecimal) of the mechanism's description, inertial values included."""
         return self.mechanism.description.sha256
 
     @property
     def geometry_sha256(self) -> str:
-        """Hash of geometry, gravity and names, which is all that the space depends on."""
+        """SHA-256 hash (hexadecimal) of geometry, gravity and names, which is all that the space depends on."""
         return self.mechanism.geometry_sha256
 
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the P parameters that enter energies."""
+        """Names (P,) of the parameters that enter energies, all but friction, such as ``link3.I_xx``."""
         return energetic_names(self.mechanism)
 
     @property
@@ -107,12 +112,14 @@ class EssentialSpace:
 
     @cached_property
     def singular_values(self) -> Array:
-        """Singular values (P,) of the energy differences H, falling."""
+        """Singular values (P,) of the energy differences H, falling, in J per SI unit of the parameters, which are not
+        scaled."""
         return frozen_array(singular_values(self._triangle), (len(self.parameter_names),), "singular values")
 
     @cached_property
     def basis(self) -> Array:
-        """The orthonormal right singular vectors V1 (P, k) of H that belong to its k singular values."""
+        """The orthonormal right singular vectors V1 (P, k) of H, without a unit, that belong to its k singular
+        values."""
         complement = self._bases[1]
         V1 = complement @ right_vectors(self._triangle @ complement)
         return frozen_array(V1, (len(self.parameter_names), self.rank), "basis")
@@ -124,8 +131,8 @@ class EssentialSpace:
         return titled("EssentialSpace", text) + table(("certificate", ""), rows)
 
     def project(self, parameters: ArrayLike) -> Array:
-        """Essential parameters D_E = V1 V1' D (..., P) of inertial parameters D (..., P). Raises `InputError` on a
-        wrong shape."""
+        """Essential parameters D_E = V1 V1' D (..., P) of inertial parameters D (..., P), in SI units. Raises
+        `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
         return (checked(parameters, len(self.parameter_names), "parameters") @ self.basis) @ self.basis.T
 
     @cached_property
@@ -153,17 +160,17 @@ def essential_space(
 ) -> EssentialSpace:
     """The essential parameter space of a mechanism.
 
-    By the method "svd" it comes from energies at random states; `samples` is their number, at least (and by default
-    about) twice as many as parameters. By "transfers", for trees alone, its null space follows from the geometry, joint
-    by joint, in time that grows with the number of links, and it is checked against sampled energies. "automatic"
-    takes transfers for trees of a hundred parameters or more if their rank can be certified so, and else "svd".
-    With `states`, the singular values and V1 are those of the given states' energies, so that model reduction holds
-    for them; the rank and V2, which are the mechanism's own, do not depend on them.
-    With `prove` the rank is also computed on exact geometry; by default where that takes milliseconds, that is, unless
+    By the method "svd" it comes from energies at random states, drawn by `seed`; `samples` is their number, at least
+    (and where None about) twice as many as parameters. By "transfers", for trees alone, its null space follows from the
+    geometry, joint by joint, in time that grows with the number of links, and it is checked against sampled energies.
+    "automatic" takes transfers for trees of a hundred parameters or more if their rank can be certified so, and else
+    "svd". With `states`, the singular values and V1 are those of the given states' energies, so that model reduction
+    holds for them; None takes the random ones; the rank and V2, which are the mechanism's own, do not depend on them.
+    With `prove` the rank is also computed on exact geometry; where None, if that takes milliseconds, that is, unless
     loops are closed. Where angles or lengths are nearly, but not exactly, special, and the rank is another one if they
-    are meant to be, it is refused, unless `near` is "as_is": it is then that of the geometry as it stands.
-    Raises `RankError`, with the spectrum, when the rank cannot be certified, and `InputError` for a method that is
-    unknown or not for this mechanism, and for too few samples.
+    are meant to be, it is refused, unless `near` is "as_is", when it is that of the geometry as it stands, or `prove`
+    is False. Raises `RankError`, with the spectrum, when the rank cannot be certified, and `InputError` for a method
+    that is unknown or not for this mechanism, for another `near`, and for too few samples.
     """
     given = None if states is None else partial(_same, _triangle(mechanism, states))
     search = Search(mechanism, method, near, prove, _sample_count(samples, mechanism.energetic), seed)

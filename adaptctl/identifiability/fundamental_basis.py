@@ -27,9 +27,12 @@ from adaptctl.markup import table, titled
 class FundamentalBasis:
     """A fundamental basis: the k of P inertial parameters that are kept, and the regrouping of the others onto them.
 
-    For all states Y(p, v, a) D = Y[:, columns] beta with the fundamental parameters beta = K D, K the
-    `regrouping` (k, P). It depends on the mechanism's geometry and gravity only, named by `geometry_sha256`: its
-    inertial values may change. Raises `InputError` for columns, matrix and scales that do not fit together.
+    For all states Y(p, v, a) D = Y[:, columns] beta with the fundamental parameters beta = K D, K the `regrouping`
+    (k, P) in SI units. It depends on the geometry and gravity only of the mechanism named, by their SHA-256 hash
+    `geometry_sha256`: its inertial values may change. `parameter_names` are (P,), `columns` (k,) the rising indices of
+    the kept ones; parameters over `scales` (P,) are comparable, whatever the units; `gap` is sigma_k/sigma_k+1 of the
+    rank's certificate; `passed_over` names kept parameters that the priority alone would remove. Raises `InputError`
+    for columns, matrix and scales that do not fit together.
     """
 
     mechanism_name: str
@@ -65,12 +68,14 @@ class FundamentalBasis:
 
     @cached_property
     def condition(self) -> float:
-        """The condition number of F2' V2 (Sheu and Walker 1991, equation 25)."""
+        """The condition number, without a unit, of F2' V2, the removed parameters' rows of the null basis (Sheu and
+        Walker 1991, equation 25)."""
         return condition(np.delete(self.regrouping, self.columns, axis=1))
 
     @cached_property
     def scaled_condition(self) -> float:
-        """The condition number of F2' V2 among scaled parameters, which does not depend on units."""
+        """The condition number of F2' V2, the removed parameters' rows of the null basis, among scaled parameters,
+        which does not depend on units."""
         scaled = self.regrouping * self.scales / self.scales[list(self.columns), None]
         return condition(np.delete(scaled, self.columns, axis=1))
 
@@ -80,12 +85,13 @@ class FundamentalBasis:
         return tuple(self.parameter_names[j] for j in self.columns)
 
     def fundamental_parameters(self, parameters: ArrayLike) -> Array:
-        """Fundamental parameters beta = K D (..., k) of inertial parameters D (..., P). Raises `InputError` on a wrong
-        shape."""
+        """Fundamental parameters beta = K D (..., k) of inertial parameters D (..., P), in SI units. Raises
+        `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
         return checked(parameters, len(self.parameter_names), "parameters") @ self.regrouping.T
 
     def equations(self) -> tuple[str, ...]:
-        """The regrouping equations (k,) in readable form."""
+        """The regrouping equations (k,) as text in SI units, such as ``link2.mc_x* = link2.mc_x + 0.4318 (link3.m +
+        link4.m)``."""
         return regrouping_equations(self.regrouping, self.columns, self.parameter_names)
 
     def _repr_html_(self) -> str:
@@ -108,7 +114,8 @@ class FundamentalBasis:
 
     @classmethod
     def load(cls, path: str | Path) -> FundamentalBasis:
-        """The basis saved in a file. Raises `FileError` when the file is not one, or has been damaged."""
+        """The basis saved in a file. Raises `FileError` when the file cannot be read, is none of a basis, or has been
+        damaged."""
         content = BasisFile.read(path)
         try:
             return cls(
@@ -127,14 +134,15 @@ class FundamentalBasis:
 def fundamental_basis(
     space: EssentialSpace, priority: Priority | None = None, *, tolerance: float = TOLERANCE, prove: bool = False
 ) -> FundamentalBasis:
-    """The fundamental basis of an essential space, by removing parameters in the order of a priority (default: the rule
-    of Table 4 in Sheu and Walker 1991).
+    """The fundamental basis of an essential space, by removing parameters in the order of a priority (None: the rule of
+    Table 4 in Sheu and Walker 1991).
 
-    A parameter is removed where more than `tolerance` of its row, scaled, is left by those removed before. Where the
-    space has a proof, the kept parameters are also found on its exact geometry; with `prove` it must have one, or
-    `InputError` is raised. Raises `RankError` when both differ although every choice is clear, and when the removed
-    parameters determine the kept ones too poorly (condition above 1e4 among scaled parameters): the priority then
-    removes parameters that very nearly depend on each other.
+    A parameter is removed where more than `tolerance` (no unit, below 1/sqrt(P)) of its row of the scaled null basis is
+    left by those removed before. Where the space has a proof, the kept parameters are also found on its exact geometry;
+    with `prove` it must have one, or `InputError` is raised. Raises `RankError` when both differ although every choice
+    is clear, and when the removed parameters determine the kept ones too poorly (condition above 1e4 among scaled
+    parameters): the priority then removes parameters that very nearly depend on each other. Raises `InputError` for
+    another tolerance, and for a priority whose names are given twice or (`NotFoundError`) unknown.
     """
     order = (priority or Priority()).indices(space.parameter_names)
     inputs = [space.search.inputs, [int(j) for j in order], repr(tolerance), bool(prove)]

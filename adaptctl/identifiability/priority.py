@@ -28,9 +28,10 @@ PAPER_KINDS = {"I_x": "I_xx", "I_y": "I_yy", "I_z": "I_zz"}
 class Priority:
     """A priority of removal: an order over parameters by name, ``link3.I_xx``, the first of which is removed first.
 
-    Parameters that are not named come after those of `order`, in the default order. Those of `keep` are
-    removed last, the first of them last of all. Either way a parameter stays when removing it would lose
-    something that the motion depends on. Friction has no place here: energies say nothing of it, so it stays.
+    Parameters that are not named come after those of `order`, in the default order (see `default`). Those of `keep` are
+    removed last, the first of them last of all; both are empty by default. Either way a parameter stays when removing
+    it would lose something that the motion depends on. Friction has no place here: energies say nothing of it, so it
+    stays.
     """
 
     order: tuple[str, ...] = ()
@@ -38,7 +39,8 @@ class Priority:
 
     @classmethod
     def default(cls, mechanism: Mechanism) -> Priority:
-        """The priority of Table 4's rule: kind by kind as in `KINDS`, each from the first link to the last."""
+        """The priority of the rule of Table 4 in Sheu and Walker (1991): kind by kind, m, mc_x, mc_y, mc_z, I_xy, I_xz,
+        I_yz, I_xx, I_yy, I_zz, then rotor inertias, each from the mechanism's first link to its last."""
         return cls(_default_order(energetic_names(mechanism)))
 
     @classmethod
@@ -50,21 +52,21 @@ class Priority:
             order = ["link1.I_zz", "link2.I_zz"]
             keep = ["link6.m"]
 
-        By kind and link, kinds first (``first = "links"`` for link by link); what is left out follows in the
-        default order::
+        By kind and link, kinds first (``first = "links"`` for link by link); what is left out follows in the default
+        order::
 
             kinds = ["I_xx", "I_yy"]
             links = ["link2", "link1"]
 
-        As a grid of numbers like Tables 4 and 11 of Sheu and Walker (1991), a row for each kind with a number
-        for each link, in the mechanism's order or that of `links`; the lowest number is removed first::
+        As a grid of numbers like Tables 4 and 11 of Sheu and Walker (1991), a row for each kind with a number for each
+        link, in the mechanism's order or that of `links`; the lowest number is removed first::
 
             [grid]
             m = [1, 2, 3]
             mc_x = [4, 5, 6]
 
-        Every file begins with ``schema = "adaptctl/priority/1"``; the paper's ``I_x`` may stand for ``I_xx``.
-        Raises `FileError` naming the element that is wrong.
+        Every file begins with ``schema = "adaptctl/priority/1"``; the paper's ``I_x`` may stand for ``I_xx``. Raises
+        `FileError` for a file that cannot be read, or naming the element that is wrong.
         """
         table = read_toml(path, _Table)
         try:
@@ -75,9 +77,9 @@ class Priority:
         return priority
 
     def indices(self, parameter_names: Sequence[str]) -> tuple[int, ...]:
-        """Indices (P,) of the parameters in the order of removal.
+        """Indices (P,) of the parameters in the order of removal, the first removed first; `parameter_names` has all P.
 
-        Raises `InputError` for names that are unknown or given twice.
+        Raises `NotFoundError` for names that are unknown, `InputError` for those given twice.
         """
         named = (*self.order, *self.keep)
         _require_known(named, parameter_names, "parameter")

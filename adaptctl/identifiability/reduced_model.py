@@ -22,11 +22,11 @@ from adaptctl.scalars import Column, Keyed, spread
 
 @dataclass(frozen=True, eq=False)
 class ReducedModel(Keyed):
-    """A reduced model: a mechanism's equations of motion on the k parameters that a basis keeps; on all P where there
-    is no basis.
+    """A reduced model: a mechanism's equations of motion on the k parameters that a basis keeps; on all P where `basis`
+    is None.
 
-    tau = Y[:, columns] beta: the columns of the parameters that were removed are never computed. The basis may
-    come from any mechanism of the same geometry. Raises `InputError` for a basis of another one, or a wrong one.
+    tau = Y[:, columns] beta: the columns of the parameters that were removed are never computed. The basis may come
+    from any mechanism of the same geometry. Raises `InputError` for a basis of another one, or a wrong one.
     """
 
     mechanism: Mechanism
@@ -45,7 +45,7 @@ class ReducedModel(Keyed):
 
     @classmethod
     def full(cls, mechanism: Mechanism) -> ReducedModel:
-        """The model on all P parameters, for comparison: the regrouping is the identity."""
+        """The model on all P parameters of a mechanism, for comparison: the regrouping is the identity."""
         return cls(mechanism, None)
 
     @cached_property
@@ -63,7 +63,7 @@ class ReducedModel(Keyed):
 
     @cached_property
     def regrouping(self) -> Array:
-        """The regrouping matrix K (k, P), with beta = K D."""
+        """The regrouping matrix K (k, P), with beta = K D in SI units, read-only."""
         P, energetic = len(self.mechanism.parameter_names), self.mechanism.energetic
         K = np.eye(P)[list(self.columns)]
         if self.basis is not None:
@@ -72,31 +72,44 @@ class ReducedModel(Keyed):
 
     @cached_property
     def fundamental_parameters(self) -> Array:
-        """The true fundamental parameters beta = K D (k,), of the mechanism's own D."""
+        """The true fundamental parameters beta = K D (k,), of the mechanism's own D, in SI units, read-only."""
         return frozen_array(
             self.regrouping @ self.mechanism.inertial_parameters, (len(self.columns),), "fundamental parameters"
         )
 
     def torque_regressor(self, p: ArrayLike, v: ArrayLike, a: ArrayLike, out: Array | None = None) -> Array:
-        """The torque regressor Y[:, columns] (..., r, k) of the kept parameters, at positions, velocities and
-        accelerations (..., r): torques are Y beta. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or
-        infinity."""
+        """The torque regressor Y[:, columns] (..., r, k) of the kept parameters: Y beta are torques in N m (N for a
+        prismatic joint), beta in SI units.
+
+        At positions p, rad (m), velocities v, rad/s (m/s), and accelerations a, rad/s^2 (m/s^2), all (..., r). Written
+        to `out`, a new array where None. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity,
+        `SingularityError` near locked loops.
+        """
         equation = self._torque_regressor
         return equation.call(p, v, a) if out is None else equation.into(out, p, v, a)
 
     def slotine_li_regressor(
         self, p: ArrayLike, v: ArrayLike, v_r: ArrayLike, a_r: ArrayLike, out: Array | None = None
     ) -> Array:
-        """The Slotine-Li regressor Y_r[:, columns] (..., r, k), with reference velocities v_r and accelerations a_r."""
+        """The Slotine-Li regressor Y_r[:, columns] (..., r, k) of the kept parameters: Y_r beta are torques in N m (N
+        for a prismatic joint), beta in SI units.
+
+        At positions p, rad (m), velocities v and reference velocities v_r, rad/s (m/s), and reference accelerations
+        a_r, rad/s^2 (m/s^2), all (..., r). Written to `out`, a new array where None. Raises `InputError` on a wrong
+        shape, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops.
+        """
         equation = self._slotine_li_regressor
         return equation.call(p, v, v_r, a_r) if out is None else equation.into(out, p, v, v_r, a_r)
 
     def inverse_dynamics(
         self, p: ArrayLike, v: ArrayLike, a: ArrayLike, beta: ArrayLike | None = None, out: Array | None = None
     ) -> Array:
-        """Torques (..., r) that give the accelerations a, with parameters beta (..., k), the true ones by default.
+        """Torques (..., r), N m (N for a prismatic joint), that give the accelerations a, rad/s^2 (m/s^2), at positions
+        p, rad (m), and velocities v, rad/s (m/s), all (..., r), with parameters beta (..., k) in SI units, None for the
+        true ones.
 
-        Raises `InputError` for arrays that are not of these shapes, or not finite.
+        Written to `out` (..., r), a new array where None. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN
+        or infinity, `SingularityError` near locked loops.
         """
         equation, values = self._inverse_dynamics, self.fundamental_parameters if beta is None else beta
         return equation.call(p, v, a, values) if out is None else equation.into(out, p, v, a, values)
@@ -120,7 +133,7 @@ class ReducedModel(Keyed):
 
     def embed(self, beta: ArrayLike) -> Array:
         """Full parameters D_I = F1 beta (..., P) with the same torques: beta (..., k) at the kept columns, zeros
-        elsewhere."""
+        elsewhere, in SI units. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
         values = self._checked(beta)
         out = np.zeros((*values.shape[:-1], len(self.mechanism.parameter_names)))
         out[..., list(self.columns)] = values

@@ -18,8 +18,11 @@ class Reduction:
     """A reduction to essential components: a mechanism's parameters with only the weightiest kept (Sheu and Walker
     1991, section 3.2).
 
-    It holds for `states`, the motions behind the essential space's singular values, and for the parameters it
-    was made with: others move the weights.
+    It holds for `states`, the motions behind the essential space's singular values, in words, and for the parameters it
+    was made with: others move the weights. `components` (k, P), by falling weight, are in the parameters' SI units, and
+    the first `kept` of them sum to the reduced parameters; `weights` (k,) are theirs in J times the root of the number
+    of samples; `order` (k,) has the columns of V1 that they come from; `percent_errors` (k + 1,) are the energy errors
+    in percent (equation 23) when 0, 1, ... k are kept.
     """
 
     states: str
@@ -40,7 +43,7 @@ class Reduction:
         return float(self.percent_errors[self.kept])
 
     def parameters(self, components: int | None = None) -> Array:
-        """Reduced parameters (P,), the paper's D_E with a hat, from as many `components` (default: `kept`).
+        """Reduced parameters (P,) in SI units, the paper's D_E with a hat, from as many `components` (None: `kept`).
 
         Raises `InputError` for a number that is not in 0..k.
         """
@@ -56,11 +59,12 @@ def reduce(
     components: int | None = None,
 ) -> Reduction:
     """The reduction of parameters to the fewest components with an energy error of at most `energy_error` percent, or
-    to a number.
+    to a number of `components`, 0..k.
 
-    `parameters` are inertial parameters (P,) or a mechanism that has them. The error is the root of the summed
-    squares over the samples of the space's `states`, relative to the energies themselves (equation 22).
-    Raises `InputError` unless one of the two is given, and for parameters that have no energy in any state.
+    `parameters` are inertial parameters (P,) in SI units, or a mechanism that has them. The error is the root of the
+    summed squares over the samples of the space's `states`, relative to the energies themselves (equation 22 of Sheu
+    and Walker 1991). Raises `InputError` unless one of the two is given, the other None, where it is out of range, and
+    for parameters of a wrong shape, not finite, or without energy in any state.
     """
     if (energy_error is None) == (components is None):
         raise InputError("give one of energy_error, in percent, and components, a number")

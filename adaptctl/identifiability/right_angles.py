@@ -22,7 +22,11 @@ EXACT = 1e-11
 @dataclass(frozen=True)
 class NearRightAngle:
     """A near right angle: two successive joints the angle between whose axes nearly, but not quite, is a multiple of 90
-    degrees."""
+    degrees.
+
+    `parent` names the joint before, or is "gravity" for a joint on the ground, `child` the joint; `degrees` is the
+    multiple that is missed, and `miss` the angle beyond it in rad.
+    """
 
     parent: str
     """Name of the joint before, or "gravity" for a joint on the ground."""

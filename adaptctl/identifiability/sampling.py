@@ -22,7 +22,8 @@ MOST = 4096
 
 @dataclass(frozen=True, eq=False)
 class States:
-    """States of the primary joints: positions p and velocities v (samples, r), and where they come from, in words.
+    """States of the primary joints: positions `p` in rad (m) and velocities `v` in rad/s (m/s), both (samples, r), and
+    their `origin`, in words.
 
     Raises `InputError` for arrays of other shapes and for fewer than two samples.
     """
@@ -42,7 +43,7 @@ class States:
         return len(self.p)
 
     def parts(self, most: int) -> Iterator[States]:
-        """The same states in parts of at most `most`, or one more, and at least two."""
+        """The same states in parts, one after another, of at most `most`, or one more, and at least two."""
         for begin, end in _spans(len(self), most):
             yield States(self.p[begin:end], self.v[begin:end], self.origin)
 
@@ -65,13 +66,15 @@ def _offset(first: Pose, second: Pose) -> Array:
 
 
 def random_states(mechanism: Mechanism, samples: int, generator: np.random.Generator) -> States:
-    """Random states with positions all around the circle (prismatic joints: within +-L) and speeds about sqrt(g/L).
+    """Random states (`samples`, r), drawn with `generator`, with positions all around the circle in rad (prismatic
+    joints: within +-L in m, the mechanism's characteristic length) and normal velocities about sqrt(g/L) in rad/s
+    (times L in m/s).
 
-    Limits are ignored.
+    Limits are ignored. Raises `InputError` for fewer than two samples.
 
-    The energy is analytic in the state, so that its rank is the same almost everywhere: samples within narrow
-    limits would only make the same rank harder to see. Joints that move a loop are kept on its branch, within
-    limits and away from singularity (`positions_on_branch`): beyond, another branch may have another rank.
+    The energy is analytic in the state, so that its rank is the same almost everywhere: samples within narrow limits
+    would only make the same rank harder to see. Joints that move a loop are kept on its branch, within limits and away
+    from singularity (`positions_on_branch`): beyond, another branch may have another rank.
     """
     length, turns = characteristic_length(mechanism), _turns(mechanism)
     p = generator.uniform(-1.0, 1.0, (samples, mechanism.dof)) * np.where(turns, np.pi, length)
@@ -117,11 +120,12 @@ def random_accelerations(mechanism: Mechanism, samples: int, generator: np.rando
 
 
 def states_within_limits(mechanism: Mechanism, samples: int, seed: int = 0) -> States:
-    """Random states, uniform within the joints' limits, as Sheu and Walker (1991) sampled theirs.
+    """Random states (`samples`, r), in rad (m) and rad/s (m/s), uniform within the joints' limits, as Sheu and Walker
+    (1991) sampled theirs, drawn by `seed`.
 
-    Where a joint has no limit, the range of `random_states` takes its place, about the reference in loops. Of a
-    mechanism with loops, positions are kept that it can reach within its conditions and all its joints' limits.
-    Raises `InputError` when hardly any are.
+    Where a joint has no limit, the range of `random_states` takes its place, about the reference in loops; where its
+    velocity has none, sqrt(g/L) does. Of a mechanism with loops, positions are kept that it can reach within its
+    conditions and all its joints' limits. Raises `InputError` when hardly any are, and for fewer than two samples.
     """
     generator = np.random.default_rng(seed)
     length, turns = characteristic_length(mechanism), _turns(mechanism)
