@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 import pytest
+from robot_files import urdf
 from sampled_loops import arm, reduced
 
+import adaptctl
+from adaptctl.arrays import Array
 from adaptctl.control import (
     Composite,
     CompositeLearning,
     ConcurrentLearning,
     DeadZone,
     Gradient,
+    LinearController,
     Natural,
     PriorRanges,
     Projection,
@@ -30,10 +35,15 @@ from adaptctl.control.gains.estimate_hold import estimate_hold, parameter_holds
 from adaptctl.design import DesignTask, PlaceBounds
 from adaptctl.design.bodies import box, cylinder
 from adaptctl.design.removals import removals
-from adaptctl.errors import InputError
-from adaptctl.identifiability import ReducedModel
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import FileError, InputError, NonFiniteError
+from adaptctl.identifiability import Constraints, ReducedModel
+from adaptctl.identifiability.sampling import States
+from adaptctl.simulation import Plant
+from adaptctl.simulation.effects import ActuatorLag, Encoder
 
 ONES, TEXT = np.ones(15), cast(Any, "a")
+UR5 = urdf("ur5_robot.urdf")
 
 
 def model() -> ReducedModel:
@@ -104,3 +114,62 @@ def test_excitation_is_measured_at_a_bandwidth_of_the_joints() -> None:
 
     with pytest.raises(InputError, match="bandwidth: expected a number or 3"):
         persistent_excitation(model(), cast(Any, Run()), 0.05, bandwidth=[1.0, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: noisy().init(np.zeros((2, 3)), np.zeros((3, 3))), "sample axes do not fit"),
+        (lambda: noisy().init(np.zeros(3), np.zeros(3), noise=np.zeros(5)), r"noise: expected shape \(..., 6\)"),
+        (lambda: noisy().init(np.zeros(3), np.zeros(3), noise=np.zeros((2, 6))), "noise: expected that of"),
+        (lambda: noisy().init(np.zeros(3), np.zeros(3), noise=np.full(6, np.nan)), "noise: expected finite"),
+        (lambda: lagging().init(np.zeros(3), np.zeros(3), np.ones(4)), "parameters: expected shape"),
+        (lambda: lagging().init(np.zeros(3), np.zeros(3), np.full(30, np.nan)), "parameters: expected finite"),
+        (lambda: energy_at(np.full(30, np.nan)), "parameters: expected finite"),
+        (lambda: LinearController(*(cast(Any, 1.0),) * 4), r"A: expected shape \(0, 0\)"),
+        (lambda: LinearController.state_feedback(TEXT), "state feedback: gain: expected numbers"),
+        (lambda: Constraints.of(TEXT, ["link1.m"]), "relations: matrix: expected numbers"),
+        (lambda: States(np.full((5, 3), np.nan), np.zeros((5, 3)), "measured"), "states: p: expected finite"),
+        (lambda: arm("puma560_arm3").on_columns("regressor", [0]), "expected torque_regressor or slotine_li_regressor"),
+        (lambda: five_bar().configuration(np.zeros((2, 3)), five_bar_start(3)), "sample axes do not fit"),
+        (lambda: five_bar().configuration(np.zeros(3), five_bar_start(3)), "start: expected one configuration"),
+        (lambda: adaptctl.load(arm("puma560_arm3").to_pinocchio(), floating_base=True), "a model that is read already"),
+    ],
+)
+def test_arguments_that_cannot_be_are_refused(make: Callable[[], object], says: str) -> None:
+    with pytest.raises((InputError, NonFiniteError), match=says):
+        make()
+
+
+def noisy() -> Plant:
+    return Plant(arm("puma560_arm3"), 1e-3, effects=(Encoder(1e-3),))
+
+
+def lagging() -> Plant:
+    return Plant(arm("puma560_arm3"), 1e-3, effects=(ActuatorLag(1e-3),))
+
+
+def energy_at(parameters: Array) -> float:
+    plant = Plant(arm("puma560_arm3"), 1e-3)
+    return plant.energy(plant.init(np.zeros(3), np.zeros(3)), parameters)
+
+
+def five_bar() -> Mechanism:
+    return arm("semi_direct_drive")
+
+
+def five_bar_start(samples: int) -> Array:
+    reference = five_bar().configuration(np.zeros(3))
+    return np.broadcast_to(reference, (samples, len(reference)))
+
+
+def test_an_inertia_without_mass_is_not_written_into_a_urdf_file(tmp_path: Path) -> None:
+    robot = adaptctl.load(UR5)
+    parameters = np.array(robot.inertial_parameters)
+    parameters[20] = 0.0
+    with pytest.raises(FileError, match="without mass none is"):
+        robot.with_parameters(parameters).write_into(UR5, tmp_path / "out.urdf")
+    assert not (tmp_path / "out.urdf").exists()
+    parameters[20:30] = 0.0
+    robot.with_parameters(parameters).write_into(UR5, tmp_path / "out.urdf")
+    np.testing.assert_allclose(adaptctl.load(tmp_path / "out.urdf").inertial_parameters, parameters, atol=1e-12)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen_array, positive_number
+from adaptctl.arrays import Array, frozen_array, numbers, positive_number
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
@@ -53,7 +53,7 @@ class LinearController(Controller[LinearState]):
     feedforward: Mechanism | None = None
 
     def __post_init__(self) -> None:
-        n, r = np.shape(self.A)[0], np.shape(self.D)[0]
+        n, r = (np.shape(each)[0] if np.ndim(each) == 2 else 0 for each in (self.A, self.D))
         for name, shape in (("A", (n, n)), ("B", (n, 5 * r)), ("C", (r, n)), ("D", (r, 5 * r))):
             object.__setattr__(self, name, frozen_array(getattr(self, name), shape, name))
         mechanism = self.feedforward
@@ -66,7 +66,7 @@ class LinearController(Controller[LinearState]):
         N s/m for a prismatic joint), as `control.lqr` and `control.dlqr` return it. The torque of the mechanism
         `feedforward` on the reference is added, none for None. Raises `InputError` for another shape, for a gain that
         is not finite, and for a `feedforward` that is no tree of r joints."""
-        K = np.atleast_2d(np.asarray(gain, dtype=np.float64))
+        K = np.atleast_2d(numbers(gain, "state feedback: gain"))
         r = len(K)
         if K.shape != (r, 2 * r):
             raise InputError(f"state feedback: expected a gain (r, 2 r), got {K.shape}")

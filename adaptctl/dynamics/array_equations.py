@@ -12,7 +12,11 @@ from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.description import Description
 from adaptctl.dynamics.array_equation import LONGEST_MATRIX, LONGEST_REGRESSOR, ArrayEquation
 from adaptctl.dynamics.equations import Equations
+from adaptctl.errors import InputError
 from adaptctl.scalars import Column
+
+REGRESSORS = "torque_regressor", "slotine_li_regressor"
+"""Names of the regressors that are evaluated on some columns alone."""
 
 
 class ArrayMechanism(Protocol):
@@ -72,7 +76,9 @@ class ArrayEquations:
 
     def on_columns(self, regressor: str, columns: tuple[int, ...]) -> ArrayEquation:
         """The equation on arrays of a regressor, "torque_regressor" or "slotine_li_regressor", with the asked columns
-        only."""
+        only. Raises `InputError` for another name."""
+        if regressor not in REGRESSORS:
+            raise InputError(f"regressor: expected {' or '.join(REGRESSORS)}, got {regressor!r}")
         key = regressor, columns
         if key not in self._on_columns:
             self._on_columns[key] = self._regressor(*key)

@@ -320,8 +320,8 @@ class Mechanism:
     def write_into(self, original: str | Path, path: str | Path, root: str | None = None) -> None:
         """Write at `path` the URDF or MJCF file `original` with this mechanism's links' inertias; the rest stays byte
         for byte, and joints' drives are not written. `root` is the body of an MJCF scene that it begins with, None
-        where one moves. Raises `FileError` for a file of another mechanism and, in MJCF, inertias of no rigid body (see
-        `identifiability.nearest_consistent`), `InputError` for another suffix."""
+        where one moves. Raises `FileError` for another mechanism's file, inertias without mass and, in MJCF, of no
+        rigid body (see `identifiability.nearest_consistent`), `InputError` for another suffix."""
         from adaptctl.description.writers.robot_file import write_robot
 
         write_robot(path, original, self.description, root)
@@ -335,6 +335,7 @@ class Mechanism:
 
         return with_inertias(model, self.description)
 
+    @needed("Mechanism.to_mujoco")
     def to_mujoco(self) -> mujoco.MjModel:
         """The same tree as a MuJoCo model, a body a link and a motor a joint. Raises `InputError` for what MuJoCo's
         bodies and joints cannot be: loops, inertias of no rigid body, friction beyond viscous and Coulomb's."""
@@ -343,6 +344,7 @@ class Mechanism:
         return to_mujoco(self.description)
 
     @classmethod
+    @needed("Mechanism.from_mujoco")
     def from_mujoco(cls, model: mujoco.MjModel, body: str | None = None) -> Mechanism:
         """A mechanism from a MuJoCo model, which may hold a whole scene: the body named `body` and all that hangs on
         it; None for the one root body on which joints turn or slide. Raises `InputError` for ball and free joints,
@@ -387,9 +389,9 @@ def load(
     """
     from adaptctl.description.readers.registry import read, read_model
 
-    if not isinstance(source, str | Path):
-        return Mechanism(read_model(source, root=root, snap=snap))
     options: dict[str, Any] = {"floating_base": floating_base, "snap": snap, "mesh_folders": mesh_folders, "root": root}
+    if not isinstance(source, str | Path):
+        return Mechanism(read_model(source, **options))
     mechanism = Mechanism(read(source, **options))
     try:
         _ = mechanism.continuation  # Closes the loops, so that a wrong file is named here and not later.

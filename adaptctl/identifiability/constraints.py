@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, numbers
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.constrained_mechanism import ConstrainedMechanism, Parametrisation
 from adaptctl.errors import FileError, InputError, NotFoundError
@@ -73,8 +73,8 @@ class Constraints:
         `matrix` is (m, n), `values` (m,), None for zeros, in SI units. Raises `InputError` for other shapes, numbers
         that are not finite, and a row of zeros.
         """
-        rows = np.atleast_2d(np.asarray(matrix, dtype=np.float64))
-        right = np.zeros(len(rows)) if values is None else np.asarray(values, dtype=np.float64)
+        rows = np.atleast_2d(numbers(matrix, "relations: matrix"))
+        right = np.zeros(len(rows)) if values is None else numbers(values, "relations: values")
         if rows.shape[1] != len(names) or right.shape != (len(rows),):
             raise InputError(
                 f"relations: expected a matrix (m, {len(names)}) and values (m,), got {rows.shape} and {right.shape}"

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, checked
 from adaptctl.description import GROUND
 from adaptctl.description.description import STANDARD_GRAVITY
 from adaptctl.description.pose import Pose
@@ -25,7 +25,8 @@ class States:
     """States of the primary joints: positions `p` in rad (m) and velocities `v` in rad/s (m/s), both (samples, r), and
     their `origin`, in words.
 
-    Raises `InputError` for arrays of other shapes and for fewer than two samples.
+    Raises `InputError` for arrays of other shapes and for fewer than two samples, `NonFiniteError` on NaN or
+    infinity.
     """
 
     p: Array
@@ -38,6 +39,8 @@ class States:
                 "states: expected p and v of one shape (samples, r), at least two samples, "
                 f"got {np.shape(self.p)} and {np.shape(self.v)}"
             )
+        for what in ("p", "v"):
+            checked(getattr(self, what), np.shape(self.p)[1], f"states: {what}")
 
     def __len__(self) -> int:
         return len(self.p)

@@ -12,7 +12,7 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from adaptctl.arrays import Array, checked, numbers, per_joint, positive_number, stacked
+from adaptctl.arrays import Array, checked, numbers, per_joint, positive_number, same_samples, stacked
 from adaptctl.caching import cached_property
 from adaptctl.compilation import Kernel, compile_function
 from adaptctl.compilation.floats import native_or_floats
@@ -127,12 +127,14 @@ class Plant(Tunable):
         The joints have been held still by the torque that gravity asks for on `parameters` (..., P), unless given the
         mechanism's own and the effects' loads; it stretches the springs of elastic joints, whose motors move as the
         links do. `noise` (..., 2r) is that of the first measurement, standard normal, zero unless given. Raises
-        `SingularityError` where loops cannot be followed to p, and, for p and v, `InputError` on a wrong shape and
-        `NonFiniteError` on NaN or infinity.
+        `SingularityError` where loops cannot be followed to p, `InputError` on a wrong shape, `NonFiniteError` on NaN
+        or infinity, in parameters and noise where something asks for them.
         """
         arrays = (np.atleast_1d(np.asarray(values)) for values in (p, v))
         given = zip(arrays, ("p", "v"), strict=True)
-        p, v = np.broadcast_arrays(*(checked(x, self.dof, f"{self.mechanism.name}: {what}") for x, what in given))
+        p, v = (checked(x, self.dof, f"{self.mechanism.name}: {what}") for x, what in given)
+        same_samples(p=p, v=v)
+        p, v = np.broadcast_arrays(p, v)
         p, v = p.copy(), v.copy()
         q, arms = self.mechanism.configuration(p), p.shape[:-1]
         held = np.zeros_like(p)
@@ -182,11 +184,14 @@ class Plant(Tunable):
 
     def energy(self, state: PlantState, parameters: ArrayLike | None = None) -> float:
         """Kinetic plus potential energy of one arm, J, with springs and motors of elastic joints; `parameters` (P,) are
-        the true ones, unless given the mechanism's own and the effects' loads. Raises `InputError` on a wrong shape."""
+        the true ones, unless given the mechanism's own and the effects' loads. Raises `InputError` on a wrong shape,
+        `NonFiniteError` on NaN or infinity."""
         true = self._true(state.time) if parameters is None else parameters
         motors = (state.drives,) if self.is_elastic else ()
-        (energy,) = self._energy(state.q, state.v, true, *motors)
-        return float(energy[0])
+        ((energy,),) = self._energy(state.q, state.v, true, *motors)
+        if not math.isfinite(energy):
+            self._blame(state, true)
+        return float(energy)
 
     def compile(self) -> None:
         """Compile the control period, the energy and the sensors now instead of at their first use."""
@@ -286,15 +291,18 @@ class Plant(Tunable):
         """The first measurement of arms (..., r), and the sensors' memory after it."""
         if self._sense is None:
             return p, v, sensors
-        arms = p.shape[:-1]
-        given = p, v, np.broadcast_to(np.asarray(noise, dtype=np.float64), (*arms, self.noise_size)), sensors
+        arms, noise = p.shape[:-1], checked(noise, self.noise_size, f"{self.mechanism.name}: noise")
+        if same_samples(p=p, noise=noise) != arms:
+            raise InputError(f"{self.mechanism.name}: noise: expected that of {arms} arms, got {noise.shape[:-1]}")
+        given = p, v, np.broadcast_to(noise, (*arms, self.noise_size)), sensors
         rows = (x.reshape(math.prod(arms), x.shape[-1]) for x in given)
         measured_p, measured_v, after = (x.reshape(*arms, x.shape[-1]) for x in self._sense.map(*rows))
         return measured_p, measured_v, after
 
     def _holding(self, q: Array, parameters: ArrayLike) -> Array:
         """The torques (..., r) of gravity on true parameters (..., P)."""
-        still, true = Column.zeros(self.dof), column(np.asarray(parameters, dtype=np.float64))
+        known = checked(parameters, self.mechanism.equations.parameters, f"{self.mechanism.name}: parameters")
+        still, true = Column.zeros(self.dof), column(known)
         torque = self.mechanism.equations.inverse_dynamics(column(q), still, still, still, true)
         return stacked(torque.of, q.shape[:-1])
 

@@ -98,9 +98,19 @@ def read(
     return snapped(description) if snap else description
 
 
-def read_model(model: object, *, root: str | None = None, snap: bool = False) -> Description:
-    """The mechanism of a Pinocchio model, or of a body of a MuJoCo model. Raises `InputError` for what is neither."""
+def read_model(
+    model: object,
+    *,
+    floating_base: bool = False,
+    snap: bool = False,
+    mesh_folders: Sequence[str | Path] = (),
+    root: str | None = None,
+) -> Description:
+    """The mechanism of a Pinocchio model, or of a body of a MuJoCo model. Raises `InputError` for what is neither,
+    and for a floating base or folders of meshes, which files alone are given."""
     library = type(model).__module__.partition(".")[0]
+    if floating_base or mesh_folders:
+        raise InputError("a model that is read already has its base and its meshes: give these options to its reader")
     if library == "pinocchio" and hasattr(model, "njoints"):
         if root is not None:
             raise InputError(f"a Pinocchio model has no root body that can be named, {root!r}")

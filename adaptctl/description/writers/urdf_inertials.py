@@ -25,7 +25,7 @@ def write_urdf(path: str | Path, original: str | Path, before: Description, afte
 
     A moving link's inertia holds that of the links fixed to it. These keep theirs, and it gets the rest, as long as a
     body can have the rest; where none can, it gets all, and they lose theirs. Raises `FileError` where it cannot be
-    written.
+    written, and for a moment or an inertia without mass.
     """
     data = read_bytes(original)
     try:
@@ -39,6 +39,8 @@ def write_urdf(path: str | Path, original: str | Path, before: Description, afte
             if np.any(others) and not is_physically_consistent(rest):
                 rest = new.inertia
                 changed |= dict.fromkeys(_all_below(fixed, old.name))
+            if rest[0] == 0.0 and np.any(rest):
+                raise InputError(f"link {old.name!r}: URDF's inertias are about a centre of mass: without mass none is")
             changed[old.name] = rest
     except InputError as error:
         raise FileError(f"{original}: {error}") from error
@@ -106,7 +108,7 @@ def _spans(data: bytes) -> dict[str, _Span]:
 
 def _element(ten: Array) -> bytes:
     mass = float(ten[0])
-    center = ten[1:4] / mass
+    center = ten[1:4] / (mass or 1.0)
     shift = mass * (np.dot(center, center) * np.eye(3) - np.outer(center, center))
     at_center = from_tensor(mass, ten[1:4], inertia_tensor(ten) - shift)
     xx, xy, yy, xz, yz, zz = (repr(float(x)) for x in at_center[4:])

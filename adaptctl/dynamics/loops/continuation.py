@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, same_samples
 from adaptctl.caching import cached_property
 from adaptctl.compilation import Kernel, compile_function
 from adaptctl.dynamics.loop_equations import LoopEquations
 from adaptctl.dynamics.loops.determinant import determinant
 from adaptctl.dynamics.loops.least_squares import factored
-from adaptctl.errors import SingularityError
+from adaptctl.errors import InputError, SingularityError
 from adaptctl.scalars import Column, Scalar, absolute, maximum, where
 
 LARGEST_STEP = 0.05
@@ -47,9 +47,12 @@ class Continuation:
         """Closed configurations (..., n) at primary positions p (..., r), reached along straight lines from
         `start` (..., n), the reference if not given, in steps of at most 0.05.
 
-        Raises `SingularityError` where the way comes too near to a configuration in which the loops lock.
+        Raises `SingularityError` where the way comes too near to a configuration in which the loops lock, `InputError`
+        where `start` does not broadcast to the samples.
         """
         samples = p.shape[:-1]
+        if start is not None and same_samples(p=p, start=start) != samples:
+            raise InputError(f"start: expected one configuration or one for each of {samples}, got {start.shape[:-1]}")
         q = np.broadcast_to(self.reference if start is None else start, (*samples, len(self.reference)))
         q, p = q.reshape(-1, q.shape[-1]).copy(), p.reshape(-1, p.shape[-1])
         begin = q[:, self.primary]
