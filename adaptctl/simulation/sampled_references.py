@@ -66,7 +66,7 @@ class Preview:
 
     def _block(self, block: int) -> Array:
         times = self._period * np.arange(block * self._size, (block + 1) * self._size, dtype=np.float64)
-        ahead = [_checked(self.reference(times + t), "p", self._size, self._dof) for t in self._look_ahead]
+        ahead = [sampled(self.reference, times + t, self._dof).p for t in self._look_ahead]
         return np.concatenate((*sampled(self.reference, times, self._dof), *ahead), axis=1)
 
 
