@@ -92,6 +92,7 @@ def per_joint(values: ArrayLike, dof: int, what: str) -> Array:
 
 def positive_number(value: object, what: str) -> float:
     """A positive finite number. Raises `InputError` for all else, texts and numbers beyond a double too."""
+    value = value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value
     try:
         number = float(value) if isinstance(value, int | float | np.number) else math.nan
     except OverflowError:

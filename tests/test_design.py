@@ -300,8 +300,11 @@ def _wrong() -> dict[str, tuple[object, str]]:
         "percent": (lambda: optimal_counterweights(T, within, percent=-1.0), "expected a percentage of at least 0"),
         "still": (lambda: DesignTask(arm, still, still, still, "rest"), "no motion: its states are all alike"),
         "shapes": (lambda: DesignTask(arm, still, still[:5], still, ""), "expected one shape"),
-        "samples": (lambda: DesignTask.within_limits(arm, 1), "expected 2 to 100000 samples"),
-        "speed": (lambda: DesignTask.within_limits(arm, 10, speed=-1.0), "a speed of at least 0"),
+        "samples": (lambda: DesignTask.within_limits(arm, 1), "samples: expected a whole number from 2 to 100000"),
+        "speed": (
+            lambda: DesignTask.within_limits(arm, 10, speed=-1.0),
+            "speed: expected a finite number of at least 0",
+        ),
         "map": (lambda: cost_map(T, -1.0), "mass"),
         "symmetry": (lambda: by_symmetry(T, ("link2.q",)), "no inertial parameter 'link2.q'"),
     }

@@ -84,9 +84,9 @@ def test_a_folder_is_written_whole(tmp_path: Path) -> None:
         (("--share", "-0.1"), "expected shares of at least 0"),
         (("--objective", "beauty"), "objective: expected one of energy, torque, coupling, components, got 'beauty'"),
         (("--energy-error", "-1"), "expected a percentage of at least 0"),
-        (("--samples", "1"), "expected 2 to 100000 samples"),
-        (("--samples", "1000000000"), "expected 2 to 100000 samples"),
-        (("--speed", "-1"), "a speed of at least 0"),
+        (("--samples", "1"), "samples: expected a whole number from 2 to 100000"),
+        (("--samples", "1000000000"), "samples: expected a whole number from 2 to 100000"),
+        (("--speed", "-1"), "speed: expected a finite number of at least 0"),
     ],
 )
 def test_wrong_input_is_one_line(line: tuple[str, ...], told: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -126,6 +126,7 @@ def test_excitation_is_measured_at_a_bandwidth_of_the_joints() -> None:
         (lambda: lagging().init(np.zeros(3), np.zeros(3), np.ones(4)), "parameters: expected shape"),
         (lambda: lagging().init(np.zeros(3), np.zeros(3), np.full(30, np.nan)), "parameters: expected finite"),
         (lambda: energy_at(np.full(30, np.nan)), "parameters: expected finite"),
+        (lambda: Plant(arm("puma560_arm3"), 1e-3, effects=cast(Any, ActuatorLag(1e-3))), "effects: expected several"),
         (lambda: LinearController(*(cast(Any, 1.0),) * 4), r"A: expected shape \(0, 0\)"),
         (lambda: LinearController.state_feedback(TEXT), "state feedback: gain: expected numbers"),
         (lambda: Constraints.of(TEXT, ["link1.m"]), "relations: matrix: expected numbers"),

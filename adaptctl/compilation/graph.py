@@ -12,7 +12,9 @@ E = TypeVar("E", bound="Expression")
 
 
 class Op(StrEnum):
-    """The operations of the expression graph: the kind of an `Expression`."""
+    """Kinds of an `Expression` of the graph, each by its symbol or name: an input, + - * / and neg, sin, cos, sqrt,
+    round, abs, min, max, the comparisons < and <=, select between two values, the call of a routine and a result of
+    it."""
 
     INPUT = "input"
     ADD = "+"

@@ -33,12 +33,15 @@ def compile_function(
     finite: Finite = False,
     form: Form | None = None,
 ) -> Kernel:
-    """Native code for `function`, which is called once with Columns by keyword: `arguments` has names and lengths.
+    """A `Kernel`, native code for `function`, which is called once, by keyword, with Columns (vectors of scalars);
+    `arguments` maps their names to their lengths.
 
     The function returns a scalar, a Column, a list of Columns (the rows of a matrix), or a tuple or NamedTuple of
-    these; the kernel returns the same with numbers and arrays in their place. If `finite`, it refuses NaN and infinity,
-    in what it is given and in what it computes; if "results", only in the latter. `form` is how the function that
-    `Kernel.otherwise` makes has its columns, an argument each unless given. Raises `InputError` without an argument.
+    these; the kernel returns the same with numbers and arrays in their place. `name` is the kernel's in messages, the
+    function's own where empty. If `finite`, it refuses NaN and infinity, in what it is given and in what it computes;
+    if "results", only in the latter; if False, nowhere. `form` says which of the arguments of the function that
+    `Kernel.otherwise` makes each column comes from; None for an argument each. Raises `InputError` without an argument
+    and for lengths that are no whole numbers, `TraceError` for a function that cannot be traced.
     """
     if not arguments:
         raise InputError(f"{name or function}: expected at least one argument")
@@ -48,13 +51,14 @@ def compile_function(
 class Kernel:
     """A compiled function of vectors, made by `compile_function`.
 
-    `kernel(*arguments)` evaluates at array-likes of shape (n,), by position; the results are fresh. It raises
-    InputError for arguments of another shape or kind, and NonFiniteError if that was asked for. Any number of threads
-    may call it at once.
+    `kernel(*arguments)` evaluates at array-likes by position, each (n,) of its own length; the results, floats and
+    arrays, are fresh. It raises `InputError` for arguments of another number, shape or kind, and `NonFiniteError` for
+    NaN and infinity if that was asked for. Any number of threads may call it at once.
 
-    `arguments` has their names and lengths, `outputs` the shapes of the results, `operations` what one sample costs.
-    `call` is what is called with nothing around it: where every call counts, it takes 60 ns less. Code is made when
-    it is first asked for, apart for single samples and for many.
+    `name` is the function's; `arguments` maps their names to their lengths; `outputs` has the shapes of the results,
+    (), (n,) or (rows, n); `operations` counts the scalar operations of one sample by kind. `call` is what is called
+    with nothing around it: where every call counts, it takes 60 ns less. Code is made when it is first asked for, apart
+    for single samples and for many.
     """
 
     __slots__ = ("__call__", "__dict__", "__weakref__")
@@ -78,25 +82,32 @@ class Kernel:
 
     @property
     def call(self) -> Callable[..., Any]:
-        """The raw built-in function, made at the first use: it skips the Python wrapper and saves 60 ns a call."""
+        """The raw built-in function, made at the first use: arguments, results and errors are those of
+        `kernel(*arguments)`; it skips the Python wrapper and saves 60 ns a call."""
         if self._called is None:
             self._called = self.__call__ = self._as_builtin() if has_builtins() and self._plain else self._one_sample
         return self._called
 
     @property
     def into(self) -> Callable[..., Any]:
-        """The raw built-in function `into(out, *arguments)`, made at the first use: the results go into arrays, an
-        `out` each before the arguments, which are returned, and none is made.
+        """The raw built-in function `into(out, *arguments)`, made at the first use: the results go into arrays of their
+        shapes, an `out` each before the arguments (n,), which are returned, and none is made.
 
-        Where it raises `NonFiniteError`, an `out` may hold anything. Raises `InputError` for an `out` that is no array
-        of float64 of the result's shape to write to.
+        Raises `InputError` for an `out` that is no array of float64 of the result's shape to write to, and for
+        arguments of another number, shape or kind; `NonFiniteError` where the kernel checks for it: an `out` may then
+        hold anything.
         """
         if self._filling is None:
             self._filling = self.filling(self._filled)
         return self._filling
 
     def filling(self, instead: Callable[..., Any]) -> Callable[..., Any]:
-        """`into` on usual arrays with a finite outcome; what is called in place of it on others."""
+        """The function `into`, but with `instead` called on the same arguments in place of its own checks: where they
+        are no contiguous float64 arrays of the expected shapes, or where the kernel checks for NaN and infinity and
+        finds them.
+
+        It is `instead` itself where a result is a scalar, and on a Python that cannot call native code so.
+        """
         if not (has_builtins() and all(self.outputs)):
             return instead
         form, routine = Form.filling(len(self.arguments), len(self.outputs)), self._routine()
@@ -131,10 +142,13 @@ class Kernel:
         return routine
 
     def map(self, *arguments: ArrayLike, out: Array | Sequence[Array] | None = None) -> Any:
-        """Evaluate at m samples: arrays (m, n) in, or (n,) where all samples share them; out (m, ...), whatever the
-        shape of one result. The samples are worked on in SIMD lanes.
+        """Evaluate at m samples, in SIMD lanes: arguments (m, n) each, or (n,) where all samples share it (m is 1 where
+        all do). Returns the results (m, ...), the shape of one result after the samples.
 
-        `out` takes the result in place of a fresh array, or a sequence of arrays each of the results.
+        `out` takes the result in place of a fresh array, or a sequence of arrays each of the results; None for fresh
+        ones. They must be contiguous, of float64 and of these shapes, which is not checked. Raises `InputError` for
+        arguments of another number, shape or kind, `NonFiniteError` for NaN and infinity where the kernel checks for
+        them.
         """
         arrays = self._given.arrays(arguments, sample_axes=1)
         samples = next((len(array) for array in arrays if array.ndim > 1), 1)
@@ -150,10 +164,12 @@ class Kernel:
         )
 
     def otherwise(self, instead: Callable[..., Any], *bound: Any) -> Callable[..., Any]:
-        """A callable that is the kernel for arguments of its form with a finite outcome, and calls `instead` for all
-        others.
+        """A function that is the kernel for arguments of its form with a finite outcome, and calls `instead`, with the
+        same arguments, for all others: arrays that are not contiguous, of float64 and (n,), and NaN or infinity where
+        the kernel checks for them.
 
-        It is bound to the types of the form's tuples, and then to the arrays that no argument has.
+        `bound` has the types of the form's tuples, and then the arrays (n,) of the columns that come from no argument.
+        On a Python that cannot call native code so, it is `instead` itself.
         """
         return builtin(self._code, self.name, instead, *bound) if has_builtins() else instead
 

@@ -20,12 +20,15 @@ _DOUBLE = np.dtype(np.float64)
 
 
 class LaneArray:
-    """Named columns of scalars, `columns` their lengths, for each of a number of members.
+    """Named columns of scalars for each of a number of `members`, all zero at first; `columns` maps their names to
+    their lengths n.
 
-    `blocks` (..., ceil(members / lanes), scalars, lanes) is the memory itself: member m is in lane m % lanes of block
-    m // lanes, at `address`. Reading a column gives a copy (..., members, n); assigning takes what broadcasts to that.
-    A leading axis, if any, is of steps in time, `stride` numbers apart. Lanes left over in the last block repeat the
-    last member. The memory is of numbers of a `dtype`; what is read is float64 always.
+    `blocks` (..., ceil(members / lanes), scalars, lanes) is the memory itself: member m is in lane m % lanes of block m
+    // lanes, at `address`. Reading a column, `array[name]`, gives a copy (..., members, n); assigning takes what
+    broadcasts to that. A leading axis, if any, is of steps in time, `stride` numbers apart. Lanes left over in the last
+    block repeat the last member. The memory is of numbers of a `dtype`, float64 unless given; what is read is float64
+    always. `lanes` is 1 and `steps`, the leading axis, () unless given. Raises `InputError` for an unknown name, and on
+    assigning what is no real numbers or does not broadcast.
     """
 
     def __init__(
@@ -56,16 +59,17 @@ class LaneArray:
         part[...] = rows.reshape(part.shape)
 
     def view(self, name: str) -> Array:
-        """A column (..., n) of the only member, as it is in memory. Raises `InputError` where there are more members or
-        lanes."""
+        """The column `name` (..., n) of the only member, as it is in memory: no copy. Raises `InputError` where there
+        are more members or lanes, and for an unknown name."""
         if self.members != 1 or self.lanes != 1:
             raise InputError(f"view: expected one member in one lane, got {self.members} in {self.lanes}")
         column: Array = self.blocks[..., 0, self._place(name), 0]
         return column
 
     def put(self, name: str, members: ArrayLike, values: ArrayLike) -> None:
-        """Assign to some members, by number (k,), what broadcasts to (k, n). Raises `InputError` for numbers that no
-        member has."""
+        """Assign to the column `name` of some members, by number (k,), values that broadcast to (k, n). Raises
+        `InputError` for numbers that no member has, an unknown name, and values that are no real numbers or do not
+        broadcast."""
         chosen = np.asarray(members)
         if chosen.dtype.kind not in "iu" or chosen.ndim != 1 or np.any((chosen < 0) | (chosen >= self.members)):
             raise InputError(f"members: expected numbers from 0 to {self.members - 1}, got {chosen.tolist()}")

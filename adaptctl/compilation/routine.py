@@ -23,18 +23,18 @@ _FREE = (Op.INPUT, Op.CALL, Op.RESULT)
 
 
 class Operations(Counter[Op]):
-    """Counts of the scalar operations of a routine by kind, those of called routines included."""
+    """Counts of the scalar operations of a routine by kind (`Op`), those of called routines included."""
 
     @property
     def flops(self) -> int:
-        """The number of additions, subtractions, multiplications, divisions and negations."""
+        """Number of additions, subtractions, multiplications, divisions and negations."""
         return sum(self[op] for op in _FLOPS)
 
 
 @dataclass(frozen=True, eq=False)
 class Routine:
-    """A traced function: its name, the lengths of its arguments, its result's scalars and the `layout` they are put
-    into."""
+    """A traced function: its `name`, `inputs`, the lengths of its arguments, `outputs`, the scalars of its result in
+    order, each an expression or a known number, and `layout`, the shapes and the container they are put into."""
 
     name: str
     inputs: tuple[int, ...]
@@ -48,7 +48,7 @@ class Routine:
 
     @property
     def calls(self) -> list[Routine]:
-        """The routine that each call in the body calls, in order."""
+        """Routines that the calls in the body call, one for each call, in order."""
         return [x.detail for x in self.body if x.op is Op.CALL]
 
     @cached_property
@@ -61,11 +61,12 @@ class Routine:
 
 
 def trace(function: Callable[..., Any], arguments: Mapping[str, int], *, name: str = "") -> Routine:
-    """The routine of a function, traced by calling it once on Columns of symbolic scalars; `arguments` gives their
-    names and lengths.
+    """The routine of a function, traced by calling it once, by keyword, on Columns of symbolic scalars; `arguments`
+    maps their names to their lengths.
 
-    The function returns a scalar, a Column, or a tuple or NamedTuple of these. Raises TraceError for any other
-    result, and where the function needs a number that is not known yet.
+    The function returns a scalar, a Column, a list of Columns (the rows of a matrix), or a tuple or NamedTuple of
+    these. `name` is the routine's, the function's own where empty. Raises `TraceError` for any other result, and where
+    the function needs a number that is not known yet; `InputError` for lengths that are no whole numbers.
     """
     graph, sizes = Graph(), tuple(arguments.values())
     if any(size < 0 or size != int(size) for size in sizes):
@@ -77,10 +78,10 @@ def trace(function: Callable[..., Any], arguments: Mapping[str, int], *, name: s
 def outlined(function: F) -> F:
     """The function, all of whose calls within a trace share one native subroutine instead of being unrolled.
 
-    Its arguments are scalars and Columns by position, its result is as `trace` has it. Constants among the scalars
-    are folded into the body: a trace keeps one body for each pattern of nodes and constants. Wrap a function once,
-    not before each call, or each call gets its own body. On other scalars, dual numbers among them, the function
-    is simply called.
+    Its arguments are scalars and Columns by position, its result is as `trace` has it, and so is the `TraceError` that
+    it raises within one. Constants among the scalars are folded into the body: a trace keeps one body for each pattern
+    of nodes and constants. Wrap a function once, not before each call, or each call gets its own body. On other
+    scalars, dual numbers among them, the function is simply called.
     """
 
     @functools.wraps(function)

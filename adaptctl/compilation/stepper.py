@@ -35,13 +35,17 @@ def compile_step(
     processor: Processor | None = None,
     precision: Precision = "double",
 ) -> Stepper:
-    """Native code that takes `step` again and again, for `lanes` members at once: as many as suit the processor, which
-    is this one, unless given. In single precision twice as many fit a register.
+    """A `Stepper`, native code that takes `step` again and again, for `lanes` members at once: None for as many as suit
+    the `processor`, None for this machine's. `precision` is that of the numbers, "double" or "single", of which twice
+    as many fit a register; `name` the step's in messages, the function's own where empty.
 
-    `step` is called once with Columns by keyword: `state`, which each member has and each step replaces; `held`, which
-    each member has and keeps; `shared`, other in each step and the same for all members; `driven`, other in each step
-    and for each member. It returns a tuple: the new state, in the order of `state`, and after it any outputs, Columns,
-    lists of Columns or scalars. Raises `InputError` for columns of the same name.
+    `step` is called once with Columns by keyword, whose names and lengths are given: `state`, which each member has and
+    each step replaces; `held`, which each member has and keeps; `shared`, other in each step and the same for all
+    members; `driven`, other in each step and for each member; the last three none unless given. It returns a tuple: the
+    new state, in the order of `state`, and after it any outputs, Columns, lists of Columns or scalars. Raises
+    `InputError` for columns of the same name, lengths that are no whole numbers, a result that does not begin with the
+    new state, another precision, and `lanes` other than 1, 2, 4 and 8, or 16 in single precision; `TraceError` for a
+    step that cannot be traced.
     """
     columns = {Source.STATE: state, Source.HELD: held, Source.SHARED: shared, Source.DRIVEN: driven}
     arguments = {name: length for part in columns.values() for name, length in part.items()}
@@ -55,9 +59,10 @@ def compile_step(
 class Stepper:
     """A compiled step, made by `compile_step`.
 
-    `columns` has the names and lengths of what it takes, by source, and `outputs` the shapes of what it returns
-    after the new state; `lanes` members are worked on at once, in numbers of a `precision` and `dtype`; `operations` is
-    what a step of one member costs.
+    `columns` has the names and lengths of what it takes, by source ("state", "held", "shared", "driven"), and `outputs`
+    the shapes of what it returns after the new state, (), (n,) or (rows, n); `lanes` members are worked on at once, in
+    numbers of a `precision`, "double" or "single", and `dtype`; `operations` counts the scalar operations of a step of
+    one member by kind.
     """
 
     def __init__(self, routine: Routine, columns: Mapping[Source, Columns], lanes: Lanes, processor: Processor) -> None:
@@ -77,15 +82,16 @@ class Stepper:
         self.native = NativeLoop(self._code.address(ENTRY))
 
     def ensemble(self, members: int) -> Ensemble:
-        """An `Ensemble` of a number of members, their states and held columns all zero."""
+        """An `Ensemble` of a number of members, their states and held columns all zero. Raises `InputError` unless
+        there is at least one."""
         return Ensemble(self, members)
 
 
 class Ensemble:
     """The members (copies) of a compiled step that are stepped together: their state and the columns that they hold.
 
-    `state` and `held` are their columns, to be read and assigned between runs. Members never see each other: a NaN
-    stays with its own.
+    `state` and `held` are their columns, `LaneArray`s, to be read and assigned between runs by name, (members, n).
+    Members never see each other: a NaN stays with its own.
     """
 
     def __init__(self, stepper: Stepper, members: int) -> None:
@@ -107,11 +113,12 @@ class Ensemble:
         threads: int = 1,
     ) -> tuple[Array, ...]:
         """Take a number of steps. Returns the outputs of the last, (members, ...) each, or with `record` those of all,
-        (steps, members, ...) each.
+        (steps, members, ...) each, the shape of one output after the members.
 
-        `signals` are the shared columns (steps, n) and the driven ones (steps, members, n). Other Python threads run
-        meanwhile. Using more than one thread here pays from milliseconds on: to start one takes some 50 us. Raises
-        `InputError` for a number of steps below 0, and for signals of the wrong shape.
+        `signals` are, by name, the shared columns (steps, n) and the driven ones (steps, members, n), none unless
+        given. Other Python threads run meanwhile. `threads` share the members: more than one pays from milliseconds on,
+        for to start one takes some 50 us. Raises `InputError` for a number of steps that is not whole or below 0, and
+        for signals of other names or of the wrong shape.
         """
         if steps < 0 or steps != int(steps):
             raise InputError(f"steps: expected a whole number of at least 0, got {steps}")
@@ -124,12 +131,14 @@ class Ensemble:
         return tuple(outputs[name].reshape(*axes, *shape) for name, shape in parts)
 
     def room(self, steps: int) -> LaneArray:
-        """Memory (`LaneArray`) for the outputs of a number of steps, as `record_into` fills it."""
+        """Memory (`LaneArray`) for the outputs of a number of steps, as `record_into` fills it: the columns "0", "1",
+        ... are the outputs in turn, (steps, members, n) each, n the number of scalars of one."""
         return self._array(self._outputs, steps)
 
     def record_into(self, room: LaneArray, first: int, steps: int, signals: Mapping[str, ArrayLike]) -> None:
-        """Take a number of steps as `run` does, and put their outputs into `room` from step `first` on. Raises
-        `InputError` where they do not fit into it."""
+        """Take `steps` steps as `run` does, under its `signals`, and put their outputs into `room`, made by `room()`,
+        from step `first` on. Raises `InputError` where they do not fit into it, and for signals of other names or of
+        the wrong shape."""
         if not 0 <= first <= first + steps <= len(room.blocks):
             raise InputError(f"record: expected steps from 0 to {len(room.blocks)}, got {first} to {first + steps}")
         shared, driven = self._signals(steps, signals)

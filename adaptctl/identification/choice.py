@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from adaptctl.arrays import positive_number
+from adaptctl.errors import InputError
 from adaptctl.identification.fit import Fit, FitSettings, LogEvidence
 from adaptctl.identification.friction_model import CANDIDATES, FrictionModel
 from adaptctl.identification.least_squares import weighted_least_squares
@@ -54,10 +56,14 @@ def choose(
 ) -> Choice:
     """The choice of friction, then its load-dependence, the cut-off, and the prior's weight, one after the other.
 
-    What is given is not chosen.
+    What is given is not chosen. Raises `InputError` for a weight that is not positive, and a cut-off (Hz) that the
+    evidence has no rows at.
     """
     judged = judged_at(evidence)
-    settings = FitSettings(friction or FrictionModel(), weight or FIRST_WEIGHT, cutoff or judged)
+    first = FIRST_WEIGHT if weight is None else positive_number(weight, "weight: expected a positive number")
+    if cutoff is not None and cutoff not in evidence.rows:
+        raise InputError(f"cutoff: expected one of {', '.join(f'{c:g}' for c in evidence.rows)} Hz, got {cutoff!r}")
+    settings = FitSettings(friction or FrictionModel(), first, judged if cutoff is None else cutoff)
     trials: list[FrictionTrial] = []
     if friction is None:
         settings = _best(evidence, [replace(settings, friction=c) for c in CANDIDATES], "friction", _friction, trials)

@@ -99,8 +99,7 @@ def _require(log: LogTable, what: str, names: list[str]) -> None:
 
 
 def _units(log: LogTable, names: Mapping[str, list[str]], stated: dict[str, str]) -> Units:
-    """Units as stated, by the caller or by the log itself. Raises `InputError` naming all that are not. Raises
-    `InputError` naming all that are not."""
+    """Units as stated, by the caller or by the log itself. Raises `InputError` naming all that are not."""
     units = dict(stated)
     for what, columns in names.items():
         own = {log.units.get(name, "") for name in columns}

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, positive_number
 from adaptctl.caching import cached_property
 from adaptctl.description.drive import Drive, DriveParameter
 from adaptctl.dynamics import Mechanism, load
@@ -95,9 +95,10 @@ class Identification:
 
     @property
     def inflation(self) -> float:
-        """Median ratio, without a unit, of the parameters' deviations to those that white residuals would give."""
+        """Median ratio, without a unit, of the parameters' deviations to those that white residuals would give; 1 where
+        these are all zero."""
         known = self.nominal_deviations > 0.0
-        return float(np.median(self.deviations[known] / self.nominal_deviations[known]))
+        return float(np.median(self.deviations[known] / self.nominal_deviations[known])) if known.any() else 1.0
 
     @cached_property
     def prior_ranges(self) -> Array:
@@ -149,12 +150,21 @@ def identify(
     noisy.
 
     Raises `FileError` for files that cannot be read or used, `NotFoundError` for an unknown built-in robot, `LoopError`
-    for loops that do not fit together, `MissingExtraError` for ROS bags without rosbags, and `InputError` for drives of
-    other joints, missing columns or units, unknown names in `skip` or `friction`, and logs that are at rest, too short
-    or slow, or not this robot's; `AdaptctlError` where no consistent estimate is found.
+    for loops that do not fit together, `MissingExtraError` for ROS bags without rosbags, and `InputError` for no logs,
+    drives of other joints, missing columns or units and those given beside `drives`, unknown names in `skip` or
+    `friction`, a `rate`, `cutoff` or `weight` that is not positive and finite, a `cutoff` that the logs do not allow,
+    and logs that are at rest, too short or slow, or not this robot's; `AdaptctlError` where no consistent estimate is
+    found.
     """
-    mechanism = load(robot, snap=True) if not isinstance(robot, Mechanism) else robot
     given = _paths(logs)
+    if not given:
+        raise InputError("logs: expected at least one log, got none")
+    if drives is not None and (columns or units):
+        raise InputError(f"columns, units: expected none, as the drives name theirs, got {columns or units!r}")
+    if rate is not None:
+        positive_number(rate, "rate: expected a positive number of Hz")
+    _require_settings(cutoff, weight)
+    mechanism = load(robot, snap=True) if not isinstance(robot, Mechanism) else robot
     known = read_drives(drives) if isinstance(drives, str | Path) else drives
     if known is None:
         known = joint_columns(mechanism, read_log(given[0], topic), columns, units)
@@ -179,6 +189,13 @@ def _paths(given: str | Path | Sequence[str | Path]) -> list[str | Path]:
     return [given] if isinstance(given, str | Path) else list(given)
 
 
+def _require_settings(cutoff: float | None, weight: float | None) -> None:
+    if cutoff is not None:
+        positive_number(cutoff, "cutoff: expected a positive number of Hz")
+    if weight is not None:
+        positive_number(weight, "weight: expected a positive number")
+
+
 def identified(
     mechanism: Mechanism,
     drives: Drives,
@@ -193,6 +210,7 @@ def identified(
 ) -> Identification:
     """The identification from logs that are read already, in the drives' order of joints; arguments as in
     `identify`."""
+    _require_settings(cutoff, weight)
     drives, train, test, known = _with_constants(mechanism, drives, train, test, skip)
     measured, steps, remarks = gathered(mechanism, drives, train, skip, cutoff)
     evidence = freed_of_noise(measured) if instruments else measured
@@ -232,12 +250,14 @@ def gathered(
     cutoff: float | None = None,
 ) -> tuple[LogEvidence, tuple[PreparationStep, ...], tuple[str, ...]]:
     """The evidence that fits are made from, the steps of preparation, and remarks in words on the logs and the prior.
-    `cutoff` in Hz."""
+    `cutoff` in Hz. Raises `InputError` for one that the logs do not allow, and for logs too short."""
     prepared = [prepare(log, mechanism, skip) for log in logs]
     pieces = [piece for found, _ in prepared for piece in found]
     steps = tuple(dict.fromkeys(step for _, own in prepared for step in own))
     full, (tens, remarks) = with_all_friction(mechanism, drives), prior_links(mechanism)
     motions = list(motions_of(pieces))
+    if cutoff is not None:
+        _require_between(cutoff, motions)
     cutoffs = cutoffs_for(min(piece.rate for piece in pieces))
     cutoffs = cutoffs if cutoff is None or cutoff in cutoffs else (*cutoffs, cutoff)
     whole = rows_of(motions, full, cutoffs)
@@ -264,6 +284,13 @@ def freed_of_noise(evidence: LogEvidence) -> LogEvidence:
     own, instruments = (rows_of(each, evidence.mechanism, cutoffs) for each in (motions, others))
     rows = dict(zip(cutoffs, joined_first_stage(own, instruments), strict=True))
     return replace(evidence, motions=motions, rows=rows, edges=block_edges(rows[cutoffs[0]], BLOCKS))
+
+
+def _require_between(cutoff: float, motions: Sequence[SmoothMotion]) -> None:
+    """Raise `InputError` for a cut-off (Hz) that filters no motion: longer than one, or not below half its rate."""
+    least, most = max(2.0 * m.rate / len(m.position) for m in motions), 0.5 * min(m.rate for m in motions)
+    if not least < cutoff < most:
+        raise InputError(f"cutoff: expected between {least:.3g} and {most:.3g} Hz for these logs, got {cutoff:g}")
 
 
 def _require_enough(source: str, rows: int, mechanism: Mechanism) -> None:

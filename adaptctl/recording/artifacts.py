@@ -30,10 +30,12 @@ def shown(comparison: Comparison) -> Result:
 
 
 def write_artifacts(folder: str | Path, comparison: Comparison, progress: Progress = silent) -> Path:
-    """Write recording, summary, trace, figures and report into a folder, made where it is missing; returns it.
+    """Write recording, summary, trace, figures and report of a comparison into a folder, made where it is missing;
+    returns its path.
 
     Every file is written whole or not at all. `progress` is called with what is being written, and the share of this
-    that is done. Raises FileError where it cannot be written.
+    that is done, 0 to 1; nothing is shown unless given. Raises `FileError` where a file cannot be written, `OSError`
+    where the folder cannot be made.
     """
     from adaptctl.recording.figures import write_figures
     from adaptctl.recording.report import write_report

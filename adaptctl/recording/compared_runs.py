@@ -31,9 +31,14 @@ def compared_runs(
 ) -> Comparison:
     """A comparison of runs by their labels, the first of them its subject, for `write_artifacts`.
 
-    `adaptation_off` is the label of the run with adaptation off, if there is one. Unless `truth_known`, the mechanism's
-    parameters are not taken for those of the arm: recording and report show estimates without true values. Raises
-    `InputError` where a run is of other joints, or its estimates are not those of the basis.
+    `title` is the mechanism's name and the first label where empty, `purpose` a sentence for the report or empty.
+    `adaptation_off` is the label of the run with adaptation off, None if there is none. `basis` is that of the
+    estimates, None for the `fundamental_basis` of the mechanism; `torque_limits` (r,), or one for all, N m (N), None
+    for those of `finite_torque_limits`. Unless `truth_known`, the mechanism's parameters are not taken for those of the
+    arm: recording and report show estimates without true values. Raises `InputError` without a run, where a run has no
+    samples or other joints, where the first's estimates are not those of the basis, and for limits of another shape
+    (`NonFiniteError` for NaN); `NotFoundError` for a label that no run has; `RankError` where the mechanism's rank
+    cannot be certified.
     """
     if not runs:
         raise InputError("compared_runs: expected at least one run")

@@ -38,7 +38,9 @@ ALL = slice(None)
 
 @dataclass(frozen=True)
 class TickCost:
-    """Cost of one control tick, in time and in operations."""
+    """Cost of one control tick, in time and in operations: `called`, s, called from Python; `native`, s, within a
+    native loop over many states; `flops`, the number of additions, subtractions, multiplications, divisions and
+    negations. None where not known."""
 
     called: float
     """s, called from Python"""
@@ -50,7 +52,12 @@ class TickCost:
 
 @dataclass(frozen=True, eq=False)
 class ControllerRun:
-    """A closed-loop run of one controller, with its name, label and cost."""
+    """A closed-loop run of one controller, with its name, label and cost.
+
+    `name` is short and fit for a file; `label` is for legends and tables; `knows`, what it knew of the arm beforehand,
+    in words; `rollout`, its T samples; `lyapunov` (T,), J, the Lyapunov function, None where the law has none; `cost`,
+    that of a control tick, None where it was not measured.
+    """
 
     name: str
     """short and fit for a file: ``adaptive``"""
@@ -70,7 +77,8 @@ class ControllerRun:
         return self.rollout.duration
 
     def rms_error(self, start: float = 0.0, stop: float = np.inf, joints: Joints = ALL) -> float | None:
-        """Root mean square (rad or m) of the tracking errors of joints between two times (s); None without samples."""
+        """Root mean square (rad or m) of the tracking errors of joints from `start` to before `stop`, s, all of the run
+        unless given; None without samples. `joints` is a slice or a list of indices, all unless given."""
         inside = (self.rollout.time >= start) & (self.rollout.time < stop)
         return float(np.sqrt(np.mean(self.rollout.error[inside][:, joints] ** 2))) if inside.any() else None
 
@@ -86,13 +94,13 @@ class ControllerRun:
         return self.final_rms_error_of(ALL)
 
     def first_rms_error_of(self, joints: Joints) -> float | None:
-        """Root mean square tracking error (rad or m) of some joints over the first second; None where the run is
-        shorter."""
+        """Root mean square tracking error (rad or m) of some joints, a slice or a list of indices, over the first
+        second; None where the run is shorter."""
         return self.rms_error(stop=BEGINNING, joints=joints) if self._lasts(BEGINNING) else None
 
     def final_rms_error_of(self, joints: Joints) -> float | None:
-        """Root mean square tracking error (rad or m) of some joints over the last two seconds that were run; None where
-        the run is shorter."""
+        """Root mean square tracking error (rad or m) of some joints, a slice or a list of indices, over the last two
+        seconds that were run; None where the run is shorter."""
         return self.rms_error(start=self.duration - SETTLED, joints=joints) if self._lasts(SETTLED) else None
 
     def _lasts(self, length: float) -> bool:
@@ -100,7 +108,8 @@ class ControllerRun:
         return self.duration > length - 0.5 * self.rollout.spacing
 
     def moving_rms_error(self, window: float) -> Array:
-        """Root mean square tracking errors (T,), rad or m, over the last `window` seconds before each sample."""
+        """Root mean square tracking errors (T,) of all joints, rad or m, over the last `window` seconds before each
+        sample."""
         squares = np.mean(self.rollout.error**2, axis=1)
         sums = np.cumsum(np.concatenate([[0.0], squares]))
         stop = np.arange(1, len(squares) + 1)
@@ -118,7 +127,8 @@ class ControllerRun:
 
 @dataclass(frozen=True)
 class Setting:
-    """A setting of an experiment, for the record: its name, value and meaning."""
+    """A setting of an experiment, for the record: its name, its value as text, unit included, and its meaning in
+    words."""
 
     name: str
     value: str
@@ -127,7 +137,8 @@ class Setting:
 
 @dataclass(frozen=True)
 class Finding:
-    """A measured quantity besides the runs: its name, value, unit and meaning."""
+    """A measured quantity besides the runs: `name`, its key in summary.json; `value`, a number in `unit`; `meaning`, in
+    words."""
 
     name: str
     """the key in summary.json"""
@@ -142,7 +153,11 @@ def _thousandths(value: float | None) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Leading:
-    """The leading errors of an experiment besides the joints', such as a tool's distance from its path."""
+    """The leading errors of an experiment besides the joints', such as a tool's distance from its path.
+
+    `meaning` says what is drawn; `errors` maps the names of the runs to their errors (T,), such as in m; `unit` is that
+    of a thousandth of these, such as mm.
+    """
 
     meaning: str
     """what is drawn: ``Distance of the tool from its path``"""
@@ -152,8 +167,8 @@ class Leading:
     """(T,) by the name of the run"""
 
     def final_rms(self, run: ControllerRun) -> float | None:
-        """Root mean square of a run's leading error over the last two seconds that were run; None where the run is
-        shorter."""
+        """Root mean square of a run's leading error, in the unit of `errors`, over the last two seconds that were run;
+        None where the run is shorter."""
         if run.final_rms_error is None:
             return None
         late = run.rollout.time >= run.duration - SETTLED
@@ -171,8 +186,18 @@ def color_places(runs: Sequence[ControllerRun], without_adaptation: str = ADAPTA
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """A comparison of runs on one arm, one reference and one seed; the first is the experiment's subject, which
-    adapts."""
+    """A comparison of runs on one arm, one reference and one seed; the first is the experiment's subject, which adapts.
+
+    `experiment` is its name, `title` and `purpose` are words for the report; `space` and `basis` are the mechanism's
+    essential space and the fundamental basis of the estimates; `torque_limits` (r,), N m (N); `settings` and
+    `findings`, for the record; `seed`, the reference's and the noise's; `duration`, s asked for; `complete`, False when
+    it was interrupted: what was computed is kept; `without_adaptation`, the name of the run with the subject's gains
+    and adaptation off; `more_drawings`, figures besides those of every comparison; `answer`, the outcome in a sentence
+    or two, None where it is how much adaptation is worth; `truth_known`, False where the mechanism's parameters are not
+    the arm's; `leading`, the errors that a recording shows before the joints', None for none; `expected`, the failures
+    that the experiment expects of its subject, and why; `live`, the subject's closed loop for the report to run, or why
+    there is none. Raises `InputError` without a run, and where the first has no samples.
+    """
 
     experiment: str
     title: str
@@ -225,7 +250,7 @@ class Comparison:
 
     @cached_property
     def color_places(self) -> dict[str, int]:
-        """Place of every run's colour among the palette's, by the run's name."""
+        """Place of every run's colour among the palette's, from 0, by the run's name."""
         return color_places(self.runs, self.without_adaptation)
 
     @property
@@ -246,22 +271,22 @@ class Comparison:
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Names of the primary joints (r,)."""
+        """Names of the primary joints, r of them."""
         return tuple(joint.name for joint in self.mechanism.primary_joints)
 
     @property
     def position_units(self) -> tuple[str, ...]:
-        """Units of position (r,): rad or m."""
+        """Units of the primary joints' positions, r of them: rad or m."""
         return position_units(self.mechanism)
 
     @property
     def torque_units(self) -> tuple[str, ...]:
-        """Units of torque (r,): N·m or N."""
+        """Units of the primary joints' torques, r of them: N·m or N."""
         return torque_units(self.mechanism)
 
     @property
     def error_unit(self) -> str:
-        """Unit of a thousandth of a joint's position: mrad, mm, or either."""
+        """Unit of a thousandth of a joint's position: mrad, mm, or "mrad or mm" where joints are of both kinds."""
         return error_unit(self.mechanism)
 
     @property
@@ -278,5 +303,5 @@ class Comparison:
 
     @property
     def peak_torque_shares(self) -> Array:
-        """Largest applied torque of the subject's run over its limit, for each joint (r,)."""
+        """Largest applied torque of the subject's run over its limit, for each joint (r,), no unit."""
         return np.asarray(np.abs(self.subject.rollout.applied).max(axis=0) / self.torque_limits)

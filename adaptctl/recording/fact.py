@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 
 class Whose(Enum):
-    """The run that a fact tells of, where a page marks it by colour; its value is the name of the page's style."""
+    """The run that a fact is about, where a page marks it by colour: SUBJECT, the one a comparison is about; BASELINE,
+    the same with adaptation off; NOBODY. The value is the name of the page's style."""
 
     SUBJECT = "subject"
     """the run that a comparison is about"""
@@ -18,7 +19,8 @@ class Whose(Enum):
 
 
 class Fact(NamedTuple):
-    """Fact of a result: a question, its answer, and whose it is."""
+    """Fact of a result: a question that a person asks first, its answer in words, and whose it is, nobody's unless
+    given."""
 
     question: str
     answer: str

@@ -18,8 +18,9 @@ BETTER = 0.9
 
 
 def judged(comparison: Comparison) -> Verdict:
-    """The verdict on a comparison's subject: whether it was stopped, diverged, was long at a torque limit, or ended no
-    better than without adaptation."""
+    """The verdict on a comparison's subject: whether it was stopped, diverged (an error of 1 rad or m or more in its
+    last two seconds), was at a torque limit for over 2 s, or ended no better than without adaptation (a final error of
+    0.9 of that or more)."""
     return Verdict.of(_failures(comparison), comparison.expected)
 
 

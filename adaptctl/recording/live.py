@@ -36,10 +36,12 @@ CURRENT: ContextVar[str | None] = ContextVar("live", default=None)
 class Live:
     """A live view of an arm of r joints: `show` takes a sample of a loop and returns within microseconds.
 
-    At most `rate` samples a second are sent, to a process of its own that draws them; where it does not keep up,
-    samples are dropped and counted in `dropped`, and the loop never waits. `to` is the address of a rerun viewer on
-    this computer, which is started where none is there and bound to 127.0.0.1 alone; or a file that ends in .rrd. A
-    viewer that cannot be reached is told once (`LiveViewWarning`), and the loop goes on unseen. A context manager.
+    At most `rate` samples a second, 100 unless given, are sent, to a process of its own that draws them; where it does
+    not keep up, samples are dropped and counted in `dropped`, and the loop never waits. `to` is the address HOST:PORT
+    of a rerun viewer on this computer, None for 127.0.0.1:9876, which with `start_viewer` is started where none is
+    there and bound to 127.0.0.1 alone; or a file that ends in .rrd. Of a viewer that cannot be reached one
+    `LiveViewWarning` is given, and the loop goes on unseen. A context manager. Raises `InputError` for another address,
+    and a rate that is not positive.
 
     `inline` is for notebooks: no window is opened, but a server on 127.0.0.1 to which what is displayed in a cell
     connects (`display(live)`; needs rerun-notebook). It ends with Python, so that a viewer may come late.
@@ -68,12 +70,13 @@ class Live:
 
     @property
     def is_seen(self) -> bool:
-        """True while a viewer is connected; False where there was none, or it was closed."""
+        """True while samples go to a viewer or a file; False where none was reached, or after its end."""
         return self._socket is not None
 
     def show(self, time: float, p: ArrayLike, reference_p: ArrayLike, torque: ArrayLike) -> None:
-        """Send a sample to the viewer, without waiting: time in s, positions, desired positions (rad or m) and torques
-        (N m or N), (r,) each."""
+        """Send a sample to the viewer, without waiting: time in s, positions and desired positions (r,), rad (m), and
+        torques (r,), N m (N). It is left out where it comes sooner than `rate` allows; a failure ends the view with a
+        `LiveViewWarning`."""
         if self._socket is None or 0.0 <= time - self._latest < 0.999 * self._pause:
             return
         self._latest = time
@@ -86,7 +89,8 @@ class Live:
             self._lose(f"{type(error).__name__}: {error}")
 
     def close(self) -> None:
-        """Wait until the samples that were sent are drawn, and end the viewer's process."""
+        """Wait until the samples that were sent are drawn, at most 10 s, or 60 s for a file, and end the process that
+        draws them."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None
@@ -99,7 +103,8 @@ class Live:
 
     def viewer(self, **options: Any) -> Any:
         """A widget for notebooks that shows the view's samples; `options`, such as `height`, are those of
-        `rerun.notebook.Viewer`. Raises `MissingExtraError` without rerun-notebook."""
+        `rerun.notebook.Viewer`. Raises `MissingExtraError` without rerun-notebook, `InputError` where no viewer could
+        be reached or the view goes to a file."""
         try:
             import rerun_notebook  # noqa: F401  # rerun itself asks for it late, in a traceback
             from rerun.notebook import Viewer

@@ -20,7 +20,13 @@ def silent(what: str, share: float) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """Result of a finished experiment, as the command line prints and saves it."""
+    """Result of a finished experiment, as the command line prints and saves it.
+
+    `complete` is False when it was interrupted: what was computed is kept. `headline` is the outcome in a sentence or
+    two; `facts` are the questions that a person asks first, with their answers; `verdict`, whether its controllers did
+    what was asked; `write(folder, progress)` writes recording, report and figures into a folder that is ready;
+    `failed`, True where its subject should have succeeded and did not.
+    """
 
     complete: bool
     """False when it was interrupted: what was computed is kept"""

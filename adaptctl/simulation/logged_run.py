@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, checked, frozen, positive_number
+from adaptctl.arrays import Array, checked, frozen, numbers, positive_number
 from adaptctl.errors import InputError
 
 
@@ -25,7 +25,8 @@ def logged_run(
     """The fields of what `Rollout.from_arrays` returns: `given` has the arrays that may be missing, by name. Raises
     `InputError` for arrays of wrong shapes."""
     period = positive_number(control_period, "control_period: expected a positive time in s")
-    shape = np.shape(p)
+    p = numbers(p, "p")
+    shape = p.shape
     if len(shape) != 2 or shape[0] < 2 or shape[1] < 1:
         raise InputError(f"p: expected shape (T, r) with T of at least 2, got {shape}")
     arrays = {"p": p, "torque": torque, "reference_p": reference_p}
@@ -36,9 +37,10 @@ def logged_run(
     known.setdefault("reference_a", _rates(known["reference_v"], period))
     known.setdefault("applied", known["torque"])
     count = shape[0]
-    estimates = (
-        np.empty((count, 0)) if estimate is None else _table(estimate, "estimate", (count, np.shape(estimate)[-1]))
-    )
+    estimates = np.empty((count, 0)) if estimate is None else numbers(estimate, "estimate")
+    if estimates.ndim != 2:
+        raise InputError(f"estimate: expected shape ({count}, k), got {estimates.shape}")
+    estimates = _table(estimates, "estimate", (count, estimates.shape[1]))
     kept = {name: frozen(values.copy()) for name, values in known.items()}
     return kept | {
         "time": frozen(_times(time, count, period)),
@@ -53,7 +55,7 @@ def logged_run(
 
 
 def _table(values: ArrayLike, name: str, shape: tuple[int, ...]) -> Array:
-    array = checked(np.atleast_2d(np.asarray(values)), shape[-1], name)
+    array = checked(np.atleast_2d(numbers(values, name)), shape[-1], name)
     if array.shape != shape:
         raise InputError(f"{name}: expected shape {shape}, got {array.shape}")
     return np.asarray(array, dtype=np.float64)
@@ -67,7 +69,7 @@ def _rates(values: Array, period: float) -> Array:
 def _times(time: ArrayLike | None, count: int, period: float) -> Array:
     if time is None:
         return np.asarray(period * np.arange(count), dtype=np.float64)
-    times = np.asarray(checked(np.asarray(time), count, "time"), dtype=np.float64)
+    times = np.asarray(checked(time, count, "time"), dtype=np.float64)
     if times.shape != (count,) or np.any(np.diff(times) <= 0.0):
         raise InputError(f"time: expected {count} increasing numbers, s")
     return times

@@ -21,6 +21,7 @@ from adaptctl.dynamics.loops.continuation import NEAREST
 from adaptctl.errors import InputError, NonFiniteError, printable
 from adaptctl.scalars import Column, Scalar, Structure, Tunable, column
 from adaptctl.simulation.effects import Effect, LoadEffect, PlantEffects
+from adaptctl.simulation.effects.plant_effects import listed
 from adaptctl.simulation.held_motion import held_motion
 from adaptctl.simulation.integrator import Integrator, RungeKutta4
 from adaptctl.simulation.period import ControlPeriod
@@ -68,7 +69,7 @@ class Plant(Tunable):
         self.mechanism.require_mass()
         own = self.mechanism.effort_limits if self.torque_limits is None else self.torque_limits
         object.__setattr__(self, "torque_limits", _limits(own, self.mechanism.dof))
-        object.__setattr__(self, "effects", tuple(self.effects))
+        object.__setattr__(self, "effects", listed(self.effects))
         self._effects.require(self.dof, self._links, self.control_period)
         if self.loads:
             require_ten_a_link(self.mechanism)
@@ -133,9 +134,8 @@ class Plant(Tunable):
         arrays = (np.atleast_1d(np.asarray(values)) for values in (p, v))
         given = zip(arrays, ("p", "v"), strict=True)
         p, v = (checked(x, self.dof, f"{self.mechanism.name}: {what}") for x, what in given)
-        same_samples(p=p, v=v)
-        p, v = np.broadcast_arrays(p, v)
-        p, v = p.copy(), v.copy()
+        shape = *same_samples(p=p, v=v), self.dof
+        p, v = np.broadcast_to(p, shape).copy(), np.broadcast_to(v, shape).copy()
         q, arms = self.mechanism.configuration(p), p.shape[:-1]
         held = np.zeros_like(p)
         if self._effects.actuators or self.is_elastic:

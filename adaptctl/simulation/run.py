@@ -149,14 +149,16 @@ class Rollout:
         with needed("Rollout.to_pandas"):
             return self.to_arrow(joints).to_pandas()
 
+    @needed("Rollout.plot")
     def plot(self, joints: Sequence[str] | None = None) -> Figure:
         """A Matplotlib figure of the run over time (s): positions on the reference, errors, torques, and estimates
         where there are any. `joints` (r,) names the curves, joint1, joint2, ... by default. Raises `InputError` for
-        another number of names."""
+        another number of names, `MissingExtraError` without matplotlib."""
         from adaptctl.simulation.run_plot import run_figure
 
         return run_figure(self, joints)
 
+    @needed("the figure of a Rollout")
     def _repr_html_(self) -> str:
         """Notebook's view of the run: its figure, with the numbers that matter."""
         from adaptctl.simulation.run_plot import run_html

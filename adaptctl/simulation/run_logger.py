@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import positive_number
 from adaptctl.control.controller import ReferencePoint
 from adaptctl.errors import InputError, LostSamplesWarning
+from adaptctl.simulation.rollout_file import joint_names
 from adaptctl.simulation.run import Rollout
 
 SHARE_OF_MEMORY = 0.5
@@ -31,7 +32,8 @@ class RunLogger:
     `estimates` is the number k of the controller's parameter estimates, 0 unless given; `joints` (r,) names the joints
     in the file, joint1, joint2, ... unless given. `count` is the number of samples appended, `faulty` of those left
     out. Raises `InputError` for a period that is not positive, counts that are no whole numbers or too small (`dof` 1,
-    `estimates` 0, `capacity` 2), and a capacity that takes over half of the computer's memory.
+    `estimates` 0, `capacity` 2), another number of `joints`, and a capacity that takes over half of the
+    computer's memory.
     """
 
     def __init__(
@@ -50,7 +52,8 @@ class RunLogger:
         self.control_period = positive_number(control_period, "control_period: expected a positive time in s")
         width = 7 * dof + estimates + 1
         _require_memory(8 * capacity * width, capacity)
-        self._rows, self._dof, self._path, self._joints = np.zeros((capacity, width)), dof, path, joints
+        self._joints = joint_names(dof, joints)
+        self._rows, self._dof, self._path = np.zeros((capacity, width)), dof, path
         self.count, self.faulty = 0, 0
         """samples that were appended; samples left out since they did not fit or were not finite"""
 

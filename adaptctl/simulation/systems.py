@@ -14,6 +14,7 @@ from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.control.memory import leaves, like
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
+from adaptctl.packages import needed
 from adaptctl.scalars import Column
 from adaptctl.simulation.effects import JointEffect
 from adaptctl.simulation.plant import Plant
@@ -23,12 +24,14 @@ if TYPE_CHECKING:
     import control
 
 
+@needed("mechanism_system")
 def mechanism_system(mechanism: Mechanism, name: str = "mechanism") -> control.NonlinearIOSystem:
     """A continuous-time python-control system of the arm, called `name`: state and outputs p, rad (m), and v, rad/s
     (m/s), r each, input torque (r,), N m (N).
 
     Signals are ``torque[0]``, ``p[0]``, ``v[0]`` and so on, in the order of the primary joints. With loops, p is
-    followed from the reference configuration at every evaluation.
+    followed from the reference configuration at every evaluation. Raises `MissingExtraError` without python-control, as
+    do the others.
     """
     import control
 
@@ -47,6 +50,7 @@ def mechanism_system(mechanism: Mechanism, name: str = "mechanism") -> control.N
     )
 
 
+@needed("plant_system")
 def plant_system(plant: Plant, name: str = "plant") -> control.NonlinearIOSystem:
     """A discrete-time python-control system of the arm, called `name`, sampled every control period under held torques,
     limits and friction included, as `rollout` drives it; signals as `mechanism_system`.
@@ -75,6 +79,7 @@ def plant_system(plant: Plant, name: str = "plant") -> control.NonlinearIOSystem
     )
 
 
+@needed("controller_system")
 def controller_system(
     controller: Controller[Any], period: float, name: str = "controller"
 ) -> control.NonlinearIOSystem:
@@ -114,6 +119,7 @@ def controller_start(controller: Controller[Any], p: Array, v: Array) -> Array:
     return np.concatenate([*leaves(controller.init(p, v)), np.zeros(0)])
 
 
+@needed("closed_loop_system")
 def closed_loop_system(
     plant: Plant, controller: Controller[Any], name: str = "closed_loop"
 ) -> control.InterconnectedSystem:

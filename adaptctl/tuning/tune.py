@@ -53,14 +53,15 @@ def tune(
     are run, on links 30 % off, in time and late, and the best is taken. What is found is verified in closed loop.
 
     Raises `InputError` for settings that are out of range (above 0 and at most: `period` 0.1, `bandwidth` 1000, `hold`
-    1.5, `adaptation` 1; `search` a whole number of at least 0; `initial_error` finite), and for joints that no gains
-    can hold.
+    1.5, `adaptation` 1; `search` and `seed` whole numbers of at least 0; `initial_error` finite), and for joints that
+    no gains can hold.
     """
     for name, value, most in (("period", period, 0.1), ("bandwidth", bandwidth, 1e3), ("hold", hold, 1.5)):
         _require(name, value, most)
     _require("adaptation", adaptation, 1.0)
-    if not isinstance(search, int) or search < 0:
-        raise InputError(f"search: expected a whole number of at least 0, got {search!r}")
+    for name, value in (("search", search), ("seed", seed)):
+        if not isinstance(value, int | np.integer) or value < 0:
+            raise InputError(f"{name}: expected a whole number of at least 0, got {value!r}")
     given = None if initial_error is None else _given_error(mechanism, initial_error)
     limits = finite_torque_limits(mechanism)
     if reference is None:

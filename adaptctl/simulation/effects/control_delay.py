@@ -31,8 +31,8 @@ class ControlDelay(ActuatorEffect):
     rank: ClassVar[int] = 0
 
     def __post_init__(self) -> None:
-        if self.ticks != int(self.ticks) or self.ticks < 0:
-            raise InputError(f"control delay: expected a whole number of control periods, got {self.ticks}")
+        if not isinstance(self.ticks, int | np.integer) or self.ticks < 0:
+            raise InputError(f"control delay: expected a whole number of control periods, got {self.ticks!r}")
         if self.ticks > BUFFER:
             raise InputError(
                 f"control delay: {self.ticks} control periods are longer than the buffer, which holds {BUFFER}: "

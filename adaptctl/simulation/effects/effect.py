@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, numbers, per_joint
+from adaptctl.arrays import Array, numbers, per_joint, positive_number
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column
 
@@ -112,6 +112,5 @@ def at_least_zero(values: ArrayLike, dof: int, what: str) -> Array:
 
 
 def require_positive(value: float, what: str, unit: str) -> None:
-    """Raise `InputError` for a number that is not positive and finite, with its name, `what`, and its `unit`."""
-    if not (np.isfinite(value) and value > 0.0):
-        raise InputError(f"{what}: expected a positive number of {unit}, got {value}")
+    """Raise `InputError` for what is no positive finite number, with its name, `what`, and its `unit`."""
+    positive_number(value, f"{what}: expected a positive number of {unit}")

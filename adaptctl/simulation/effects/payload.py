@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen_array
+from adaptctl.arrays import Array, frozen_array, numbers, whole_number
 from adaptctl.caching import sent_as_made
 from adaptctl.description.description import LARGEST_INERTIA
 from adaptctl.description.inertia import from_center_of_mass
@@ -46,23 +46,25 @@ class Payload:
     @classmethod
     def of(cls, given: float | Mapping[str, Any] | Payload) -> Payload:
         """A payload from a mass in kg, or from a mapping with `mass` and perhaps `center` and `inertia`; a `Payload` is
-        returned as it is. Raises `InputError` for what is none, `NotFoundError` for an unknown entry or a missing
-        mass."""
+        returned as it is. Raises `InputError` for what is none or a missing mass, `NotFoundError` for an unknown
+        entry."""
         if isinstance(given, Payload):
             return given
         if not isinstance(given, Mapping):
             return cls(given)
         known = ("mass", "center", "inertia")
-        unknown = [key for key in given if key not in known]
-        if unknown or "mass" not in given:
-            wrong = f"unknown entry {unknown[0]!r}" if unknown else "the mass is missing"
-            raise NotFoundError(f"payload: {wrong}; entries: {', '.join(known)}")
+        if unknown := [key for key in given if key not in known]:
+            raise NotFoundError(f"payload: unknown entry {unknown[0]!r}; entries: {', '.join(known)}")
+        if "mass" not in given:
+            raise InputError(f"payload: the mass is missing; entries: {', '.join(known)}")
         return cls(**given)
 
     def added_to(self, parameters: ArrayLike, link: int) -> Array:
         """The inertial parameters (..., P), SI units, with the payload added to the ten of the link of that index: a
-        copy of those given, whose first are ten a link."""
-        loaded = np.array(parameters, dtype=np.float64)
+        copy of those given, whose first are ten a link. Raises `InputError` for parameters that are no numbers or do
+        not reach to that link, and for an index that is no whole number of at least 0."""
+        loaded = numbers(parameters, "payload: parameters").copy()
+        whole_number(link, "payload: link", 0, (loaded.shape[-1] if loaded.ndim else 0) // 10 - 1)
         loaded[..., 10 * link : 10 * link + 10] += from_center_of_mass(self.mass, self.center, self.inertia)
         return loaded
 

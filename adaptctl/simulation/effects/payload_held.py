@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, real_number
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.simulation.effects.effect import LoadEffect
 from adaptctl.simulation.effects.payload import Payload
@@ -20,8 +20,8 @@ class PayloadHeld(LoadEffect):
 
     It is a `Payload`, a mass in kg, or a mapping with `mass`, `center` and `inertia`. When it is picked up it already
     moves with the link, and when it is dropped it moves on: the arm's velocities do not jump. Raises `InputError` where
-    it is no payload, or `start` is not finite and before `stop`, and `NotFoundError` for a mapping without `mass` or
-    with unknown entries.
+    it is no payload, such as a mapping without `mass`, or `start` is not finite and before `stop`, and `NotFoundError`
+    for a mapping with unknown entries.
     """
 
     payload: Payload | float | Mapping[str, Any]
@@ -31,14 +31,14 @@ class PayloadHeld(LoadEffect):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "payload", Payload.of(self.payload))
-        if not (math.isfinite(self.start) and self.start < self.stop):
+        start, stop = real_number(self.start, "payload: start"), real_number(self.stop, "payload: stop")
+        if not (math.isfinite(start) and start < stop):
             raise InputError(f"payload: expected a start before its stop, got {self.start} and {self.stop} s")
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
         """Raise `NotFoundError` for a link that is not among the names `links`; joints and control period (s) may be
         any."""
-        if self.link is not None and self.link not in links:
-            raise NotFoundError(f"payload: there is no link {self.link!r}; links: {', '.join(links)}")
+        self._place(links)
 
     def mass(self, time: float) -> float:
         """The payload's mass, kg, while it is held at `time` (s), else 0."""
@@ -50,8 +50,16 @@ class PayloadHeld(LoadEffect):
 
     def loaded(self, parameters: Array, links: tuple[str, ...], time: float) -> Array:
         """The inertial parameters (..., P), SI units, with the payload's ten added to those of its link while it is
-        held at `time` (s); the first of those given (..., P) are ten for each of the `links`, by name."""
+        held at `time` (s); the first of those given (..., P) are ten for each of the `links`, by name. Raises
+        `NotFoundError` for a link that is none of them, `InputError` for parameters that do not fit."""
         if not self.start <= time < self.stop:
             return parameters
-        link = len(links) - 1 if self.link is None else links.index(self.link)
-        return Payload.of(self.payload).added_to(parameters, link)
+        return Payload.of(self.payload).added_to(parameters, self._place(links))
+
+    def _place(self, links: tuple[str, ...]) -> int:
+        """The index of the payload's link."""
+        if self.link is None:
+            return len(links) - 1
+        if self.link not in links:
+            raise NotFoundError(f"payload: there is no link {self.link!r}; links: {', '.join(links)}")
+        return links.index(self.link)

@@ -35,9 +35,10 @@ class PlantEffects:
     def of(cls, effects: Iterable[Effect]) -> PlantEffects:
         """The plant's effects, given in any order, sorted into their places.
 
-        Raises `InputError` for what is no `Effect`, and for two actuators, sensors or elastic joints of one kind.
+        Raises `InputError` for what is no `Effect`, one alone that is not in a list, and two actuators, sensors or
+        elastic joints of one kind.
         """
-        given = tuple(effects)
+        given = listed(effects)
         for effect in given:
             if not isinstance(effect, Effect):
                 raise InputError(f"effects: expected plant effects, such as ControlDelay(2), got {effect!r}")
@@ -139,6 +140,13 @@ def _split(memory: Column, sizes: Sequence[int]) -> list[Column]:
 
 def _rank(effect: Any) -> int:
     return int(effect.rank)
+
+
+def listed(effects: Iterable[Effect]) -> tuple[Effect, ...]:
+    """The effects, given in any order. Raises `InputError` for one alone that is not in a list."""
+    if not isinstance(effects, Iterable):
+        raise InputError(f"effects: expected several, such as [ControlDelay(2)], got {effects!r}")
+    return tuple(effects)
 
 
 def _require_single(chain: list[ActuatorEffect | SensorEffect | ElasticJoints]) -> None:
