@@ -20,11 +20,13 @@ BANDWIDTH, HOLD = 8.0, 1.0
 
 
 def baselines(env: Any, *, episodes: int = 1, seed: int = 0) -> dict[str, float]:
-    """Mean returns, by name, of controllers that drive a tracking environment, whatever wraps it, or one arm of many.
+    """Mean returns (sums of an episode's rewards), by name, of controllers that drive a tracking environment, whatever
+    wraps it, or one arm of many.
 
-    Zero torque; PD; PD with the true gravity; Slotine and Li's law that begins knowing nothing; computed torque with
-    the true parameters: all with the gains of `tune`. Episode k begins from the seed plus k. Raises `InputError` for
-    environments that are no tracking environments of ours, and what `tune` raises.
+    "zero torque"; "PD"; "PD with gravity", the true one; "Slotine-Li from nothing", Slotine and Li's law that begins
+    knowing nothing; "computed torque" with the true parameters: all with the gains of `tune`. The mean is over
+    `episodes`; episode k, from 0, begins from the `seed` plus k. Raises `InputError` for environments that are no
+    tracking environments of ours and for less than one episode, and what `tune` raises.
     """
     if not isinstance(episodes, int) or episodes < 1:
         raise InputError(f"episodes: expected a whole number of at least 1, got {episodes!r}")

@@ -70,7 +70,8 @@ class LearningEnv(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
 
     A wrapper of `TrackingEnv` for reinforcement learning: observations and actions are scaled to [-1, 1]. Rewards,
     episodes, options and `info` are the environment's own, so that returns compare with those of controllers that
-    drive it: `adaptctl.envs.baselines` tells them.
+    drive it: `adaptctl.envs.baselines` computes them. Raises `InputError` for an environment that is none of ours, or
+    whose observations a wrapper has changed.
 
     ```python
     env = gymnasium.make("adaptctl.envs:adaptctl/Puma560Learning-v0")     # or Learning-v0, robot=...
@@ -113,18 +114,24 @@ class LearningEnv(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """The first observation (n,) and info of an episode, which begins."""
+        """The first observation (n,), in [-1, 1] as in the class's card, and `info` of an episode, which begins. `seed`
+        is that of the random numbers, None to go on with them; `options` are those of `TrackingEnv`, None for none.
+        Raises `InputError` for bad options, `NotFoundError` for unknown ones."""
         observation, info = self.env.reset(seed=seed, options=options)
         return self._view(observation), info
 
     def step(self, action: Any) -> tuple[Observation, Any, bool, bool, dict[str, Any]]:
-        """Observation (n,), reward, end, time-out and info after one control period under an action (r,) in [-1, 1]."""
+        """Observation (n,) in [-1, 1], reward, `terminated`, `truncated` and `info` after one control period under an
+        action (r,) in [-1, 1], a share of the largest; (a,) around a `TuningEnv`. Raises `InputError` for what is no
+        such numbers, `NonFiniteError` on NaN and infinity, `ResetNeeded` without a running episode."""
         observation, reward, terminated, truncated, info = self.env.step(scaled(action, self._scale))
         return self._view(observation), reward, terminated, truncated, info
 
 
 class LearningVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any]):
-    """`LearningEnv` for many arms: around a `VectorTrackingEnv`, a `ResidualVectorEnv` or a `TuningVectorEnv`."""
+    """`LearningEnv` for many arms: around a `VectorTrackingEnv`, a `ResidualVectorEnv` or a `TuningVectorEnv`.
+    Observations (N, n) and actions (N, a) are in [-1, 1]. Raises `InputError` for another environment, and one whose
+    observations a wrapper has changed."""
 
     def __init__(self, env: gymnasium.vector.VectorEnv[Any, Any, Any]) -> None:
         super().__init__(env)
@@ -137,13 +144,18 @@ class LearningVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any])
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Observations (N, n) and infos of all arms, after an episode of every arm has begun."""
+        """Observations (N, n) in [-1, 1] and `info` of all arms, after an episode of every arm has begun, or of those
+        in the option `reset_mask` (N,). `seed` s gives arm i s + i, a list each its own, None lets them go on;
+        `options` are those of `VectorTrackingEnv`, None for none. Raises `InputError` for bad options, `NotFoundError`
+        for unknown ones."""
         observations, info = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]  # ours take more
         return self._view(observations), info
 
     def step(self, actions: Any) -> tuple[Observation, Any, Any, Any, dict[str, Any]]:
-        """Observations (N, n), rewards, ends, time-outs (N,) and infos after one control period of all arms under
-        actions (N, r) in [-1, 1]."""
+        """Observations (N, n) in [-1, 1], rewards, `terminated` and `truncated` (N,), and `info` after one control
+        period of all arms under actions (N, r) in [-1, 1], shares of the largest; (N, a) around a `TuningVectorEnv`.
+        Raises `InputError` for what is no such numbers, `NonFiniteError` on NaN and infinity, `ResetNeeded` before the
+        first reset."""
         observations, rewards, terminated, truncated, info = self.env.step(scaled(actions, self._scale))
         if "final_obs" in info:
             last = [None if one is None else self._view(one) for one in info["final_obs"]]

@@ -12,8 +12,8 @@ from adaptctl.recording.live import Live
 
 
 class LiveView(gymnasium.Wrapper[Array, Array, Array, Array]):
-    """A wrapper that shows each control period of an environment of ours, or of one with `observation_slices`, in a
-    `Live` view."""
+    """A wrapper that shows each control period of an environment of ours, or of one whose `env.unwrapped` has
+    `observation_slices` and a `control_period` (s), in a `Live` view, `live`."""
 
     def __init__(self, env: gymnasium.Env[Any, Any], live: Live) -> None:
         super().__init__(env)
@@ -22,12 +22,15 @@ class LiveView(gymnasium.Wrapper[Array, Array, Array, Array]):
         self._steps = 0
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """The first observation (n,) and info of an episode, which begins."""
+        """The environment's first observation (n,) and `info` of an episode, which begins; `seed` and `options`, None
+        for none, are passed to it."""
         self._steps = 0
         return self.env.reset(seed=seed, options=options)
 
     def step(self, action: Array) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
-        """Observation (n,), reward, end, time-out and info after one control period, which is shown."""
+        """The environment's observation (n,), reward, `terminated`, `truncated` and `info` after one control period
+        under the `action`, which is shown: with the torque that `info` has as `applied_torque` (r,), N m (N), or else
+        the action."""
         observation, reward, terminated, truncated, info = self.env.step(action)
         self._steps += 1
         p, desired = (np.asarray(observation)[self._slices[name]] for name in ("p", "reference_p"))

@@ -25,10 +25,11 @@ class MuJoCoTrackingEnv(TrackingEnv):
     """
     ## Description
 
-    The task of `TrackingEnv` with MuJoCo as the plant: it moves the arm in its scene, with contacts, joint stops,
-    equalities of other bodies and whatever else the model has. What the controller knows of the arm is the mechanism
-    that `Mechanism.from_mujoco` reads of it; contacts, stops and springs are not among that. Actions, observations,
-    reward, episode end, information and options at reset are those of `TrackingEnv`, whose card holds here.
+    A tracking environment, the task of `TrackingEnv`, with MuJoCo as the plant: it moves the arm in its scene, with
+    contacts, joint stops, equalities of other bodies and whatever else the model has. What the controller knows of the
+    arm is the mechanism that `Mechanism.from_mujoco` reads of it; contacts, stops and springs are not among that.
+    Actions, observations, reward, episode end, information and options at reset are those of `TrackingEnv`, whose card
+    holds here.
 
     ```python
     import gymnasium
@@ -37,6 +38,7 @@ class MuJoCoTrackingEnv(TrackingEnv):
 
     Torques act at the arm's joints, clipped to the limits of its motors, which get no control themselves. Actuators
     of the arm that are no torques, such as position servos, are refused by name, or switched off with `servos_off`.
+    Raises `InputError` for bad values, `FileError` for a bad file, `MissingExtraError` without MuJoCo.
 
     ## Arguments
 
@@ -44,7 +46,7 @@ class MuJoCoTrackingEnv(TrackingEnv):
     |------------------|----------------------|----------------------------------------------------------------|
     | `robot`          | `"puma560_measured"` | an MJCF scene (`.xml`), a `mujoco.MjModel`; or a built-in's name, another file or a `Mechanism`, of which a MuJoCo model is made |
     | `reference`      | `None`               | as in `TrackingEnv`                                            |
-    | `body`           | `None`               | the arm's root body, where more than one root body moves       |
+    | `body`           | `None`               | the arm's root body, by name, where more than one root body moves; `None` where one does |
     | `servos_off`     | `False`              | switch off the arm's actuators that are no torques             |
     | `duration`, `look_ahead`, `error_bound`, `reward_weights`, `initial_error`, `torque_limits`, `render_mode` | | as in `TrackingEnv` |
     | `control_period` | 0.001                | s a torque is held; MuJoCo takes steps no longer than its model's own in it |

@@ -27,10 +27,10 @@ class Puma560TrackingEnv(TrackingEnv):
     """
     ## Description
 
-    The PUMA 560, six revolute joints, is to follow sinusoids in all of them: center (0, -0.6, 0.8, 0, 0.5, 0) rad,
-    amplitudes (0.5, 0.4, 0.4, 0.4, 0.4, 0.4) rad, frequencies (0.1, 0.125, 0.15, 0.175, 0.2, 0.225) Hz, faded in
-    from rest over 2 s. It starts 0.1 rad off in every joint. Everything else is as in `TrackingEnv`, whose card
-    holds here too.
+    A tracking environment: the PUMA 560, six revolute joints, is to follow sinusoids in all of them: center (0, -0.6,
+    0.8, 0, 0.5, 0) rad, amplitudes (0.5, 0.4, 0.4, 0.4, 0.4, 0.4) rad, frequencies (0.1, 0.125, 0.15, 0.175, 0.2,
+    0.225) Hz, faded in from rest over 2 s. It starts 0.1 rad off in every joint. Everything else is as in
+    `TrackingEnv`, whose card holds here too.
 
     ```python
     import gymnasium
@@ -81,7 +81,7 @@ class Puma560TrackingEnv(TrackingEnv):
     Those of `TrackingEnv`. `robot="puma560"` has the inertial parameters of Sheu and Walker (1991), Table 6. No
     rigid bodies have them (five of six links violate the pseudo-inertia condition), yet the mass matrix they give
     is positive definite (eigenvalues above 0.06 kg m^2 in 2,000 random configurations), so the motion is well
-    defined. Because this is said here, loading them for this environment does not warn.
+    defined. Because this is stated here, loading them for this environment does not warn.
     `robot="puma560_measured"` has consistent values measured by Armstrong, Khatib and Burdick (1986), without
     motor inertias: choose it when the physics matter.
 

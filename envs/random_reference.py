@@ -59,10 +59,11 @@ def all_drawn(
 
 
 def random_sinusoids(mechanism: Mechanism, rng: np.random.Generator) -> Sinusoids:
-    """A random reference of one sinusoid a joint about a random centre, within the position and velocity limits.
+    """A random reference, drawn from `rng`, of one sinusoid a joint about a random centre, within the position and
+    velocity limits: of 0.1 to 0.25 Hz and up to 0.5 rad (m), faded in over 2 s.
 
-    An unlimited joint moves within 2 AMPLITUDE of zero, or of its only bound. A mechanism with loops stays where
-    they can be followed and within its conditions.
+    An unlimited joint moves within 1 rad (m) of zero, or of its only bound. A mechanism with loops stays where they can
+    be followed and within its conditions; raises `InputError` where none such is found.
     """
     return many_random_sinusoids(mechanism, [rng])[0]
 

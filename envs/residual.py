@@ -19,7 +19,7 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
     """
     ## Description
 
-    A tracking environment whose base is driven by a controller, to whose torque the action is added: what the
+    A wrapper of a tracking environment that a controller drives, to whose torque the action is added: what the
     controller's model does not have is left to be learned. An action of zero is the controller alone.
 
     ```python
@@ -32,7 +32,12 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
 
     ## Observation space
 
-    That of the environment. `info` has, besides the environment's, `base_torque` (r,).
+    That of the environment. `info` has, besides the environment's, `base_torque` (r,), the controller's, N m (N).
+
+    ## Errors
+
+    `InputError` for what is no controller or not for the environment's joints, an environment whose observations or
+    actions a wrapper has changed, and a `share` that is not above 0 and at most 1.
     """
 
     def __init__(self, env: gymnasium.Env[Any, Any], controller: Controller[Any], share: float = 0.2) -> None:
@@ -46,7 +51,9 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
         self._base = np.zeros(limits.shape)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """The first observation (n,) and info of an episode; the controller begins with an empty memory."""
+        """The first observation (n,), as in the class's card, and `info` of an episode, which begins; the controller
+        begins with an empty memory. `seed` is that of the random numbers, None to go on with them; `options` are those
+        of `TrackingEnv`, None for none. Raises `InputError` for bad options, `NotFoundError` for unknown ones."""
         observation, info = self.env.reset(seed=seed, options=options)
         p, v, _ = self._read(observation)
         self._memory = self.controller.init(p, v)
@@ -54,8 +61,9 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
         return observation, info | {"base_torque": self._base.copy()}
 
     def step(self, action: Array) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
-        """Observation (n,), reward, end, time-out and info after one control period under the controller's torque and
-        the action's (r,)."""
+        """Observation (n,) as in the class's card, reward, `terminated`, `truncated` and `info` after one control
+        period under the controller's torque plus `share` times the torque limits times the action (r,), in [-1, 1].
+        Raises `NonFiniteError` on NaN and infinity, `ResetNeeded` without a running episode."""
         torque = self._base + self._scale * np.asarray(action, dtype=np.float64)
         observation, reward, terminated, truncated, info = self.env.step(torque)
         info = info | {"base_torque": self._base.copy()}
@@ -74,8 +82,13 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
 
 
 class ResidualVectorEnv(ControlledVectorEnv):
-    """`ResidualEnv` for many arms: actions (N, r) are shares of `share` times the torque limits, added to the
-    controller's torques, of which `info` tells as `base_torque` (N, r) after a step."""
+    """`ResidualEnv` for many arms, around a `VectorTrackingEnv`: actions (N, r) in [-1, 1] are shares of `share` (0.2)
+    times the torque limits, added to the controller's torques, which `info` has as `base_torque` (N, r), N m (N), after
+    a step.
+
+    Raises `InputError` for another environment, what is no controller or not for its joints, and a `share` that is not
+    above 0 and at most 1.
+    """
 
     def __init__(self, env: VectorTrackingEnv, controller: Controller[Any], share: float = 0.2) -> None:
         super().__init__(env, controller, controller.dof)

@@ -17,8 +17,10 @@ from adaptctl.errors import InputError
 class RewardWeights:
     """Weights of the reward: those of the squares, summed over the joints, that are subtracted at each control period.
 
-    `termination` is subtracted once when an error passes its bound. Without it a learner whose every reward
-    is negative would do best by ending the episode at once.
+    `position`, per rad^2 (m^2) of tracking error; `velocity`, per (rad/s)^2 ((m/s)^2) of velocity error; `torque`, per
+    square of torque over its limit, no unit. `termination` is subtracted once when an error passes its bound. Without
+    it a learner whose every reward is negative would do best by ending the episode at once. Raises `InputError` for a
+    weight that is negative or not finite.
     """
 
     position: float = 1.0
@@ -36,14 +38,15 @@ class RewardWeights:
                 raise InputError(f"reward weight of {name}: expected a number of at least 0, got {value}")
 
     def cost(self, position: Any, velocity: Any, torque: Any) -> Any:
-        """The weighted sum of the summed squares of position errors, velocity errors and relative torques, scalars of
-        any kind."""
+        """The weighted sum of three sums of squares over the joints, scalars or arrays of any kind: of position errors,
+        rad^2 (m^2), of velocity errors, (rad/s)^2 ((m/s)^2), and of torques over their limits, no unit."""
         return self.position * position + self.velocity * velocity + self.torque * torque
 
     def reward(
         self, error: Array, velocity_error: Array, relative_torque: Array, terminated: NDArray[np.bool_]
     ) -> Array:
-        """The reward (...): minus the weighted squares of errors (..., r) and relative torques (..., r), and minus
-        `termination` where an episode ended."""
+        """The reward (...): minus the weighted squares of errors (..., r), rad (m), velocity errors (..., r), rad/s
+        (m/s), and torques over their limits (..., r), no unit; and minus `termination` where `terminated` (...), the
+        episode having ended there."""
         squares = (np.vecdot(x, x) for x in (error, velocity_error, relative_torque))
         return np.asarray(-self.cost(*squares) - self.termination * terminated)

@@ -25,10 +25,10 @@ class SemiDirectDriveTrackingEnv(TrackingEnv):
     """
     ## Description
 
-    The semi-direct-drive arm of Asada and Youcef-Toumi (1983), a five-bar linkage behind a vertical axis, is to
-    follow sinusoids in its three driven joints: center (0, -pi/2, -pi) rad, amplitudes (0.6, 0.4, 0.4) rad,
-    frequencies (0.15, 0.2, 0.25) Hz, faded in from rest over 2 s. It starts 0.1 rad off in every joint. The loop is
-    closed to round-off after every step. Everything else is as in `TrackingEnv`, whose card holds here too.
+    A tracking environment: the semi-direct-drive arm of Asada and Youcef-Toumi (1983), a five-bar linkage behind a
+    vertical axis, is to follow sinusoids in its three driven joints: center (0, -pi/2, -pi) rad, amplitudes (0.6, 0.4,
+    0.4) rad, frequencies (0.15, 0.2, 0.25) Hz, faded in from rest over 2 s. It starts 0.1 rad off in every joint. The
+    loop is closed to round-off after every step. Everything else is as in `TrackingEnv`, whose card holds here too.
 
     ```python
     import gymnasium

@@ -57,11 +57,11 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     """
     ## Description
 
-    A mechanism of r joints, driven by joint torques, is to follow a reference trajectory in joint space. The
-    physics are the equations of motion of rigid links, with the rotors and the friction that the mechanism's drives
-    have, without joint stops, integrated under a torque that is held over each control period. What real plants have
-    besides, such as delay, encoders or a payload that is dropped, is switched on by `effects`. The true inertial
-    parameters are known and are in `info`, so that an estimate can be judged.
+    A tracking environment: a mechanism of r joints, driven by joint torques, is to follow a reference trajectory in
+    joint space. The physics are the equations of motion of rigid links, with the rotors and the friction that the
+    mechanism's drives have, without joint stops, integrated under a torque that is held over each control period. What
+    real plants have besides, such as delay, encoders or a payload that is dropped, is switched on by `effects`. The
+    true inertial parameters are known and are in `info`, so that an estimate can be judged.
 
     ```python
     import gymnasium
@@ -74,10 +74,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     limits are the mechanism's own. A joint without one gets four times the largest torque that inverse dynamics
     asks of it in 200 random states at up to 2 rad/s and 10 rad/s^2 (m/s, m/s^2), and at least 1: see
     `adaptctl.control.gains.torque_limits`. What is out of bounds is clipped and counted; NaN and infinity raise
-    `NonFiniteError`, a wrong shape `InputError`.
-
-    Actions are in physical units, so that a control law can be used as it is. Learning algorithms expect
-    [-1, 1]: `gymnasium.wrappers.RescaleAction(env, -1.0, 1.0)`.
+    `NonFiniteError`, a wrong shape `InputError`. Actions are in physical units, so that a control law can be used as it
+    is. Learning algorithms expect [-1, 1]: `gymnasium.wrappers.RescaleAction(env, -1.0, 1.0)`.
 
     ## Observation space
 
@@ -115,11 +113,11 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     | Key              | Value                                                                      |
     |------------------|----------------------------------------------------------------------------|
     | `time`           | s since the reset                                                          |
-    | `parameters`     | (P,) the true inertial parameters now, payload included                    |
-    | `applied_torque` | (r,) the torque that reached the joints in the last step                   |
+    | `parameters`     | (P,) the true inertial parameters now, SI units, payload included          |
+    | `applied_torque` | (r,) the torque that reached the joints in the last step, N m (N)          |
     | `energy`         | kinetic plus potential energy in J                                         |
     | `clipped`        | how many steps since the reset had an action clipped                       |
-    | `p`, `v`         | (r,) true positions and velocities, where sensors tell others              |
+    | `p`, `v`         | with effects: (r,) true positions, rad (m), and velocities, rad/s (m/s)    |
     | `marks`          | with effects: what happened in the last step, by name: `payload` (kg held), `torque_limited`, `rate_limited` (1 or 0) |
 
     ## Arguments
@@ -127,21 +125,20 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     | Argument         | Default              | Meaning                                                        |
     |------------------|----------------------|----------------------------------------------------------------|
     | `robot`          | `"puma560_measured"` | a built-in's name, a file (`.urdf`, `.xml`, `.toml`), or a `Mechanism` |
-    | `reference`      | `None`               | a `Reference`, the seed of a random one, or `None` or `"random"` for a new one at each reset |
+    | `reference`      | `None`               | a `Reference`, the seed of a random one, or `None` or `"random"` for a new one at each reset: one sinusoid a joint of 0.1 to 0.25 Hz and up to 0.5 rad (m), faded in over 2 s, within the position and velocity limits |
     | `duration`       | 20.0                 | s                                                              |
     | `control_period` | 0.001                | s a torque is held                                             |
     | `substeps`       | `None`               | integration steps a control period; `None` for as many as friction needs, else 1 |
-    | `integrator`     | `None`               | `RungeKutta4()`, `LinearlyImplicitEuler()` where friction is stiff |
+    | `integrator`     | `None`               | `None` for `RungeKutta4()`, or `LinearlyImplicitEuler()` where friction is stiff |
     | `look_ahead`     | (0.05, 0.2)          | s; may be empty                                                |
     | `error_bound`    | 1.0                  | rad (m), one number or one a joint                             |
-    | `reward_weights` | `RewardWeights()`    |                                                                |
+    | `reward_weights` | `RewardWeights()`    | the weights of the reward above                                |
     | `initial_error`  | 0.0                  | rad (m), one number or one a joint                             |
-    | `torque_limits`  | `None`               | other limits than the mechanism's, one number or one a joint   |
-    | `effects`        | ()                   | of `adaptctl.simulation.effects`, in any order                 |
-    | `render_mode`    | `None`               | or `"rgb_array"`                                               |
+    | `torque_limits`  | `None`               | N m (N), one number or one a joint; `None` for those of the action space above |
+    | `effects`        | ()                   | of `adaptctl.simulation.effects`, in any order; none           |
+    | `render_mode`    | `None`               | or `"rgb_array"`; `None` for no images                         |
 
-    A random reference is one sinusoid a joint of 0.1 to 0.25 Hz and up to 0.5 rad (m), faded in over 2 s, within
-    the position and velocity limits.
+    Raises `InputError` for bad values, `NotFoundError` for an unknown built-in or mode, `FileError` for a bad file.
 
     ## Options at reset
 
@@ -149,10 +146,10 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     | Option          | Value                                                                                 |
     |-----------------|---------------------------------------------------------------------------------------|
-    | `payload`       | a mass in kg held in the origin of the last link that has mass, or a mapping with `mass`, `center` (3,) in that link's frame and `inertia` (3, 3) about that centre |
+    | `payload`       | a mass in kg held in the origin of the last link that has mass, or a mapping with `mass`, `center` (3,), m, in that link's frame and `inertia` (3, 3), kg m^2, about that centre |
     | `trajectory`    | a `Reference`, the seed of a random one, or `"random"`                                |
     | `initial_error` | rad (m), one number or one a joint                                                    |
-    | `parameters`    | (P,) true inertial parameters, to which the payload is added                          |
+    | `parameters`    | (P,) true inertial parameters, SI units, to which the payload is added                |
 
     Equal seeds, options and actions give equal episodes, bit for bit.
 
@@ -221,12 +218,13 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     @property
     def reference(self) -> Reference:
-        """The reference trajectory of the running episode."""
+        """The reference trajectory of the running episode. Raises `ResetNeeded` before the first reset."""
         return self._running("reference").preview.reference
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """The first observation (n,) and info of an episode, which begins. Raises `NotFoundError` on an option that
-        does not exist, `InputError` on a bad one."""
+        """The first observation (5r + r L,) and `info` of an episode, which begins. `seed` None lets the random numbers
+        go on. Raises `NotFoundError` on an option (see the class) that does not exist, `InputError` on a bad one,
+        `SingularityError` where loops cannot be followed to the start."""
         super().reset(seed=seed)
         given = options if options is not None else {}
         if not isinstance(given, Mapping):
@@ -245,7 +243,9 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return self._observation(self._episode), self._info(self._episode, np.zeros(r))
 
     def step(self, action: ArrayLike) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """Observation (n,), reward, end, time-out and info after one control period under a torque (r,) N m, held."""
+        """Observation (5r + r L,), reward, `terminated`, `truncated` and `info` after one control period under a torque
+        (r,), N m (N), held. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN and infinity and where the
+        motion runs away, `ResetNeeded` without a running episode."""
         episode = self._running("step")
         if episode.over:
             raise ResetNeeded("the episode is over: call env.reset() before the next env.step(action)")
@@ -274,8 +274,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return self._renderer.image(episode.state.p, goal, episode.step * self.control_period)
 
     def hand_over(self) -> Episode:
-        """The parts of the running episode, for `simulate`, which computes it in native code. Raises `ResetNeeded`
-        before the first reset."""
+        """The running episode as an `Episode`, its parts, for `simulate`, which computes it in native code. Raises
+        `ResetNeeded` before the first reset."""
         episode = self._running("hand_over")
         return Episode(
             self.plant,
@@ -288,8 +288,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         )
 
     def take_back(self, state: PlantState, steps: int, clipped: int, terminated: bool) -> dict[str, Any]:
-        """Continue from the state to which a number of steps brought an episode that was handed over. Returns the info
-        there."""
+        """Continue from the `state` to which `steps` control periods, `clipped` of them with a clipped torque, brought
+        an episode that was handed over. Returns the info there. Raises `ResetNeeded` before the first reset."""
         episode = self._running("take_back")
         episode.state, episode.step, episode.clipped = state, episode.step + steps, episode.clipped + clipped
         episode.over = terminated or episode.step >= self.steps
@@ -350,8 +350,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return torque
 
     def true_parameters(self, options: Mapping[str, Any]) -> Array:
-        """The true inertial parameters (P,) of an episode that begins with these options. Raises `InputError` for a
-        payload or parameters that no links have."""
+        """The true inertial parameters (P,), SI units, of an episode with these options of `reset`, payload included.
+        Raises `InputError` for a payload or parameters that no links have."""
         own = options.get("parameters", self.mechanism.inertial_parameters)
         parameters = frozen_array(own, self.mechanism.inertial_parameters.shape, "parameters")
         if "payload" in options:

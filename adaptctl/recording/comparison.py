@@ -127,8 +127,8 @@ class ControllerRun:
 
 @dataclass(frozen=True)
 class Setting:
-    """A setting of an experiment, for the record: its name, its value as text, unit included, and its meaning in
-    words."""
+    """A setting of an experiment, for the record: its name, its value as text, and its meaning in words; the unit is in
+    either."""
 
     name: str
     value: str
@@ -190,7 +190,7 @@ class Comparison:
 
     `experiment` is its name, `title` and `purpose` are words for the report; `space` and `basis` are the mechanism's
     essential space and the fundamental basis of the estimates; `torque_limits` (r,), N m (N); `settings` and
-    `findings`, for the record; `seed`, the reference's and the noise's; `duration`, s asked for; `complete`, False when
+    `findings`, for the record; `seed`, of the random numbers; `duration`, s asked for; `complete`, False when
     it was interrupted: what was computed is kept; `without_adaptation`, the name of the run with the subject's gains
     and adaptation off; `more_drawings`, figures besides those of every comparison; `answer`, the outcome in a sentence
     or two, None where it is how much adaptation is worth; `truth_known`, False where the mechanism's parameters are not

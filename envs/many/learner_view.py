@@ -16,12 +16,13 @@ from adaptctl.errors import InputError
 
 
 class LearnerView:
-    """A view of a vector environment of ours, in wrappers or not, for learners: actions are shares of the largest, such
-    as torque limits, and infos one dictionary an arm.
+    """A view of a vector environment of ours, in wrappers or not, for learners: actions (N, a) in [-1, 1] are shares of
+    the largest, such as torque limits, and infos one dictionary an arm.
 
-    `done` is terminated or truncated. The info of an arm that is done has `terminal_observation`, the last of the
-    episode that ended, and `TimeLimit.truncated`, whether it ended by its duration alone; others are empty, since what
-    is not asked for costs more than the step. The observation is the first of the next episode.
+    `done` is terminated or truncated. The info of an arm that is done has `terminal_observation` (n,), the last of the
+    episode that ended, and `TimeLimit.truncated`, True if it ended by its duration alone; others are empty, since what
+    is not asked for costs more than the step. The observation is the first of the next episode. Raises `InputError` for
+    another environment, and one whose `autoreset_mode` is not "SameStep".
     """
 
     def __init__(self, env: gymnasium.vector.VectorEnv[Any, Any, Any]) -> None:
@@ -40,8 +41,9 @@ class LearnerView:
         self._largest, self._dof = np.asarray(own.high), inner.single.plant.dof
 
     def reset(self, seeds: Sequence[int | None], options: Sequence[Mapping[str, Any]]) -> Array:
-        """The first observations (N, n) of an episode of every arm, with a seed and options of its own (N,). Raises
-        `InputError` where arms have different options."""
+        """The first observations (N, n) of an episode of every arm, with a seed, None to go on with its random numbers,
+        and options of its own, N each, those of `TrackingEnv`. Raises `InputError` for bad options and seeds, and where
+        arms have options of other names, `NotFoundError` for unknown options."""
         names = set(options[0])
         if any(set(own) != names for own in options):
             raise InputError(
@@ -54,8 +56,9 @@ class LearnerView:
         return observations
 
     def step(self, actions: ArrayLike) -> tuple[Array, Array, NDArray[np.bool_], list[dict[str, Any]]]:
-        """Observations (N, n), rewards (N,), done (N,) and infos after one control period under actions (N, r). Raises
-        `InputError` for another shape."""
+        """Observations (N, n), rewards (N,), done (N,) and N infos after one control period under actions (N, a) in
+        [-1, 1]. Raises `InputError` for another shape, `NonFiniteError` on NaN and infinity, `ResetNeeded` before the
+        first reset."""
         try:
             scaled = np.asarray(actions, dtype=np.float64) * self._largest
         except (TypeError, ValueError) as error:

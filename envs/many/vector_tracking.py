@@ -31,9 +31,10 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
     """
     ## Description
 
-    N arms, each in a `TrackingEnv` of its own, that take their steps together in native code: as many at a time as a
-    register of the processor holds. Whatever the card of `TrackingEnv` says holds for every arm; this one says what
-    many of them add. Arm i is the single environment with its seed, options and actions, to round-off.
+    A vector environment of N arms, each in a `TrackingEnv` of its own, that take their steps together in native code:
+    as many at a time as a register of the processor holds. Whatever the card of `TrackingEnv` says holds for every arm;
+    this one says what many of them add. Arm i is the single environment with its seed, options and actions, to
+    round-off.
 
     ```python
     import gymnasium
@@ -46,7 +47,8 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
     ## Action space
 
     `Box(-limit, limit, (N, r), float64)`: torques in N m (N). What is out of bounds is clipped and counted; NaN and
-    infinity raise `NonFiniteError`, which names the joint and the arm, before anything moves.
+    infinity raise `NonFiniteError`, which names the joint and the arm, a wrong shape `InputError`, before anything
+    moves.
 
     ## Observation space
 
@@ -75,7 +77,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
 
     ## Information
 
-    As in `TrackingEnv`, with a leading axis of arms. For every key there is a mask `_key` (N,) of the arms it is told of.
+    As in `TrackingEnv`, with a leading axis of arms. For every key there is a mask `_key` (N,) of the arms that have it.
     `parameters` and the masks are read-only.
 
     ## Arguments
@@ -86,10 +88,11 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
     |------------------|--------------|--------------------------------------------------------------------------------|
     | `num_envs`       | 1            | N                                                                              |
     | `autoreset_mode` | `"NextStep"` | see above                                                                      |
-    | `reset_options`  | `None`       | options of every reset that is told nothing else, those that arms begin again with included |
+    | `reset_options`  | `None`       | options of every reset, where it is not given others, those that arms begin again with included |
     | `precision`      | `"double"`   | `"single"` for twice as many arms in a register, 7 digits instead of 16: arm i is then the single environment to some 1e-6 rad in 100 steps |
 
-    Mechanisms may have at most 100 links.
+    Mechanisms may have at most 100 links. Raises `InputError` for more, for `num_envs` below 1 and another mode or
+    precision, `NotFoundError` for unknown options, and what `TrackingEnv` raises.
 
     ## Options at reset
 
@@ -143,10 +146,13 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Observations (N, n) and infos of all arms, after an episode of every arm has begun, or of those in the option
-        `reset_mask`.
+        """Observations (N, n), n = 5r + r L as in the class's card, and `info` of all arms, after an episode of every
+        arm has begun, or of those in the option `reset_mask`, a mask (N,).
 
-        Raises as `TrackingEnv.reset` does, naming the arm.
+        `seed` s gives arm i the seed s + i, a list each its own, and None lets the random numbers go on; `options` are
+        those of the class's card, None for `reset_options` alone. Raises, naming the arm where it is one's,
+        `InputError` for bad seeds and options, `NotFoundError` for unknown options, `ResetNeeded` for a part of the
+        arms before the first reset of all.
         """
         given = dict(_known(options, (*OPTIONS, "reset_mask")))
         mask = self._mask(given.pop("reset_mask", None))
@@ -164,10 +170,12 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         return result.observation, self._info(result, mask)
 
     def step(self, actions: ArrayLike) -> tuple[Array, Array, Flags, Flags, dict[str, Any]]:
-        """Observations (N, n), rewards, ends, time-outs (N,) and infos after one control period of all arms under
-        torques (N, r) N m, held.
+        """Observations (N, n), n = 5r + r L as in the class's card, rewards, `terminated` and `truncated` (N,), and
+        `info` after one control period of all arms under `actions`, torques (N, r), N m (N), held.
 
-        Raises as `TrackingEnv.step` does, naming the arm; on a bad action nothing has moved.
+        Raises `InputError` on a wrong shape, `NonFiniteError` on NaN and infinity, naming the arm, when nothing has
+        moved, and for a motion that runs away; `ResetNeeded` before the first reset, and in the mode "Disabled" where
+        an arm's episode is over.
         """
         again = self._over if self.autoreset_mode is AutoresetMode.NEXT_STEP else self._none
         self._require_running(self._over & ~again)
@@ -186,7 +194,8 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         return result.observation, reward, terminated, truncated, ended | self._info(result, self._all)
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """An image (height, width, 3) of every arm and of where it should be. None without a render mode."""
+        """Images (height, width, 3) of all arms, and as ghosts of where they should be, one an arm; None without a
+        render mode. Raises `ResetNeeded` before the first reset."""
         self._require_running(self._none)
         if self.render_mode is None:
             gymnasium.logger.warn("render: choose a mode when making the environment: render_mode='rgb_array'")
@@ -299,13 +308,15 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
 
 
 class Puma560VectorTrackingEnv(VectorTrackingEnv):
-    """Many PUMA 560: `VectorTrackingEnv` with the settings of `Puma560TrackingEnv`."""
+    """Vector environment of many PUMA 560: `VectorTrackingEnv` with the arguments and defaults of
+    `Puma560TrackingEnv`."""
 
     kind = Puma560TrackingEnv
 
 
 class SemiDirectDriveVectorTrackingEnv(VectorTrackingEnv):
-    """Many semi-direct-drive arms: `VectorTrackingEnv` with the settings of `SemiDirectDriveTrackingEnv`."""
+    """Vector environment of many semi-direct-drive arms: `VectorTrackingEnv` with the arguments and defaults of
+    `SemiDirectDriveTrackingEnv`."""
 
     kind = SemiDirectDriveTrackingEnv
 
