@@ -13,6 +13,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
+from adaptctl.envs.many.controlled import finite_actions
 from adaptctl.envs.many.vector_tracking import Puma560VectorTrackingEnv, VectorTrackingEnv
 from adaptctl.envs.puma560 import Puma560TrackingEnv
 from adaptctl.envs.tracking import TrackingEnv
@@ -124,7 +125,8 @@ class LearningEnv(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         """Observation (n,) in [-1, 1], reward, `terminated`, `truncated` and `info` after one control period under an
         action (r,) in [-1, 1], a share of the largest; (a,) around a `TuningEnv`. Raises `InputError` for what is no
         such numbers, `NonFiniteError` on NaN and infinity, `ResetNeeded` without a running episode."""
-        observation, reward, terminated, truncated, info = self.env.step(scaled(action, self._scale))
+        share = finite_actions(action, self.action_space)
+        observation, reward, terminated, truncated, info = self.env.step(share * self._scale)
         return self._view(observation), reward, terminated, truncated, info
 
 
@@ -156,7 +158,8 @@ class LearningVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any])
         period of all arms under actions (N, r) in [-1, 1], shares of the largest; (N, a) around a `TuningVectorEnv`.
         Raises `InputError` for what is no such numbers, `NonFiniteError` on NaN and infinity, `ResetNeeded` before the
         first reset."""
-        observations, rewards, terminated, truncated, info = self.env.step(scaled(actions, self._scale))
+        shares = finite_actions(actions, self.action_space)
+        observations, rewards, terminated, truncated, info = self.env.step(shares * self._scale)
         if "final_obs" in info:
             last = [None if one is None else self._view(one) for one in info["final_obs"]]
             info = info | {"final_obs": np.fromiter(last, dtype=object, count=len(last))}
@@ -189,14 +192,6 @@ def many_learning(num_envs: int = 1, **settings: Any) -> LearningVectorEnv:
 def many_puma560_learning(num_envs: int = 1, **settings: Any) -> LearningVectorEnv:
     """A learning environment for many PUMA 560, `adaptctl/Puma560Learning-v0`."""
     return LearningVectorEnv(Puma560VectorTrackingEnv(num_envs, **MANY | settings))
-
-
-def scaled(action: Any, scale: Array) -> Array:
-    """An action times its scale. Raises `InputError` for what are no numbers."""
-    try:
-        return np.asarray(np.asarray(action, dtype=np.float64) * scale)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"action: expected {len(scale)} numbers, got {action!r:.80}") from error
 
 
 def _scale(space: Any) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 
 from adaptctl.arrays import Array, positive_number
 from adaptctl.control.controller import Controller, ReferencePoint
-from adaptctl.envs.many.controlled import ControlledVectorEnv, require_controller
+from adaptctl.envs.many.controlled import ControlledVectorEnv, finite_actions, require_controller
 from adaptctl.envs.many.vector_tracking import VectorTrackingEnv
 from adaptctl.errors import InputError
 from adaptctl.simulation.rollout import interface
@@ -63,8 +63,9 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
     def step(self, action: Array) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
         """Observation (n,) as in the class's card, reward, `terminated`, `truncated` and `info` after one control
         period under the controller's torque plus `share` times the torque limits times the action (r,), in [-1, 1].
-        Raises `NonFiniteError` on NaN and infinity, `ResetNeeded` without a running episode."""
-        torque = self._base + self._scale * np.asarray(action, dtype=np.float64)
+        Raises `InputError` for another shape, `NonFiniteError` on NaN and infinity, `ResetNeeded` without a running
+        episode."""
+        torque = self._base + self._scale * finite_actions(action, self.action_space)
         observation, reward, terminated, truncated, info = self.env.step(torque)
         info = info | {"base_torque": self._base.copy()}
         if not (terminated or truncated):

@@ -333,6 +333,15 @@ def test_a_map_into_given_memory() -> None:
     memory = np.empty((7, 2, 3))
     assert kernel.map(x, out=memory) is memory
     np.testing.assert_array_equal(memory, kernel.map(x))
+    wrong: dict[str, Any] = {
+        "float32": np.empty((7, 2, 3), dtype=np.float32),
+        "float64 to write to, of shape": np.empty((6, 2, 3)),
+        "contiguous": np.empty((7, 2, 6))[..., ::2],
+        "each of 1 results": [memory, memory],
+    }
+    for says, out in wrong.items():
+        with pytest.raises(InputError, match=says):
+            kernel.map(x, out=out)
 
 
 # Threads

@@ -68,7 +68,7 @@ def test_bad_actions_are_refused() -> None:
     ours.reset([None] * 3, NOTHING)
     with pytest.raises(InputError, match=r"action: expected shape \(3, 6\), got \(6,\)"):
         ours.step(np.zeros(6))
-    with pytest.raises(InputError, match=r"action: expected shape \(3, 6\), got 'left'"):
+    with pytest.raises(InputError, match=r"action: expected numbers of shape \(3, 6\), got 'left'"):
         ours.step("left")  # type: ignore[arg-type]
     with pytest.raises(NonFiniteError, match="joint 2 of arm 1"):
         ours.step(np.where(np.arange(18).reshape(3, 6) == 8, np.nan, 0.0))

@@ -65,3 +65,6 @@ def test_what_is_refused(arm: adaptctl.Mechanism) -> None:
     env.reset(seed=0)
     with pytest.raises(NonFiniteError):
         env.step(np.array([np.nan, 0.0], dtype=np.float32))
+    for action in (np.zeros(1), np.zeros(3), 0.5):
+        with pytest.raises(InputError, match=r"action: expected shape \(2,\)"):
+            env.step(action)  # type: ignore[arg-type]  # what a learner may do

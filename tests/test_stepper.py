@@ -8,7 +8,7 @@ import re
 import signal
 import threading
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 import llvmlite.binding as llvm
 import numpy as np
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from signals import signalled
 
 from adaptctl.compilation import Ensemble, Stepper, compile_function, compile_step, outlined, trace
+from adaptctl.compilation.lane_array import LaneArray
 from adaptctl.compilation.lanes import Lanes
 from adaptctl.compilation.llvm import program
 from adaptctl.compilation.processor import Processor
@@ -357,6 +358,16 @@ def test_wrong_runs_are_refused(stepper: Stepper, case: str) -> None:
     arguments, message = BAD_RUNS[case]
     with pytest.raises(InputError, match=message):
         stepper.ensemble(3).run(*arguments)
+
+
+def test_memory_that_is_no_room_of_the_ensemble_is_refused(stepper: Stepper) -> None:
+    three, signals = stepper.ensemble(3), {"target": np.zeros((2, 2)), "push": np.zeros((2, 3, 2))}
+    three.record_into(three.room(2), 0, 2, signals)
+    for room in (stepper.ensemble(40).room(2), LaneArray({"0": 1}, 3, three.room(2).lanes, (2,))):
+        with pytest.raises(InputError, match="expected a `room` that this ensemble made"):
+            three.record_into(room, 0, 2, signals)
+    with pytest.raises(InputError, match="record: expected steps"):
+        three.record_into(three.room(2), 0, cast(Any, 1.5), signals)
 
 
 def test_wrong_columns_are_refused(stepper: Stepper) -> None:

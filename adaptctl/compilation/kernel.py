@@ -146,14 +146,14 @@ class Kernel:
         all do). Returns the results (m, ...), the shape of one result after the samples.
 
         `out` takes the result in place of a fresh array, or a sequence of arrays each of the results; None for fresh
-        ones. They must be contiguous, of float64 and of these shapes, which is not checked. Raises `InputError` for
-        arguments of another number, shape or kind, `NonFiniteError` for NaN and infinity where the kernel checks for
-        them.
+        ones. Raises `InputError` for arguments of another number, shape or kind and for an `out` that is no contiguous
+        array of float64 of these shapes, `NonFiniteError` for NaN and infinity where the kernel checks for them.
         """
         arrays = self._given.arrays(arguments, sample_axes=1)
         samples = next((len(array) for array in arrays if array.ndim > 1), 1)
         given = [out] if isinstance(out, np.ndarray) else out
-        results = [np.empty((samples, *shape)) for shape in self.outputs] if given is None else list(given)
+        shapes = [(samples, *shape) for shape in self.outputs]
+        results = [*map(np.empty, shapes)] if given is None else self._taking(given, shapes)
         strides = [array.shape[1] if array.ndim > 1 else 0 for array in arrays]
         tables = [a.ctypes.data for a in arrays], strides, [a.ctypes.data for a in results]
         packed = [np.array(table, dtype=np.int64) for table in tables]
@@ -162,6 +162,15 @@ class Kernel:
         return self._layout.contain(
             result if shape else result.reshape(samples) for result, shape in zip(results, self.outputs, strict=True)
         )
+
+    def _taking(self, given: Sequence[Array], shapes: Sequence[tuple[int, ...]]) -> list[Array]:
+        """Arrays that native code may write the results to."""
+        if len(given) != len(shapes):
+            raise InputError(f"{self.name}: out: expected an array for each of {len(shapes)} results")
+        for out, shape in zip(given, shapes, strict=True):
+            if not writable(out, shape, self.name).flags.c_contiguous:
+                raise InputError(f"{self.name}: out: expected a contiguous array")
+        return list(given)
 
     def otherwise(self, instead: Callable[..., Any], *bound: Any) -> Callable[..., Any]:
         """A function that is the kernel for arguments of its form with a finite outcome, and calls `instead`, with the

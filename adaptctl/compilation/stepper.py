@@ -137,9 +137,11 @@ class Ensemble:
 
     def record_into(self, room: LaneArray, first: int, steps: int, signals: Mapping[str, ArrayLike]) -> None:
         """Take `steps` steps as `run` does, under its `signals`, and put their outputs into `room`, made by `room()`,
-        from step `first` on. Raises `InputError` where they do not fit into it, and for signals of other names or of
-        the wrong shape."""
-        if not 0 <= first <= first + steps <= len(room.blocks):
+        from step `first` on. Raises `InputError` where they do not fit into it, for a room of another ensemble, and for
+        signals of other names or of the wrong shape."""
+        if _form(room) != _form(self._array(self._outputs, 0)):
+            raise InputError("record: expected a `room` that this ensemble made")
+        if not 0 <= first <= first + steps <= len(room.blocks) or steps != int(steps):
             raise InputError(f"record: expected steps from 0 to {len(room.blocks)}, got {first} to {first + steps}")
         shared, driven = self._signals(steps, signals)
         strides, arrays = (shared.stride, driven.stride, room.stride), (self.state, self.held, shared, driven, room)
@@ -189,6 +191,11 @@ class Ensemble:
 
     def _array(self, columns: Columns, *steps: int) -> LaneArray:
         return LaneArray(columns, self.members, self.stepper.lanes, steps, self.stepper.dtype)
+
+
+def _form(room: LaneArray) -> tuple[Any, ...]:
+    """What the memory of a step's outputs looks like."""
+    return room.columns, room.blocks.shape[1:], room.blocks.dtype
 
 
 def _wait_for(threads: Sequence[Thread]) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from adaptctl.errors import FileError
+from adaptctl.files import reason
 from adaptctl.recording.comparison import Comparison
 from adaptctl.recording.judgement import judged
 from adaptctl.recording.result import Progress, Result, silent
@@ -34,8 +36,8 @@ def write_artifacts(folder: str | Path, comparison: Comparison, progress: Progre
     returns its path.
 
     Every file is written whole or not at all. `progress` is called with what is being written, and the share of this
-    that is done, 0 to 1; nothing is shown unless given. Raises `FileError` where a file cannot be written, `OSError`
-    where the folder cannot be made.
+    that is done, 0 to 1; nothing is shown unless given. Raises `FileError` where a file cannot be written
+    or the folder cannot be made.
     """
     from adaptctl.recording.figures import write_figures
     from adaptctl.recording.report import write_report
@@ -44,7 +46,10 @@ def write_artifacts(folder: str | Path, comparison: Comparison, progress: Progre
     from adaptctl.recording.trace import write_trace
 
     path = Path(folder)
-    path.mkdir(parents=True, exist_ok=True)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(f"{path}: the folder cannot be made ({reason(error)})") from error
     progress("summary", 0.0)
     write_summary(path / SUMMARY, comparison)
     write_trace(path / TRACE, comparison)

@@ -11,6 +11,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.arrays import Array
+from adaptctl.envs.many.controlled import finite_actions
 from adaptctl.envs.many.vector_tracking import VectorTrackingEnv
 from adaptctl.errors import InputError
 
@@ -59,10 +60,7 @@ class LearnerView:
         """Observations (N, n), rewards (N,), done (N,) and N infos after one control period under actions (N, a) in
         [-1, 1]. Raises `InputError` for another shape, `NonFiniteError` on NaN and infinity, `ResetNeeded` before the
         first reset."""
-        try:
-            scaled = np.asarray(actions, dtype=np.float64) * self._largest
-        except (TypeError, ValueError) as error:
-            raise InputError(f"action: expected shape {self.env.action_space.shape}, got {actions!r}") from error
+        scaled = finite_actions(actions, self.env.action_space) * self._largest
         observation, reward, terminated, truncated, info = self.env.step(scaled)
         done: NDArray[np.bool_] = terminated | truncated
         infos: list[dict[str, Any]] = [{} for _ in range(self.env.num_envs)]
