@@ -70,7 +70,7 @@ def test_bad_actions_are_refused() -> None:
         ours.step(np.zeros(6))
     with pytest.raises(InputError, match=r"action: expected numbers of shape \(3, 6\), got 'left'"):
         ours.step("left")  # type: ignore[arg-type]
-    with pytest.raises(NonFiniteError, match="joint 2 of arm 1"):
+    with pytest.raises(NonFiniteError, match="got nan for number 2 of arm 1"):
         ours.step(np.where(np.arange(18).reshape(3, 6) == 8, np.nan, 0.0))
 
 

@@ -192,7 +192,7 @@ def test_what_is_refused(arm: adaptctl.Mechanism, law: SlotineLi) -> None:
     env.reset(seed=0)
     with pytest.raises(InputError, match=r"action: expected shape \(3, 5\), got \(5,\)"):
         env.step(np.zeros(5))
-    with pytest.raises(NonFiniteError, match=r"got nan at \[1, 2\]"):
+    with pytest.raises(NonFiniteError, match="got nan for number 2 of arm 1"):
         env.step(np.where(np.arange(15).reshape(3, 5) == 7, np.nan, 0.0))
     with pytest.raises(InputError, match="episodes: expected a whole number"):
         baselines(inner, episodes=0)

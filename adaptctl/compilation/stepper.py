@@ -194,7 +194,7 @@ class Ensemble:
 
 
 def _form(room: LaneArray) -> tuple[Any, ...]:
-    """What the memory of a step's outputs looks like."""
+    """Columns, shape (blocks, width, lanes) and type of the memory of a step's outputs."""
     return room.columns, room.blocks.shape[1:], room.blocks.dtype
 
 

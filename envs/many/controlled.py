@@ -94,6 +94,8 @@ def finite_actions(given: Any, space: gymnasium.Space[Any]) -> Array:
     if actions.shape != space.shape:
         raise InputError(f"action: expected shape {space.shape}, got {actions.shape}")
     if not np.isfinite(actions).all():
-        where = np.argwhere(~np.isfinite(actions))[0].tolist()
-        raise NonFiniteError(f"action: expected finite numbers, got {actions[tuple(where)]} at {where}")
+        *arm, number = np.argwhere(~np.isfinite(actions))[0].tolist()
+        bad = actions[(*arm, number)]
+        whose = f" of arm {arm[0]}" if arm else ""
+        raise NonFiniteError(f"action: expected finite numbers, got {bad} for number {number}{whose}")
     return actions
