@@ -9,7 +9,6 @@ import os
 import re
 import shutil
 import stat
-import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -172,6 +171,8 @@ def read_toml(path: str | Path, kind: type[Content]) -> Content:
     if found := _LONG_KEY.search(text):
         line = text.count("\n", 0, found.start()) + 1
         raise FileError(f"{path}: not valid TOML (a key of more than {LONGEST_KEY} parts at line {line})")
+    import tomllib  # here, since programs that read no such file need not wait for it
+
     try:
         plain = tomllib.loads(text)
     except (ValueError, RecursionError) as error:

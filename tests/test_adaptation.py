@@ -372,7 +372,7 @@ def test_bounds_are_made_from_names_that_are_kept() -> None:
     assert np.isinf(upper[1:]).all()
     with pytest.raises(NotFoundError, match="the basis regroups it into others"):
         limits(model, {"link2.m": (0.0, 5.0)})
-    with pytest.raises(NotFoundError, match=r"has no parameter 'link1.I_yyy'; did you mean 'link1.I_yy'\?"):
+    with pytest.raises(NotFoundError, match=r"has no parameter 'link1.I_yyy' \(did you mean 'link1.I_yy'\?\)"):
         limits(model, {"link1.I_yyy": (0.0, 5.0)})
 
 

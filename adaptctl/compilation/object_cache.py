@@ -11,8 +11,8 @@ import logging
 import os
 import stat
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 LIMIT = 256 * 2**20
 """Bytes kept at most, and a 64th more for each process that writes: beyond, what was used longest ago goes."""
@@ -43,8 +43,7 @@ def cache_folder() -> Path | None:
         return None
 
 
-@dataclass(frozen=True)
-class ObjectCache:
+class ObjectCache(NamedTuple):
     """Cache of compiled objects on disk, by keys of 32 bytes, in a folder of at most `limit` bytes."""
 
     folder: Path

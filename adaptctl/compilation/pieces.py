@@ -7,7 +7,7 @@ piece computes and a later one needs passes through memory, where most of so man
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from adaptctl.compilation.graph import Expression, Op
 
@@ -20,8 +20,7 @@ PIECE = 1000
 _TRUTHS = (Op.LESS, Op.LESS_EQUAL)
 
 
-@dataclass(frozen=True)
-class Piece:
+class Piece(NamedTuple):
     """A piece of a routine: expressions to compute, in order; by their indices, the places in shared memory of those
     among them that later pieces need (`kept`), and of what it needs of earlier ones (`found`)."""
 

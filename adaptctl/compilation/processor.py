@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import os
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import llvmlite.binding as llvm
 
@@ -20,8 +20,7 @@ _LEVELS = {"sse2": ("x86-64", ("sse2",)), "avx2": ("x86-64-v3", _AVX2), "avx512"
 """The levels of the x86-64 ABI that vectors differ by: LLVM's name for each, and what a processor must have."""
 
 
-@dataclass(frozen=True)
-class Processor:
+class Processor(NamedTuple):
     """A processor: LLVM's name for it, and its features beyond that: "+avx2,-avx512f,..."."""
 
     name: str

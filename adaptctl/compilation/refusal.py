@@ -5,7 +5,6 @@ from __future__ import annotations
 import linecache
 import sys
 from itertools import takewhile
-from traceback import walk_stack
 from types import FrameType
 
 from adaptctl.errors import TraceError
@@ -16,6 +15,8 @@ _SCALARS = ("adaptctl.compilation.", "adaptctl.scalars.", "numpy.")
 
 def untraceable(why: str) -> TraceError:
     """An error that shows the line to change: the nearest that is not the library's, or else the nearest equation."""
+    from traceback import walk_stack  # here, since only errors need it
+
     traced = takewhile(lambda at: _module(at) != _TRACER, walk_stack(sys._getframe(1)))
     lines = [at for at in traced if not _module(at).startswith(_SCALARS)]
     if not lines:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from adaptctl.compilation.lanes import Precision
 from adaptctl.scalars.elementary import polynomial
 
 
-@dataclass(frozen=True)
-class Sine:
+class Sine(NamedTuple):
     """Numbers from which sine and cosine follow in one precision: within 2 ulp in double, in single within 2 ulp of
     1."""
 

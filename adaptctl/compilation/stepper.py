@@ -90,8 +90,8 @@ class Stepper:
 class Ensemble:
     """The members (copies) of a compiled step that are stepped together: their state and the columns that they hold.
 
-    `state` and `held` are their columns, each a `LaneArray`, to be read and assigned between runs by name, (members, n).
-    Members never see each other: a NaN stays with its own.
+    `state` and `held` are their columns, each a `LaneArray`, to be read and assigned between runs by name, (members,
+    n). Members never see each other: a NaN stays with its own.
     """
 
     def __init__(self, stepper: Stepper, members: int) -> None:

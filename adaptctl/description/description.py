@@ -8,6 +8,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,17 +17,18 @@ from adaptctl.arrays import Array, frozen_array
 from adaptctl.caching import cached_property, sent_as_made
 from adaptctl.description.drive import Drive, DriveParameter
 from adaptctl.description.inertia import is_physically_consistent, parameter_names
-from adaptctl.description.loops import Loops
-from adaptctl.description.named_frame import NamedFrame
 from adaptctl.description.pose import Pose
-from adaptctl.description.visual import Visual
 from adaptctl.errors import InputError
+
+if TYPE_CHECKING:
+    from adaptctl.description.loops import Loops
+    from adaptctl.description.named_frame import NamedFrame
+    from adaptctl.description.visual import Visual
 
 GROUND = -1
 """The parent index of a link that hangs on the ground."""
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
-
 LARGEST_INERTIA, LARGEST_GRAVITY = 1e20, 1e9
 """Inertial parameters (SI units) and gravity (m/s^2) that a mechanism may have: energies of larger ones overflow."""
 

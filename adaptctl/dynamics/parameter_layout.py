@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from adaptctl.dynamics.recursion.drive import DriveTerm
 from adaptctl.scalars import Column, Scalar
 
 
-@dataclass(frozen=True)
-class ParameterLayout:
+class ParameterLayout(NamedTuple):
     """The order of P parameters: ten for each body, in the order of the links, then one for each drive's term.
 
     `bodies` are those of the tree's `links` that have mass; the others only join two joints.

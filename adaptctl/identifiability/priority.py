@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Literal
 
@@ -178,6 +177,8 @@ def _require_once(given: Sequence[str], what: str) -> None:
 
 def suggestion(name: str, known: Sequence[str]) -> str:
     """A hint for an unknown name: the known one that is nearest to it, else those that there are."""
+    from difflib import get_close_matches  # here, since only errors need it
+
     close = get_close_matches(name, known, n=1)
     return f"did you mean {close[0]!r}?" if close else f"there are {_listed(known)}"
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import fields, is_dataclass, replace
-from difflib import get_close_matches
 from itertools import accumulate
 from math import prod
 from typing import Any, Self
@@ -15,6 +14,7 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array
 from adaptctl.caching import cached_property
 from adaptctl.errors import NotFoundError
+from adaptctl.nearest_name import nearest_name
 from adaptctl.scalars.column import Column
 
 
@@ -113,8 +113,7 @@ class Tunable:
         """
         for name in numbers:
             if name not in self.numbers:
-                close = get_close_matches(name, self.numbers, n=1)
-                guess = f" (did you mean {close[0]!r}?)" if close else ""
+                guess = nearest_name(name, self.numbers)
                 known = ", ".join(self.numbers) or "none"
                 raise NotFoundError(f"{type(self).__name__} has no number {name!r} to tune{guess}; there are: {known}")
         own: dict[str, Any] = {name: value for name, value in numbers.items() if "." not in name}

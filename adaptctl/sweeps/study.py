@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
-from difflib import get_close_matches
 from itertools import product
 from math import prod
 from pathlib import Path
@@ -18,6 +17,7 @@ from adaptctl.errors import FileError, InputError, NotFoundError
 from adaptctl.experiments import EXPERIMENTS
 from adaptctl.experiments.experiment import CheckedSettings
 from adaptctl.files import hashed, read_toml
+from adaptctl.nearest_name import nearest_name
 from adaptctl.sweeps.measurement import kind_of
 from adaptctl.sweeps.values import Span, as_span, parsed
 
@@ -78,8 +78,7 @@ class SweepStudy:
             path = Path(target)
         if path.suffix != ".toml":
             names = [*(entry.name for entry in EXPERIMENTS), *shipped()]
-            close = get_close_matches(target, names, n=1, cutoff=0.4)
-            guess = f" (did you mean {close[0]!r}?)" if close else ""
+            guess = nearest_name(target, names, least=0.4)
             raise NotFoundError(f"unknown experiment or study {target!r}{guess}; there are: {', '.join(names)}")
         try:
             return cls._made(read_toml(path, StudyFile), given, options)
@@ -94,8 +93,7 @@ class SweepStudy:
         known = {entry.name: entry for entry in fields(kind)}
         for name in typed:
             if name not in known:
-                close = get_close_matches(name, known, n=1)
-                guess = f" (did you mean {close[0]!r}?)" if close else ""
+                guess = nearest_name(name, known)
                 raise NotFoundError(f"{file.experiment} has no setting {name!r}{guess}; settings: {', '.join(known)}")
         settings = {name: parsed(known[name], text) for name, text in typed.items()}
         chosen: dict[str, Any] = {

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from adaptctl.control.adaptation.law import AdaptationLaw, Period
 from adaptctl.control.memory import Memory
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.identifiability import ReducedModel
+from adaptctl.nearest_name import nearest_name
 from adaptctl.scalars import Column, Scalar, clip, column
 
 
@@ -119,6 +119,4 @@ def _unknown(model: ReducedModel, name: str) -> str:
             f"bounds: {name} is a parameter of {model.mechanism.name}, but the basis regroups it into others, so it is "
             "not adapted: bound one that is kept (model.names), or adapt all parameters with ReducedModel.full"
         )
-    close = get_close_matches(name, model.names, n=1)
-    guess = f"; did you mean {close[0]!r}?" if close else ""
-    return f"bounds: {model.mechanism.name} has no parameter {name!r}{guess}"
+    return f"bounds: {model.mechanism.name} has no parameter {name!r}{nearest_name(name, model.names)}"

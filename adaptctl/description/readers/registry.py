@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
-from difflib import get_close_matches
 from importlib.resources import as_file, files
 from pathlib import Path
 from pkgutil import resolve_name
@@ -18,6 +17,7 @@ from adaptctl.description.inertia import pseudo_inertia
 from adaptctl.description.transforms.snapping import snapped
 from adaptctl.errors import FileError, InputError, NotFoundError, PhysicalConsistencyWarning
 from adaptctl.files import read_toml
+from adaptctl.nearest_name import nearest_name
 
 Reader = Callable[..., Description]
 
@@ -133,8 +133,7 @@ def _reader(source: str | Path) -> Reader:
         raise FileError(f"{source}: unknown kind of file {path.suffix!r}; files that are read: {suffixes}")
     if str(source) and path.exists():
         raise FileError(f"{source}: a file's suffix says how to read it; files that are read: {suffixes}")
-    close = get_close_matches(str(source).lower(), builtin_names(), n=1)
-    guess = f" (did you mean {close[0]!r}?)" if close else ""
+    guess = nearest_name(str(source).lower(), builtin_names())
     known = ", ".join(builtin_names())
     raise NotFoundError(f"unknown robot {str(source)!r}{guess}; built-in: {known}; or a path to a file: {suffixes}")
 

@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Iterable, Sequence
-from difflib import get_close_matches
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from adaptctl.description.description import Link, weightless_ends
-from adaptctl.description.loops import Loops
 from adaptctl.errors import InputError, SimplificationWarning, printable
+from adaptctl.nearest_name import nearest_name
+
+if TYPE_CHECKING:
+    from adaptctl.description.loops import Loops
 
 MOST_LINKS = 256
 """Links that move, in one file: regressors of more take minutes."""
@@ -48,8 +50,7 @@ def warn_of_weightless(path: Any, links: Sequence[Link], loops: Loops | None, st
 
 def unknown_body(name: str, known: Sequence[str]) -> str:
     """Message for a body that a scene does not have: the closest name, and the first of those it has."""
-    close = get_close_matches(name, known, n=1)
-    guess = f" (did you mean {close[0]!r}?)" if close else ""
+    guess = nearest_name(name, known)
     listed = ", ".join(repr(other) for other in known[:MOST_NAMED] if other)
     return f"there is no body {printable(name)!r}{guess}; there are {listed}{', ...' * (len(known) > MOST_NAMED)}"
 

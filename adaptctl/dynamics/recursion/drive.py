@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from adaptctl.description.drive import DriveParameter
 from adaptctl.scalars import Column, Scalar, sqrt
@@ -13,8 +13,7 @@ STRIBECK_SPEED = 0.1
 """Speed (rad/s, m/s) at which half of Stribeck's excess of static friction is gone."""
 
 
-@dataclass(frozen=True)
-class DriveTerm:
+class DriveTerm(NamedTuple):
     """One parameter of one drive: its share of energy and torque per unit.
 
     `arms` are the joints that the drive's shaft turns with, its own first, and the ratios of their speeds.

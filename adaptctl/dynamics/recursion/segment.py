@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +14,7 @@ from adaptctl.description.pose import exact_right_angles
 from adaptctl.scalars import Column, Mat, Scalar, Vec, cos, sin
 
 
-@dataclass(frozen=True)
-class Segment:
+class Segment(NamedTuple):
     """The geometry of one link and its joint, all lengths in m.
 
     `inward` turns the parent link's coordinates into the joint's, `outward` the moved joint's into the
