@@ -18,6 +18,7 @@ HOME = Path(__file__).parent.parent
 ORDER = (
     "version",
     "errors",
+    "nearest_name",
     "packages",
     "lazily",
     "caching",

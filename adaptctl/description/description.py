@@ -220,7 +220,7 @@ class Description:
         """Names of the links that own ten parameters each."""
         return tuple(self.links[i].name for i in self.bodies)
 
-    @property
+    @cached_property
     def drive_parameters(self) -> tuple[tuple[int, DriveParameter], ...]:
         """Pairs (index of a link, parameter of its joint's drive) of all that are modelled: all rotors, then all
         friction."""

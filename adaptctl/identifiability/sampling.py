@@ -59,7 +59,8 @@ def characteristic_length(mechanism: Mechanism) -> float:
     """
     links = mechanism.links
     offsets = [_offset(links[k.parent].far, k.near) for k in links if k.parent != GROUND]
-    longest = max((float(np.linalg.norm(x)) for x in (*offsets, *(k.far.translation for k in links))), default=0.0)
+    offsets += [k.far.translation for k in links]
+    longest = float(np.linalg.norm(np.reshape(offsets, (-1, 3)), axis=1).max(initial=0.0))
     return longest if longest > 1e-9 else 1.0
 
 
