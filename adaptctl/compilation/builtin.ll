@@ -1,7 +1,7 @@
 ; One of Python's own functions (METH_FASTCALL): the routine, called with arrays.
 
-%array = type {i64, ptr, ptr, i32, ptr, ptr, ptr, ptr, i32}
-; references, type, data, ndim, shape, strides, base, dtype, flags (numpy/ndarraytypes.h)
+%array = type {i64, ptr, ptr, i32, ptr, ptr, ptr, ptr, i32, ptr}
+; references, type, data, ndim, shape, strides, base, dtype, flags, weak references (numpy/ndarraytypes.h)
 %tuple = type {i64, ptr, i64, [0 x ptr]}
 ; references, type, size, items (cpython/Include/cpython/tupleobject.h)
 
@@ -12,6 +12,7 @@ declare ptr @PyObject_Vectorcall(ptr, ptr, i64, ptr)
 declare ptr @PyTuple_New(i64)
 declare ptr @PyType_GenericAlloc(ptr, i64)
 declare ptr @PyFloat_FromDouble(double)
+declare void @Py_IncRef(ptr)
 declare void @Py_DecRef(ptr)
 
 $shapes

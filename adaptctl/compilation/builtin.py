@@ -77,6 +77,11 @@ class Form(NamedTuple):
         """Index of a bound column among the objects that the function keeps."""
         return 1 + len(self.tuples) + sum(place.argument is None for place in self.places[:column])
 
+    @property
+    def spares(self) -> int:
+        """Index of the first array kept to be returned again, among the objects that the function keeps."""
+        return self.bound(len(self.places))
+
 
 class _Array(ctypes.Structure):
     """The first fields of NumPy's array object (numpy/ndarraytypes.h)."""
@@ -91,6 +96,7 @@ class _Array(ctypes.Structure):
         ("base", ctypes.c_void_p),
         ("dtype", ctypes.c_void_p),
         ("flags", ctypes.c_int),
+        ("weak_references", ctypes.c_void_p),
     )
 
 
@@ -111,6 +117,8 @@ def has_builtins() -> bool:
     needs."""
     if sys.implementation.name != "cpython" or object.__basicsize__ != _Array.data.offset:
         return False
+    if sys.byteorder != "little" or np.ndarray.__weakrefoffset__ != _Array.weak_references.offset:
+        return False
     items = (object(),)
     if ctypes.c_void_p.from_address(id(items) + tuple.__basicsize__).value != id(items[0]) or tuple.__basicsize__ != 24:
         return False
@@ -128,14 +136,17 @@ def has_builtins() -> bool:
     return True
 
 
-def builtin(code: NativeCode, name: str, instead: Callable[..., Any], *bound: Any) -> Callable[..., Any]:
+def builtin(
+    code: NativeCode, name: str, instead: Callable[..., Any], *bound: Any, results: int = 0
+) -> Callable[..., Any]:
     """A built-in function of Python for code that `builtin_source` is part of; `instead` is called for unusual
     arguments.
 
-    It is bound to types of tuples, and then to arrays, as its form says.
+    It is bound to types of tuples, and then to arrays, as its form says. Of `results` that are arrays it keeps the last
+    two each, to return them again once nobody else holds them.
     """
     definition = _Definition(name.encode(), code.address(_ENTRY), _FASTCALL, None)
-    kept = (instead, *bound, code, definition)
+    kept = (instead, *bound, *[None] * (2 * results), code, definition)
     new = _api("PyCFunction_NewEx", ctypes.py_object, ctypes.c_void_p, ctypes.py_object, ctypes.c_void_p)
     return new(ctypes.addressof(definition), kept, None)
 
@@ -155,7 +166,7 @@ def builtin_source(routine: Routine, symbol: str, *, finite: Finite, form: Form)
     fresh = [*(f"%result{k}" for k in made), *(f"%wrap{k}" for k in form.wrapped)]
     checked = {pointer: n for pointer, n in sizes.items() if finite is True or (finite and pointer.startswith("%out"))}
     sound = [f"call i1 @finite(ptr {pointer}, i64 {n})" for pointer, n in checked.items()]
-    allocated = [_ALLOCATE.format(k, len(shapes[k])) for k in made]
+    allocated = [_MADE.format(k, form.spares + 2 * j, len(shapes[k])) for j, k in enumerate(made)]
     rooms = [_ROOM.format(k, argument, len(shapes[k])) for k, argument in form.into.items()]
     wrapped = [_WRAP.format(k, form.types[argument]) for k, argument in form.wrapped.items()]
     pieces = {
@@ -174,7 +185,7 @@ def builtin_source(routine: Routine, symbol: str, *, finite: Finite, form: Form)
     texts = {name: "\n  ".join(lines) for name, lines in pieces.items()}
     pointers = ", ".join(f"ptr {pointer}" for pointer in sizes)
     text = Lanes().filled("builtin", expected=len(form.arguments), routine=symbol, pointers=pointers, **texts)
-    return "\n".join([text, Lanes().filled("finite"), *([Lanes().filled("room")] if form.into else [])])
+    return "\n".join([text, *map(Lanes().filled, ("finite", "room", "spare"))])
 
 
 def _found(form: Form, inputs: Mapping[int, int]) -> list[str]:
@@ -255,8 +266,7 @@ _WRAP = """%wrap{0}.type.at = getelementptr %tuple, ptr %kept, i32 0, i32 3, i64
   %wrap{0}.type = load ptr, ptr %wrap{0}.type.at
   %wrap{0} = call ptr @PyType_GenericAlloc(ptr %wrap{0}.type, i64 1)"""
 
-_ALLOCATE = """%result{0} = call ptr @numpy.new(ptr @numpy.ndarray, i32 {1}, ptr @shape{0}, i32 12, ; NPY_DOUBLE
-    ptr null, ptr null, i32 0, i32 0, ptr null)"""
+_MADE = """%result{0} = call ptr @made(ptr %kept, i64 {1}, i32 {2}, ptr @shape{0})"""
 
 _DATA = """%data{0} = getelementptr %array, ptr %result{0}, i32 0, i32 2
   %out{0} = load ptr, ptr %data{0}"""

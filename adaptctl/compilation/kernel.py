@@ -50,13 +50,13 @@ def compile_function(
 class Kernel:
     """A compiled function of vectors, made by `compile_function`.
 
-    `kernel(*arguments)` evaluates at array-likes by position, each (n,) of its own length; the results, floats and
-    arrays, are fresh. It raises `InputError` for arguments of another number, shape or kind, and `NonFiniteError` for
+    `kernel(*arguments)` evaluates at array-likes by position, each (n,) of its own length. The results, floats and
+    arrays, are nobody else's: an array is returned again only once nothing refers to it. It raises `InputError` for arguments of another number, shape or kind, and `NonFiniteError` for
     NaN and infinity if that was asked for. Any number of threads may call it at once.
 
     `name` is the function's; `arguments` maps their names to their lengths; `outputs` has the shapes of the results,
-    (), (n,) or (rows, n); `operations` counts the scalar operations of one sample by kind. `call` is what is called
-    with nothing around it: where every call counts, it takes 60 ns less. Code is made when it is first asked for, apart
+    (), (n,) or (rows, n); `operations` counts the scalar operations of one sample by kind. `call` is the
+    built-in function without its Python wrapper: where every call counts, it takes 60 ns less. Code is made when it is first asked for, apart
     for single samples and for many.
     """
 
@@ -179,7 +179,11 @@ class Kernel:
         `bound` has the types of the form's tuples, and then the arrays (n,) of the columns that come from no argument.
         On a Python that cannot call native code so, it is `instead` itself.
         """
-        return builtin(self._code, self.name, instead, *bound) if has_builtins() else instead
+        return self._builtin(instead, *bound) if has_builtins() else instead
+
+    def _builtin(self, instead: Callable[..., Any], *bound: Any) -> Callable[..., Any]:
+        arrays = sum(map(bool, self.outputs))
+        return builtin(self._code, self.name, instead, *bound, results=arrays)
 
     @property
     def _batch(self) -> Callable[..., bool]:
@@ -205,8 +209,8 @@ class Kernel:
     def _as_builtin(self) -> Callable[..., Any]:
         """A built-in function; what it finds unusual is made usual for another, which then only refuses."""
         given, contain = self._given, self._layout.contain
-        strict = builtin(self._code, self.name, given.refuse)
-        usual = builtin(self._code, self.name, lambda *arguments: strict(*given.arrays(arguments)))
+        strict = self._builtin(given.refuse)
+        usual = self._builtin(lambda *arguments: strict(*given.arrays(arguments)))
         if self._layout.container in (None, tuple):
             return usual
         return lambda *arguments: contain(usual(*arguments))

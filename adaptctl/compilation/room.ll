@@ -1,7 +1,5 @@
 ; Room for results in arrays that are given.
 
-declare void @Py_IncRef(ptr)
-
 ; The numbers of an array of this shape that can be written to; null for any other object.
 define internal ptr @room(ptr %object, i32 %dimensions, ptr %expected) nounwind alwaysinline {
   %type.at = getelementptr %array, ptr %object, i32 0, i32 1
