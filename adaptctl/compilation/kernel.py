@@ -51,13 +51,14 @@ class Kernel:
     """A compiled function of vectors, made by `compile_function`.
 
     `kernel(*arguments)` evaluates at array-likes by position, each (n,) of its own length. The results, floats and
-    arrays, are nobody else's: an array is returned again only once nothing refers to it. It raises `InputError` for arguments of another number, shape or kind, and `NonFiniteError` for
-    NaN and infinity if that was asked for. Any number of threads may call it at once.
+    arrays, are nobody else's: an array is returned again only once nothing refers to it. It raises `InputError` for
+    arguments of another number, shape or kind, and `NonFiniteError` for NaN and infinity if that was asked for. Any
+    number of threads may call it at once.
 
     `name` is the function's; `arguments` maps their names to their lengths; `outputs` has the shapes of the results,
-    (), (n,) or (rows, n); `operations` counts the scalar operations of one sample by kind. `call` is the
-    built-in function without its Python wrapper: where every call counts, it takes 60 ns less. Code is made when it is first asked for, apart
-    for single samples and for many.
+    (), (n,) or (rows, n); `operations` counts the scalar operations of one sample by kind. `call` is the built-in
+    function without its Python wrapper: where every call counts, it takes 60 ns less. Code is made when it is first
+    asked for, apart for single samples and for many.
     """
 
     __slots__ = ("__call__", "__dict__", "__weakref__")
