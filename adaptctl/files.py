@@ -43,9 +43,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
     When the block fails, `path` stays as it was and nothing is left behind. The path given has the same
     suffix, so that writers which go by suffix work. Raises FileError when the place cannot be written.
     """
-    target = Path(os.path.realpath(path))
-    if not target.parent.is_dir():
-        raise FileError(f"{path}: the folder {target.parent} does not exist; create it or choose another place")
+    target = require_place(path)
     cleaned_of_the_dead(target.parent, target.name)
     beside = name_beside(target)
     try:
@@ -60,6 +58,19 @@ def replacing(path: str | Path) -> Iterator[Path]:
         beside.unlink(missing_ok=True)
     with suppress(OSError):  # Some file systems do not flush folders; the file is in place by now.
         flush(target.parent)
+
+
+def require_place(path: str | Path) -> Path:
+    """The path that a link leads to. Raises `FileError` where no file can be written at it, before there is one: its
+    folder does not exist or cannot be written, or it is a folder itself."""
+    target = Path(os.path.realpath(path))
+    if not target.parent.is_dir():
+        raise FileError(f"{path}: the folder {target.parent} does not exist; create it or choose another place")
+    if target.is_dir():
+        raise FileError(f"{path}: cannot be written (is a directory)")
+    if not os.access(target.parent, os.W_OK):
+        raise FileError(f"{path}: cannot be written (the folder {target.parent} is not yours to write to)")
+    return target
 
 
 def name_beside(target: Path) -> Path:

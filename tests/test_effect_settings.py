@@ -192,6 +192,12 @@ def test_a_log_is_not_lost_for_its_names(tmp_path: Path) -> None:
     [
         ("matplotlib.figure", lambda: logged().plot(), "Rollout.plot needs matplotlib: pip install matplotlib"),
         ("matplotlib.figure", lambda: logged()._repr_html_(), "the figure of a Rollout needs matplotlib: pip"),
+        (
+            "pyarrow.parquet",
+            lambda: logged().save("run.parquet"),
+            "the file of a run needs pyarrow: pip install pyarrow",
+        ),
+        ("pyarrow.parquet", lambda: RunLogger(3, 1e-3, "run.parquet"), "the file of a run needs pyarrow: pip install"),
         ("control", lambda: mechanism_system(arm("puma560_arm3")), "mechanism_system needs control: pip install"),
         ("control", lambda: plant_system(plant()), "plant_system needs control: pip install control"),
         ("control", lambda: controller_system(law(), 1e-3), "controller_system needs control: pip install control"),

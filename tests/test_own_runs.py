@@ -14,7 +14,7 @@ import pytest
 
 import adaptctl
 from adaptctl.control import ReferencePoint
-from adaptctl.errors import InputError, LostSamplesWarning, NonFiniteError, NotFoundError
+from adaptctl.errors import FileError, InputError, LostSamplesWarning, NonFiniteError, NotFoundError
 from adaptctl.recording import compared_runs, judged, shown, write_artifacts
 from adaptctl.recording.fact import answers
 from adaptctl.recording.summary import summary
@@ -141,6 +141,14 @@ def test_a_loop_that_fails_leaves_its_log(tmp_path: Path) -> None:
     with pytest.raises(RuntimeError, match="cable"):
         failing()
     assert not adaptctl.Rollout.load(tmp_path / "log.parquet").complete
+
+
+def test_a_place_that_cannot_be_written_is_refused_before_the_loop(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match=r"no/log\.parquet: the folder .* does not exist"):
+        adaptctl.RunLogger(2, PERIOD, tmp_path / "no" / "log.parquet")
+    with pytest.raises(FileError, match=r"cannot be written \(is a directory\)"):
+        adaptctl.RunLogger(2, PERIOD, tmp_path)
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(

@@ -22,13 +22,15 @@ rewards (...) and whether the episode ends there (...)."""
 @sent_as_made
 class Episode(NamedTuple):
     """A running episode in parts, which `simulate` takes from an environment by `hand_over()`, and gives back by
-    `take_back(state, steps, clipped, terminated)`, which returns the environment's info there.
+    `take_back(state, steps, clipped, terminated)`: the state reached, the control periods it took, how many of them had
+    a clipped torque, and True if the episode ended there. That returns the environment's `info` of this state.
 
     `plant` at `state`; `parameters` (P,), the true inertial ones, SI units, without what effects load on them;
-    `reference`, the trajectory; `rng`, which draws the sensors' noise, `Plant.noise_size` standard normal numbers a
-    control period; `steps`, the number of control periods left; `judge`, which maps configurations q (..., n),
-    velocities (..., r), the reference there and the torques applied before (..., r) to rewards (...) and whether the
-    episode ends there (...).
+    `reference`, the trajectory, a function of time (s); `rng`, which draws the sensors' noise, `Plant.noise_size`
+    standard normal numbers a control period; `steps`, the number of control periods left; `judge`, which maps
+    configurations q (..., n) of the tree's joints, rad (m), velocities (..., r), rad/s (m/s), the `ReferencePoint`
+    there and the torques applied before (..., r), N m (N), to rewards (...), no unit, and a mask (...), True where the
+    episode ends.
     """
 
     plant: Plant

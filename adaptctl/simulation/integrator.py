@@ -21,10 +21,11 @@ def own(q: Column, v: Column) -> Column:
 
 
 class Integrator(Protocol):
-    """Protocol of a one-step method for second-order equations q' = rates(q, v), v' = acceleration(q, v).
+    """Protocol of a one-step method for second-order equations q' = rates(q, v), v' = acceleration(q, v), of a
+    configuration q (n,), rad (m), and velocities v (r,), rad/s (m/s).
 
     `stages` is the number of accelerations it evaluates a step; `implicit` is True if these have the friction of the
-    step's end, not of its beginning. `rates` is for mechanisms with loops, whose configuration has joints besides the
+    step's end, not of its beginning. `rates` is for mechanisms with loops, whose configuration has joints besides the r
     primary ones.
     """
 
@@ -104,10 +105,10 @@ class LinearlyImplicitEuler:
 
         (M + dt B) (v_1 - v) = dt (torque - C v - g - B v),  p_1 = p + dt (v + v_1)/2
 
-    M is the mass matrix, C v the velocity torques, g gravity's, and B v the friction at v: Coulomb friction by the
-    secant of its curve, whose value it keeps at steady speed. One acceleration (`stages`) a step, `implicit` in
-    friction alone. With torque and gravity held, friction alone never reverses a velocity (a Rosenbrock method of one
-    stage: Hairer and Wanner 1996, section IV.7).
+    A step of `dt` s takes positions p and velocities v to p_1 and v_1. M is the mass matrix, C v the velocity torques,
+    g gravity's, and B v the friction at v: Coulomb friction by the secant of its curve, whose value it keeps at steady
+    speed. One acceleration (`stages`) a step, `implicit` in friction alone. With torque and gravity held, friction
+    alone never reverses a velocity (a Rosenbrock method of one stage: Hairer and Wanner 1996, section IV.7).
     """
 
     stages: ClassVar[int] = 1

@@ -88,7 +88,7 @@ class Plant(Tunable):
 
     @property
     def marks(self) -> tuple[str, ...]:
-        """Names (m,) of the actuator effects that may hold a torque back, in the order of `PlantState.marks`."""
+        """Names (m,) of the actuator effects that mark where they change a torque, in `PlantState.marks`' order."""
         return self._effects.marks
 
     @cached_property
@@ -99,16 +99,16 @@ class Plant(Tunable):
 
     @cached_property
     def sizes(self) -> dict[str, int]:
-        """Lengths of the columns q, v, drives and sensors, by name, that `equation` passes from one control period to
-        the next."""
+        """Lengths of the columns "q", "v", "drives" and "sensors" that `equation` passes from one control period to the
+        next."""
         still, period = np.zeros(self.dof), self.control_period
         memories = self._effects.drive_memory(still, period), self._effects.sensor_memory(still, still, period)
         joints, motors = {"q": self.mechanism.equations.joints, "v": self.dof}, 2 * self.dof if self.is_elastic else 0
         return joints | {"drives": len(memories[0]) + motors, "sensors": len(memories[1])}
 
     def parameters(self, own: Array, time: float) -> Array:
-        """The true inertial parameters (..., P), SI units, at a `time` (s): `own` (..., P), with the loads of the
-        effects added."""
+        """The true inertial parameters (..., P), SI units, at a `time` (s): those of the arms alone, `own` (..., P),
+        with the effects' loads added. Raises `InputError` where payloads do not fit."""
         return self._effects.loaded(own, self._links, time)
 
     def until(self, time: float) -> float:
@@ -129,7 +129,7 @@ class Plant(Tunable):
         mechanism's own and the effects' loads; it stretches the springs of elastic joints, whose motors move as the
         links do. `noise` (..., 2r) is that of the first measurement, standard normal, zero unless given. Raises
         `SingularityError` where loops cannot be followed to p, `InputError` on a wrong shape, `NonFiniteError` on NaN
-        or infinity, in parameters and noise where something asks for them.
+        or infinity; `parameters` are read with actuator effects or elastic joints alone, `noise` with sensor effects.
         """
         arrays = (np.atleast_1d(np.asarray(values)) for values in (p, v))
         given = zip(arrays, ("p", "v"), strict=True)
@@ -183,9 +183,9 @@ class Plant(Tunable):
         return np.minimum(np.maximum(self._finite(torque), -self._limits), self._limits)
 
     def energy(self, state: PlantState, parameters: ArrayLike | None = None) -> float:
-        """Kinetic plus potential energy of one arm, J, with springs and motors of elastic joints; `parameters` (P,) are
-        the true ones, unless given the mechanism's own and the effects' loads. Raises `InputError` on a wrong shape,
-        `NonFiniteError` on NaN or infinity."""
+        """Kinetic plus potential energy of one arm, J, zero at the base's origin, with springs and motors of elastic
+        joints; `parameters` (P,) are the true ones, unless given the mechanism's own and the effects' loads. Raises
+        `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
         true = self._true(state.time) if parameters is None else parameters
         motors = (state.drives,) if self.is_elastic else ()
         ((energy,),) = self._energy(state.q, state.v, true, *motors)
@@ -202,8 +202,8 @@ class Plant(Tunable):
         return q if self._primary is None else q[..., self._primary]
 
     def may_work(self, q: Array) -> NDArray[np.bool_]:
-        """Mask (...) of the configurations q (..., n), rad (m), at which loops are away from singularities and within
-        their conditions; all true for a tree."""
+        """Mask (...) of the configurations q (..., n), rad (m), at which loops are away from singularities and p is
+        within the description's loop conditions; all true for a tree."""
         if self.mechanism.continuation is None:
             return np.ones(q.shape[:-1], dtype=np.bool_)
         inside = self.mechanism.description.within_conditions(self.positions(q))
@@ -211,8 +211,8 @@ class Plant(Tunable):
 
     @cached_property
     def equation(self) -> ControlPeriod:
-        """Equation of a control period over scalars of any kind, which `step` evaluates: from a mapping of columns q
-        (n,), v (r,), drives, sensors, torque (r,), noise (2r,) and parameters (P,) to a `PeriodOutcome`."""
+        """Equation of a control period over scalars of any kind: maps columns by name, q (n,), v (r,), drives and
+        sensors (`sizes`), torque (r,), noise (2r,) and parameters (P,), to a `PeriodOutcome`, which `step` uses."""
         settings = self.control_period, self.substeps, self.integrator
         motion = held_motion(self.mechanism, *settings, self._effects.joints, self._transmission)
         primary = tuple(self.mechanism.description.primary)
@@ -220,7 +220,7 @@ class Plant(Tunable):
 
     def energy_equation(self, q: Column, v: Column, parameters: Column, drives: Column) -> Scalar:
         """Kinetic plus potential energy, J, of springs and motors too, over scalars of any kind: at q (n,), rad (m), v
-        (r,), rad/s (m/s), true parameters (P,), and `PlantState.drives`."""
+        (r,), rad/s (m/s), true parameters (P,), SI units, and `drives` (`sizes`), as in `PlantState.drives`."""
         regressor, springs = self.mechanism.equations.energy_regressor(q, v), self._transmission
         if springs is None:
             rigid: Scalar = regressor @ parameters
@@ -384,8 +384,8 @@ def _energy_of(structure: Structure) -> Callable[..., tuple[Array]]:
 
 
 def require_ten_a_link(mechanism: Mechanism) -> None:
-    """Raise `InputError` for a payload on a mechanism whose inertial parameters are fewer than ten a link, by relations
-    among them that a payload would not keep to."""
+    """Raise `InputError` for a mechanism with relations among its inertial parameters, so that they are fewer than ten
+    a link: a payload would not keep to them."""
     if len(mechanism.inertial_parameters) < len(mechanism.description.inertial_parameters):
         raise InputError(
             f"payload: {mechanism.name} has relations among its parameters, which a payload would not keep to: take "

@@ -14,9 +14,11 @@ class PlantState(NamedTuple):
     Positions `p` (r,) of the primary joints and `q` (n,) of all the tree's joints (p itself without loops), rad (m);
     velocities `v` (r,), rad/s (m/s); `measured_p` and `measured_v` (r,), in the same units: without sensors the true
     ones, of the motors where encoders sit there. Of the last period: `applied` (r,), N m (N), the torques that reached
-    the joints; `clipped`, True if the torque commanded was beyond the plant's limits; `marks` (m,), 1 for each of
-    `Plant.marks` that held a torque back, else 0. `drives` is the memory of the actuator effects, with `ElasticJoints`
-    then the motors' positions (r,) and velocities (r,); `sensors` that of the sensor effects.
+    the joints, at time zero those that held them where actuator effects or springs ask, else 0; `clipped`, True if the
+    torque commanded was beyond the plant's limits; `marks` (m,), 1 for each effect named in `Plant.marks` that changed
+    a torque, else 0. `drives` (d,) is the memory of the actuator effects, with `ElasticJoints` then the motors'
+    positions (r,), rad (m), and velocities (r,), rad/s (m/s); `sensors` (s,) that of the sensor effects; d and s are in
+    `Plant.sizes`.
     """
 
     time: float

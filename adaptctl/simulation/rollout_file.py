@@ -14,6 +14,7 @@ import numpy as np
 from adaptctl.arrays import Array, frozen
 from adaptctl.errors import FileError, InputError
 from adaptctl.files import replacing
+from adaptctl.packages import needed
 
 if TYPE_CHECKING:
     import pyarrow
@@ -49,6 +50,8 @@ class RolloutFile:
     """
 
     def __init__(self, path: str | Path, dof: int, joints: Sequence[str] | None = None) -> None:
+        with needed("the file of a run"):
+            import pyarrow.parquet  # noqa: F401  # at once, and not when the first samples are there
         self._names = joint_names(dof, joints)
         self._path, self._held = path, ExitStack()
         self._writer: Any = None

@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import positive_number
 from adaptctl.control.controller import ReferencePoint
 from adaptctl.errors import InputError, LostSamplesWarning
-from adaptctl.simulation.rollout_file import joint_names
+from adaptctl.files import require_place
+from adaptctl.simulation.rollout_file import RolloutFile, joint_names
 from adaptctl.simulation.run import Rollout
 
 SHARE_OF_MEMORY = 0.5
@@ -25,15 +26,17 @@ class RunLogger:
     """A log of a control loop of `dof` joints (r), one sample a `control_period` (s), that becomes a `Rollout`.
 
     `capacity` samples are kept, unless given 300 000, those of the last 300 s at 1 kHz, in memory that is all taken at
-    the start; older ones are overwritten, counted in `lost`, and reported once at the end (`LostSamplesWarning`).
-    `append` neither allocates nor touches files, so a loop at 1 kHz can call it. As a context manager it saves the run
-    at `path`, if there is one, also when the loop ends by an exception; the run is then marked incomplete.
+    the start; older ones are overwritten, counted in `lost`. `append` neither allocates nor touches files, so a loop at
+    1 kHz can call it. As a context manager it warns at the end of samples overwritten or left out
+    (`LostSamplesWarning`), and saves the run as Parquet at `path`, unless that is None, the default, or there are fewer
+    than two samples, also when the loop ends by an exception; the run is then marked incomplete.
 
     `estimates` is the number k of the controller's parameter estimates, 0 unless given; `joints` (r,) names the joints
-    in the file, joint1, joint2, ... unless given. `count` is the number of samples appended, `faulty` of those left
-    out. Raises `InputError` for a period that is not positive, counts that are no whole numbers or too small (`dof` 1,
-    `estimates` 0, `capacity` 2), another number of `joints`, and a capacity that takes over half of the
-    computer's memory.
+    in the file, joint1, joint2, ... unless given. `count` is the number of samples appended, `faulty` of those left out
+    for a wrong length, NaN or infinity. Raises `InputError` for a period that is not positive, counts that are no whole
+    numbers or too small (`dof` 1, `estimates` 0, `capacity` 2), another number of `joints`, and a capacity that takes
+    over half of the computer's memory; `FileError` for a `path` that cannot be written, and `MissingExtraError` without
+    pyarrow where one is given.
     """
 
     def __init__(
@@ -53,6 +56,9 @@ class RunLogger:
         width = 7 * dof + estimates + 1
         _require_memory(8 * capacity * width, capacity)
         self._joints = joint_names(dof, joints)
+        if path is not None:  # what is missing should be known before the loop, not after it
+            RolloutFile(path, dof, joints)
+            require_place(path)
         self._rows, self._dof, self._path = np.zeros((capacity, width)), dof, path
         self.count, self.faulty = 0, 0
         """samples that were appended; samples left out since they did not fit or were not finite"""
@@ -72,12 +78,13 @@ class RunLogger:
         applied: ArrayLike | None = None,
         estimate: ArrayLike = (),
     ) -> None:
-        """Keep a sample: `time` in s, and (r,) each the positions, rad (m), and velocities measured, the `reference`
-        with its derivatives, and the `torque` commanded, N m (N).
+        """Keep a sample: `time` in s, and (r,) each the measured positions p, rad (m), and velocities v, rad/s (m/s),
+        the `reference`'s positions, velocities and accelerations in the same units and per s^2, and the `torque`
+        commanded, N m (N).
 
-        `applied` (r,) is the torque applied, None where that is the one commanded; `estimate` (k,) the controller's,
-        which may be left out only where k = 0. A sample of another length or with NaN or infinity never stops a loop:
-        it is left out and counted in `faulty`.
+        `applied` (r,) is the torque applied, N m (N), None where that is the one commanded; `estimate` (k,) the
+        controller's parameter estimates, which may be left out only where k = 0. A sample of another length or with NaN
+        or infinity never stops a loop: it is left out and counted in `faulty`.
         """
         row: Any = self._rows[self.count % len(self._rows)]
         given = (p, v, *reference, torque, torque if applied is None else applied, estimate)

@@ -45,11 +45,13 @@ def simulate(
     last: float | None = None,
     stream: str | Path | None = None,
 ) -> Rollout:
-    """The run that `rollout` returns for the same arguments, to round-off, computed in native code as a whole.
+    """The run that `rollout` returns for the same arguments, to round-off, computed in native code as a whole: a
+    controller drives an environment from reset to termination or truncation.
 
     Controller, effects and plant are compiled into one step, which is taken thousands of times in each call; in between
     `progress`, if given, is called with the share done, 0 to 1, and Ctrl-C is heard, which keeps what was computed. The
-    environment is left where `rollout` leaves it. `seed` and `options` are passed to `env.reset`.
+    environment is left where `rollout` leaves it. `seed` and `options` are passed to `env.reset`, None for its own
+    defaults.
 
     However long a run is, with `every` (one sample in so many control periods) and `last` (s at the end, the whole run
     if None) it takes no more memory than the samples that are kept. With `stream`, a path, none if None, samples are
@@ -58,8 +60,10 @@ def simulate(
 
     It takes a `TrackingEnv`, or another environment that hands over its `Episode`, in no wrappers but those of
     `gymnasium.make`; a controller whose torque is that of its `law`; and at most LARGEST_COMPILED (100) links. Anything
-    else is driven by `rollout`, with a `NotCompiledWarning` that says why. Raises what `rollout` raises,
-    `NonFiniteError` where the motion runs away, and for `stream` `FileError` where its place cannot be written.
+    else is driven by `rollout`, with a `NotCompiledWarning` that says why; `stream` then has only the samples that are
+    kept. Raises `InputError` for an environment that cannot be driven by this controller, an `every` that is no whole
+    number of at least 1, and a `last` that is not positive and finite; `NonFiniteError` where the motion runs away; and
+    for `stream` `FileError` where its place cannot be written.
     """
     _, period = interface(env, controller)
     if reason := _obstacle(env, controller):

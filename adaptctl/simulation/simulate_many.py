@@ -43,17 +43,21 @@ class Rollouts:
     """Many closed-loop runs (M) of r joints, as samples and summaries of errors; every array is read-only.
 
     Sample k has the states at `time[k]` and the torques commanded on them; T samples. The errors are of all control
-    periods, whether or not they are sampled. Runs never see each other: where one is not finite, the others are.
+    periods until a run diverged, whether or not they are sampled. Runs never see each other: where one is not finite,
+    the others are.
 
     `time` (T,), s. (T, M, r): positions `p` and `reference_p`, rad (m), velocities `v` and `reference_v`, rad/s (m/s),
-    `torque` commanded and `applied` at the joints, N m (N). `estimate` (T, M, k), the controllers' parameter estimates;
-    `parameters` (M, P), the true ones without what effects load on them. (M, r), rad (m), of p - reference_p:
-    `rms_error`, `largest_error` (magnitude), and `final_rms_error` over the last SETTLED (2) s, NaN in shorter runs.
-    (M,): `return_time`, s, after which every error stayed within the bounds asked for, NaN where none did;
-    `diverged_at`, s, at which an error was first not finite or beyond the bound asked for, NaN where none was, and
-    `diverged_joint`, the first joint whose error was, from 0, else -1; `lyapunov_rise`, J, the largest rise of Slotine
-    and Li's Lyapunov function from one tick to the next, 0 where it never rose, NaN where it is not known.
-    `control_period`, s; `wall_time`, s, that the runs took; `complete`, False if they were interrupted.
+    `torque` commanded and `applied` at the joints, N m (N). `estimate` (T, M, k), the controllers' parameter estimates,
+    k = 0 where they have none; `parameters` (M, P), the true ones without what effects load on them, both in SI units.
+    (M, r), rad (m), of p - reference_p: `rms_error`, `largest_error` (magnitude), and `final_rms_error` over the last
+    SETTLED (2) s, NaN in shorter runs; the first two are NaN in a run that diverged where no bound was asked for. (M,):
+    `return_time`, s, after which every error stayed within the bounds asked for, NaN where none did; `diverged_at`, s,
+    at which an error was first not finite or beyond the bound asked for, NaN where none was, and `diverged_joint`, the
+    first joint whose error was, from 0, else -1; `lyapunov_rise`, J, the largest rise of Slotine and Li's V = s'Ms/2 +
+    error' Gamma^-1 error/2 (or the adaptation law's own term), s = v - v_d + Lambda (p - p_d), from one control period
+    to the next, 0 where it never rose, NaN where it is not known: in single precision, for other laws, and with loads
+    or elastic joints. `control_period`, s; `wall_time`, s, that the runs took; `complete`, False if they were
+    interrupted.
     """
 
     time: Array
@@ -99,13 +103,13 @@ class Rollouts:
 
     @property
     def error(self) -> Array:
-        """Tracking errors (T, M, r), rad or m."""
+        """Tracking errors p - p_d (T, M, r), rad or m: positions minus the reference's, of each sample."""
         return self.p - self.reference_p
 
     @property
     def finite(self) -> Array:
-        """Mask (M,) of the runs that stayed finite, by `largest_error`; with bounds `beyond` these are also runs that
-        diverged, which `diverged_at` has."""
+        """Mask (M,) of the runs whose `largest_error` is finite: those that stayed finite, and, where `simulate_many`
+        was given bounds `beyond`, also runs that diverged, which have a finite `diverged_at`."""
         return np.asarray(np.isfinite(self.largest_error).all(axis=-1))
 
 
@@ -129,15 +133,16 @@ def simulate_many(
     progress: Callable[[float], object] | None = None,
     precision: Precision = "double",
 ) -> Rollouts:
-    """The runs of one controller on one plant, of `duration` s each, that differ in what is given as a row each.
+    """The runs of one controller on one plant, M at once, of `duration` s each, that differ in what is given as a row
+    each.
 
-    Instead of one controller there may be a sequence of M that differ in their `numbers` alone.
+    Instead of one controller there may be a sequence of M that differ in their `numbers`, such as gains, alone.
 
     `reference` is one for all or a sequence of M; those that are `Sinusoids` alike in their number of terms cost no
-    memory. `parameters` (P,) or (M, P) are the true ones, the mechanism's own when not given; `p`, rad (m), and `v`,
-    rad/s (m/s), (r,) or (M, r), are where the arms start, on their references when not given; `memory` is what the
-    controllers remember, changed from what `controller.init` gives for one arm or for M, such as estimates, and that
-    itself when not given; `members` is M, needed where nothing else has M rows, else 1. `gains` are numbers of the
+    memory. `parameters` (P,) or (M, P), SI units, are the true ones, the mechanism's own when not given; `p`, rad (m),
+    and `v`, rad/s (m/s), (r,) or (M, r), are where the arms start, on their references when not given; `memory` is what
+    the controllers remember, changed from what `controller.init` gives for one arm or for M, such as estimates, and
+    that itself when not given; `members` is M, needed where nothing else has M rows, else 1. `gains` are numbers of the
     controller by their names in `controller.numbers`, as they are there or with a leading axis of M, the controller's
     own when not given. `seed` is that of the sensors' noise, one for all or M: with one each, an arm's noise does not
     depend on who else runs; None draws another noise each time.
@@ -145,11 +150,17 @@ def simulate_many(
     Every `every`-th control period is recorded, the first one included: memory goes with T M over it; None records
     nothing but the errors' summaries, which are of all control periods: `within` (rad or m, a number or (r,), infinite
     unless given) is the bound that `return_time` is about, and `beyond` (the same) that from which a run counts as
-    diverged, besides where it is not finite. `threads` share the arms. In single `precision` twice as many arms fit a
-    register; V's rise is not known then, for it would be round-off's. `progress`, if given, is called in between with
-    the share done, 0 to 1, and Ctrl-C keeps what was computed. Nothing ends a run early. Raises `InputError` where
-    arguments do not fit together or cannot do with single precision, and for more than LARGEST_COMPILED (100) links,
-    `NonFiniteError` for NaN or infinity in `parameters`, `p` or `v`, and for `gains` what a new controller raises.
+    diverged, besides where it is not finite. `threads` share the arms. `precision` is "double" or "single": twice as
+    many arms then fit a register, but the rise of the Lyapunov function V is not known, for it would be round-off's.
+    `progress`, if given, is called in between with the share done, 0 to 1, and Ctrl-C keeps what was computed. Nothing
+    ends a run early.
+
+    Raises `InputError` for a duration below a control period, an `every`, `threads` or `members` that is no whole
+    number of at least 1, shapes or numbers of rows that do not fit together, controllers that differ in more than
+    numbers or come with `gains`, a controller with a task-space reference or a `step` of its own, what single precision
+    cannot do, and for more than LARGEST_COMPILED (100) links; `NonFiniteError` for NaN or infinity in `parameters`, `p`
+    or `v` and NaN in a bound, `NotFoundError` for an unknown name in `gains` and what a new controller raises for
+    theirs, and `SingularityError` where loops cannot be followed to `p`.
     """
     law, own = alike(controller)
     run = _Runs(ClosedLoop(plant, law), reference, duration, every, threads, precision)

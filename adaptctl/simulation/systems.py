@@ -26,12 +26,12 @@ if TYPE_CHECKING:
 
 @needed("mechanism_system")
 def mechanism_system(mechanism: Mechanism, name: str = "mechanism") -> control.NonlinearIOSystem:
-    """A continuous-time python-control system of the arm, called `name`: state and outputs p, rad (m), and v, rad/s
-    (m/s), r each, input torque (r,), N m (N).
+    """A continuous-time python-control system of the arm, called `name`: 2r states and outputs, p, rad (m), and v,
+    rad/s (m/s), and r inputs, torque, N m (N).
 
-    Signals are ``torque[0]``, ``p[0]``, ``v[0]`` and so on, in the order of the primary joints. With loops, p is
-    followed from the reference configuration at every evaluation. Raises `MissingExtraError` without python-control, as
-    do the others.
+    Signals are ``torque[0]``, ``p[0]``, ``v[0]`` and so on, in the order of the r primary joints. With loops, p is
+    followed from the reference configuration at every evaluation, which raises `SingularityError` where it cannot be.
+    Raises `MissingExtraError` without python-control.
     """
     import control
 
@@ -53,10 +53,12 @@ def mechanism_system(mechanism: Mechanism, name: str = "mechanism") -> control.N
 @needed("plant_system")
 def plant_system(plant: Plant, name: str = "plant") -> control.NonlinearIOSystem:
     """A discrete-time python-control system of the arm, called `name`, sampled every control period under held torques,
-    limits and friction included, as `rollout` drives it; signals as `mechanism_system`.
+    limits and friction included, as `rollout` drives it: 2r states and outputs, ``p[0]``, rad (m), and so on, then
+    ``v[0]``, rad/s (m/s), and r inputs, ``torque[0]``, N m (N).
 
     Raises `InputError` for a plant with effects other than in the joints, such as friction, as its state is more than p
-    and v.
+    and v, and `MissingExtraError` without python-control. An evaluation raises `NonFiniteError` where the motion runs
+    away.
     """
     import control
 
@@ -83,12 +85,14 @@ def plant_system(plant: Plant, name: str = "plant") -> control.NonlinearIOSystem
 def controller_system(
     controller: Controller[Any], period: float, name: str = "controller"
 ) -> control.NonlinearIOSystem:
-    """A discrete-time python-control system of a controller, called `name`, that ticks every `period` (s): inputs p,
-    rad (m), v, rad/s (m/s), and the reference's parts, positions, velocities and accelerations, r each (or as many as a
-    task space has), output torque (r,), N m (N).
+    """A discrete-time python-control system of a controller, called `name`, that ticks every `period` (s).
 
-    Its state (n,), ``memory[0]`` and so on, is all that the law remembers, the estimate first where there is one:
-    `controller_start` has it at the beginning.
+    Its inputs are p, rad (m), v, rad/s (m/s), and the reference's positions, velocities and accelerations, in the same
+    units and per s^2, r each (or as many as a task space has, m): ``p[0]``, ``v[0]``, ``reference_p[0]``,
+    ``reference_v[0]``, ``reference_a[0]`` and so on. Its outputs are r torques, ``torque[0]``, N m (N). Its state (n,),
+    ``memory[0]`` and so on, is all that the law remembers between ticks, the estimate first where there is one:
+    `controller_start` has it at the beginning. Raises `MissingExtraError` without python-control; an evaluation raises
+    what `controller.step` raises.
     """
     import control
 
@@ -114,8 +118,9 @@ def controller_system(
 
 
 def controller_start(controller: Controller[Any], p: Array, v: Array) -> Array:
-    """The first state (n,) of a controller's system, at positions p, rad (m), and velocities v, rad/s (m/s), (r,) each.
-    Raises `InputError` on a wrong shape and `NonFiniteError` on NaN or infinity."""
+    """The first state (n,) of a controller's system, the n numbers that its law remembers, one after the other, at
+    positions p, rad (m), and velocities v, rad/s (m/s), (r,) each. Raises `InputError` on a wrong shape and
+    `NonFiniteError` on NaN or infinity."""
     return np.concatenate([*leaves(controller.init(p, v)), np.zeros(0)])
 
 
@@ -123,11 +128,14 @@ def controller_start(controller: Controller[Any], p: Array, v: Array) -> Array:
 def closed_loop_system(
     plant: Plant, controller: Controller[Any], name: str = "closed_loop"
 ) -> control.InterconnectedSystem:
-    """A discrete-time python-control system of plant and controller, joined, called `name`: from the reference's parts,
-    as inputs of `controller_system`, to p, rad (m), and v, rad/s (m/s), r each.
+    """A discrete-time python-control system of plant and controller, joined, called `name`: from the reference's
+    positions, velocities and accelerations, rad (m) and per s and s^2, ``reference_p[0]``, ``reference_v[0]``,
+    ``reference_a[0]`` and so on, r each (or as many as a task space has), to ``p[0]``, rad (m), and ``v[0]``, rad/s
+    (m/s), r each.
 
-    The state is the plant's, then the controller's. Raises `InputError` when they are for different numbers of joints,
-    or for a plant that `plant_system` refuses.
+    It is sampled every control period of the plant. The state is the plant's, p and v (2r,), then all that the
+    controller remembers (n,). Raises `InputError` when they are for different numbers of joints, or for a plant with
+    effects other than in the joints, and `MissingExtraError` without python-control.
     """
     import control
 

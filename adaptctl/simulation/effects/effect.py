@@ -14,10 +14,11 @@ from adaptctl.scalars import Column
 
 
 class Effect(ABC):
-    """Base class of the effects by which a plant is not ideal: a frozen dataclass of its own parameters.
+    """Base class of the effects that real plants have besides rigid links and drives, such as delays or friction: a
+    frozen dataclass of its own parameters.
 
-    Its equations are written over scalars of any kind. What changes over time is its memory, one column of numbers
-    passed in and out.
+    Its equations are written over scalars of any kind: floats, or symbols that become native code. What changes over
+    time is its memory, one column of numbers passed in and out.
     """
 
     @abstractmethod
@@ -27,9 +28,11 @@ class Effect(ABC):
 
 
 class ActuatorEffect(Effect):
-    """An effect on torques on their way from the controller to the joints. `rank` is its place there, lower ones first;
-    `mark` is the name under which a rollout marks the periods in which it held a torque back, None where that is no
-    event."""
+    """Base class of the effects on torques on their way from the controller to the joints, such as a delay.
+
+    `rank` is its place there, lower ones first; `mark` is the name under which a rollout marks the control periods in
+    which it passed on another torque than it was given, None (the default) for no marks.
+    """
 
     rank: ClassVar[int]
     """Place between controller and joint: lower ones come first."""
@@ -43,13 +46,13 @@ class ActuatorEffect(Effect):
 
     @abstractmethod
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """The torque (r,) that is passed on of a torque (r,), both N m (N for a prismatic joint), in one control period
-        (s), and the memory (m,) after it, of the one before."""
+        """The torque (r,) that is passed on in one control period (s) of the `torque` (r,) given, both N m (N for a
+        prismatic joint), and the effect's memory (m,) after that period; `memory` (m,) is that before it."""
 
 
 class SensorEffect(Effect):
-    """An effect on positions and velocities on their way from the joints to the controller. `rank` is its place there,
-    lower ones first."""
+    """Base class of the effects on positions and velocities on their way from the joints to the controller, such as
+    encoders. `rank` is its place there, lower ones first."""
 
     rank: ClassVar[int]
     """Place between joint and controller: lower ones come first."""
@@ -63,13 +66,14 @@ class SensorEffect(Effect):
     def measure(
         self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
     ) -> tuple[Column, Column, Column]:
-        """The measured p (rad or m) and v (rad/s or m/s), (r,) each, and the memory (m,) after it, from p and v (r,) as
-        they are or as effects before measured them, and the memory before; `noise` (2r,) is standard normal, the
-        positions' first, and `control_period` in s."""
+        """The measured positions (r,), rad or m, and velocities (r,), rad/s or m/s, and the effect's memory (m,) after
+        them; from p and v (r,), in the same units, true or as measured by effects before, and `memory` (m,), the one
+        before. `noise` (2r,) is standard normal, the positions' first; `control_period` is in s."""
 
 
 class JointEffect(Effect):
-    """An effect that is a torque in the joints: it depends on their velocities and takes energy out."""
+    """Base class of the effects that are torques in the joints, such as friction: they depend on the joints' velocities
+    and take energy out."""
 
     @abstractmethod
     def torque(self, v: Column) -> Column:
@@ -82,21 +86,22 @@ class JointEffect(Effect):
 
 
 class LoadEffect(Effect):
-    """An effect on the inertial parameters in mid-motion, such as a payload."""
+    """Base class of the effects that change the inertial parameters in mid-motion, such as a payload."""
 
     @abstractmethod
     def mass(self, time: float) -> float:
         """The mass that is added at a time (s), kg."""
 
     def until(self, time: float) -> float:
-        """The time (s) until which the load at a time (s) stays as it is; unless overridden that time itself, as of a
-        load that always changes."""
+        """The time (s) until which the load at `time` (s) stays as it is: `time` itself, as of a load that always
+        changes, unless a subclass overrides it."""
         return time
 
     @abstractmethod
     def loaded(self, parameters: Array, links: tuple[str, ...], time: float) -> Array:
-        """The inertial parameters (..., P) after the load at a time (s) was added to those given (..., P), SI units;
-        the first are ten for each of the `links`, by name."""
+        """The inertial parameters (..., P), SI units, of `parameters` (..., P) with the load at `time` (s) added. The
+        first are ten for each of the `links`, named in their order: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz,
+        I_zz, in kg, kg m, kg m^2 about the origin of the link's frame."""
 
 
 def at_least_zero(values: ArrayLike, dof: int, what: str) -> Array:
@@ -112,5 +117,6 @@ def at_least_zero(values: ArrayLike, dof: int, what: str) -> Array:
 
 
 def require_positive(value: float, what: str, unit: str) -> None:
-    """Raise `InputError` for what is no positive finite number, with its name, `what`, and its `unit`."""
+    """Raise `InputError` unless `value` is a positive finite number; its message has the value's name, `what`, and its
+    `unit`."""
     positive_number(value, f"{what}: expected a positive number of {unit}")

@@ -17,20 +17,22 @@ LINK, MOTOR = "link", "motor"
 
 @dataclass(frozen=True, eq=False)
 class ElasticJoints(Effect):
-    """Elastic joints: their motors, at theta with velocities w, turn the links through springs and dampers (Spong
-    1987).
+    """Elastic joints: their motors, at theta with velocities w, turn the links, at p with velocities v, through springs
+    and dampers (Spong 1987).
 
         J w' = torque - f,   M(q) v' + C v + g + friction = f,   f = stiffness (theta - p) + damping (w - v)
 
     `stiffness` is in N m/rad (N/m of a prismatic joint) and `damping` in N m s/rad (N s/m), each one number or one a
-    joint (r,). J (kg m^2, or kg, behind the gears) is the rotor inertia of the mechanism's drives, which then no longer
-    turns with the links, and `motor_inertia`, one number or (r,), besides: with ever greater stiffness the plant
-    becomes the rigid one with that much rotor inertia. Friction stays with the links. Rotors turn about their joints'
-    axes alone, as Spong assumes: their energy does not depend on how the links that carry them move.
+    joint (r,). M is the links' mass matrix at the configuration q, C v the velocity torques, g gravity's. J (kg m^2, or
+    kg, behind the gears) is the rotor inertia of the mechanism's drives, which then no longer turns with the links, and
+    `motor_inertia`, in the same unit, one number or (r,), besides: with ever greater stiffness the plant becomes the
+    rigid one with that much rotor inertia. Friction stays with the links. Rotors turn about their joints' axes alone,
+    as Spong assumes: their energy does not depend on how the links that carry them move.
 
     `encoders` sit behind the spring, on the "link", or before it, on the "motor": there controllers measure theta and
     w, as on most robots. The state of the motors is the last 2r numbers of `PlantState.drives`: theta, then w. Raises
-    `InputError` for another place of `encoders`.
+    `InputError` for another place of `encoders`; a `Plant` raises it unless stiffness is positive and finite, the other
+    numbers at least 0 and finite, and all fit its r joints.
     """
 
     stiffness: ArrayLike
@@ -43,17 +45,18 @@ class ElasticJoints(Effect):
             raise InputError(f"elastic joints: encoders: expected {LINK!r} or {MOTOR!r}, got {self.encoders!r}")
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise `InputError` unless stiffness is positive, the others at least 0, all finite, and each one number or
-        one for each of `dof` (r) joints; links and control period (s) may be any."""
+        """Raise `InputError` unless stiffness is positive, damping and motor inertia are at least 0, all finite, and
+        each one number or one for each of `dof` (r) joints; links and control period (s) may be any."""
         stiffness = self.each("stiffness", dof)
         if not np.all(stiffness > 0.0):
             raise InputError(f"elastic joints: stiffness: expected positive numbers, got {stiffness.tolist()}")
         self.each("damping", dof), self.each("motor_inertia", dof)
 
     def each(self, name: str, dof: int) -> Array:
-        """The values (r,) of the setting of a name, "stiffness", "damping" or "motor_inertia", one for each of `dof`
-        (r) joints, in its own unit. Raises `InputError` for what is negative, not finite or of another shape than one
-        number or (r,)."""
+        """The values (r,) of one setting, one for each of `dof` (r) joints: `name` is "stiffness" (N m/rad, N/m),
+        "damping" (N m s/rad, N s/m) or "motor_inertia" (kg m^2, kg). Raises `InputError` for values that are negative,
+        not finite or of another shape than one number or (r,), `AttributeError` for a name that the class does not
+        have."""
         values = at_least_zero(getattr(self, name), dof, f"elastic joints: {name}")
         if not np.isfinite(values).all():
             raise InputError(f"elastic joints: {name}: expected finite numbers, got {getattr(self, name)}")

@@ -24,7 +24,9 @@ class Encoder(SensorEffect):
 
     Velocities get Gaussian noise of standard deviation `velocity_noise` (rad/s or m/s), as of a tachometer; use
     `FilteredDifferences` where they come from the positions. Each is one number or (r,), zero for none. An encoder of n
-    counts a turn behind a gear g has a resolution of 2 pi/(n g) at the joint.
+    counts a turn behind a gear of ratio g has a resolution of 2 pi/(n g) rad at the joint. `rank` 0: encoders come
+    before other sensor effects. A `Plant` raises `InputError` for settings that are negative, not finite or do not fit
+    its r joints.
     """
 
     resolution: ArrayLike = 0.0
@@ -34,14 +36,15 @@ class Encoder(SensorEffect):
     rank: ClassVar[int] = 0
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise `InputError` unless each setting is a finite number of at least 0, or one for each of `dof` (r) joints;
-        links and control period (s) may be any."""
+        """Raise `InputError` unless each of `resolution`, `noise` and `velocity_noise` is a finite number of at least
+        0, or one for each of `dof` (r) joints; links and control period (s) may be any."""
         for name in ("resolution", "noise", "velocity_noise"):
             if not np.isfinite(at_least_zero(getattr(self, name), dof, f"encoder: {name}")).all():
                 raise InputError(f"encoder: {name}: expected finite numbers, got {getattr(self, name)}")
 
     def start(self, p: Array, v: Array, control_period: float) -> Array:
-        """An empty memory (0,), for any positions p (..., r), velocities v (..., r) and control period (s)."""
+        """An empty memory (0,), one for all arms, at any positions p (..., r), velocities v (..., r) and control period
+        (s)."""
         return np.zeros(0)
 
     def measure(

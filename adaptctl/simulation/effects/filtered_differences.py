@@ -21,10 +21,11 @@ class FilteredDifferences(SensorEffect):
 
         w_k = a w_(k-1) + (1 - a) (p_k - p_(k-1))/T_c,   a = exp(-2 pi cutoff T_c)
 
-    w is in rad/s (m/s), `cutoff` in Hz, T_c the control period in s. This is the derivative that controllers use in
-    practice (Astrom and Hagglund, Advanced PID Control, 2006, section 3.3); it is late by about T_c/2 + 1/(2 pi
-    cutoff). An encoder's counts q make it jump by (1 - a) q/T_c. Raises `InputError` for a cutoff that is not positive
-    and finite.
+    w is the estimate in rad/s (m/s), p the measured position in rad (m), k counts control periods, T_c is their length
+    in s, and `cutoff` is in Hz. This is the derivative that controllers use in practice (Astrom and Hagglund, Advanced
+    PID Control, 2006, section 3.3); it is late by about T_c/2 + 1/(2 pi cutoff). An encoder's counts of q rad (m) make
+    it jump by (1 - a) q/T_c. `rank` 1: it comes after encoders. Raises `InputError` for a cutoff that is not positive
+    and finite, and in a `Plant` for one of at least half the sampling rate, 0.5/T_c.
     """
 
     cutoff: float

@@ -20,13 +20,15 @@ class Friction(JointEffect):
 
         torque = viscous v + (coulomb + stribeck/(1 + (v/speed)^2)) sign(v)
 
-    (Hess and Soom 1990; Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2.2.) `stribeck` is how much static
-    friction exceeds Coulomb friction, `speed` (rad/s, m/s) where half of that is gone. `viscous` (N m s/rad, N s/m),
-    `coulomb` and `stribeck` (N m, N) are one number or (r,), zero unless given. The sign is smoothed as that of a
-    drive's Coulomb friction is, so the arm creeps where a real one sticks.
+    (Hess and Soom 1990; Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2.2.) v are the joints' velocities
+    in rad/s (m/s); `stribeck` is how much static friction exceeds Coulomb friction, `speed` (rad/s, m/s), one number,
+    where half of that is gone. `viscous` (N m s/rad, N s/m), `coulomb` and `stribeck` (N m, N) are one number or (r,),
+    zero unless given. The sign is smoothed as that of a drive's Coulomb friction is, v/sqrt(v^2 + 0.01^2), so the arm
+    creeps where a real one sticks.
 
     It is in the plant alone, of the primary joints. What the mechanism's drives have is in the plant and in the model,
-    and can be adapted; this comes on top. Raises `InputError` for a speed that is not positive and finite.
+    and can be adapted; this comes on top. Raises `InputError` for a speed that is not positive and finite; a `Plant`
+    raises it for other numbers that are negative, not finite or do not fit its r joints.
     """
 
     viscous: ArrayLike = 0.0
@@ -52,8 +54,8 @@ class Friction(JointEffect):
         return viscous * v + (coulomb + stribeck * film) * signs
 
     def steepest(self, dof: int) -> Array:
-        """The slope (r,) of the torque at rest, N m s/rad (N s/m), for `dof` (r) joints. Raises `InputError` for
-        settings that do not fit them."""
+        """The slope (r,) of each joint's friction torque over its velocity at rest, N m s/rad (N s/m), for `dof` (r)
+        joints. Raises `InputError` for settings that do not fit them."""
         viscous, coulomb, stribeck = self._each(dof)
         return viscous + (coulomb + stribeck) / SLOW
 

@@ -21,10 +21,10 @@ from adaptctl.errors import InputError, NotFoundError
 @dataclass(frozen=True, eq=False)
 class Payload:
     """A payload, a body held by a link: `mass` in kg, `center` of mass (3,) in m in that link's frame, and `inertia`
-    (3, 3) in kg m^2 about that centre. A point in the frame's origin unless given.
+    (3, 3) in kg m^2 about that centre, along the same axes. A point in the frame's origin unless given.
 
     Raises `InputError` for a mass that is negative or above 1e20 kg, a wrong shape, numbers that are not finite, and an
-    inertia, unless zero, that no body has.
+    inertia, unless zero, that no body has: not symmetric, or principal moments that break the triangle inequality.
     """
 
     mass: float
@@ -45,9 +45,9 @@ class Payload:
 
     @classmethod
     def of(cls, given: float | Mapping[str, Any] | Payload) -> Payload:
-        """A payload from a mass in kg, or from a mapping with `mass` and perhaps `center` and `inertia`; a `Payload` is
-        returned as it is. Raises `InputError` for what is none or a missing mass, `NotFoundError` for an unknown
-        entry."""
+        """A payload from a mass in kg, or from a mapping with `mass` (kg) and perhaps `center` (3,) in m and `inertia`
+        (3, 3) in kg m^2 about it, zero unless given; a `Payload` is returned as it is. Raises `InputError` for anything
+        else, a missing mass and values that no payload can have, `NotFoundError` for an unknown entry."""
         if isinstance(given, Payload):
             return given
         if not isinstance(given, Mapping):
@@ -60,9 +60,11 @@ class Payload:
         return cls(**given)
 
     def added_to(self, parameters: ArrayLike, link: int) -> Array:
-        """The inertial parameters (..., P), SI units, with the payload added to the ten of the link of that index: a
-        copy of those given, whose first are ten a link. Raises `InputError` for parameters that are no numbers or do
-        not reach to that link, and for an index that is no whole number of at least 0."""
+        """The inertial parameters (..., P), SI units, with the payload added to the ten of the link of that index,
+        counted from 0: a copy of `parameters` (..., P), whose first are ten a link (m, mc_x, mc_y, mc_z, I_xx, I_xy,
+        I_yy, I_xz, I_yz, I_zz; kg, kg m, kg m^2 about the origin of the link's frame). Raises `InputError` for
+        parameters that are no numbers or do not reach to that link, and for an index that is no whole number of at
+        least 0."""
         loaded = numbers(parameters, "payload: parameters").copy()
         whole_number(link, "payload: link", 0, (loaded.shape[-1] if loaded.ndim else 0) // 10 - 1)
         loaded[..., 10 * link : 10 * link + 10] += from_center_of_mass(self.mass, self.center, self.inertia)

@@ -15,13 +15,14 @@ from adaptctl.simulation.effects.payload import Payload
 
 @dataclass(frozen=True, eq=False)
 class PayloadHeld(LoadEffect):
-    """A payload held from `start` to `stop` (s), from the beginning and for ever unless given: by the last link that
-    has mass, or by the one that `link` names.
+    """A payload held from `start` to `stop` (s), from the beginning and for ever unless given: by the link named
+    `link`, or, if that is None, by the last one that has mass.
 
-    It is a `Payload`, a mass in kg, or a mapping with `mass`, `center` and `inertia`. When it is picked up it already
-    moves with the link, and when it is dropped it moves on: the arm's velocities do not jump. Raises `InputError` where
-    it is no payload, such as a mapping without `mass`, or `start` is not finite and before `stop`, and `NotFoundError`
-    for a mapping with unknown entries.
+    It is a `Payload`, a mass in kg, or a mapping with `mass` (kg) and perhaps `center` (3,) in m and `inertia` (3, 3)
+    in kg m^2 about it. When it is picked up it already moves with the link, and when it is dropped it moves on: the
+    arm's velocities do not jump. Raises `InputError` where it is no payload, such as a mapping without `mass`, or
+    `start` is not finite and before `stop`, and `NotFoundError` for a mapping with unknown entries, and in a `Plant`
+    for a link that it does not have.
     """
 
     payload: Payload | float | Mapping[str, Any]
@@ -36,8 +37,8 @@ class PayloadHeld(LoadEffect):
             raise InputError(f"payload: expected a start before its stop, got {self.start} and {self.stop} s")
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise `NotFoundError` for a link that is not among the names `links`; joints and control period (s) may be
-        any."""
+        """Raise `NotFoundError` for a `link` of the payload that is not among the names `links`; joints and control
+        period (s) may be any."""
         self._place(links)
 
     def mass(self, time: float) -> float:
@@ -49,9 +50,10 @@ class PayloadHeld(LoadEffect):
         return next((change for change in (self.start, self.stop) if time < change), math.inf)
 
     def loaded(self, parameters: Array, links: tuple[str, ...], time: float) -> Array:
-        """The inertial parameters (..., P), SI units, with the payload's ten added to those of its link while it is
-        held at `time` (s); the first of those given (..., P) are ten for each of the `links`, by name. Raises
-        `NotFoundError` for a link that is none of them, `InputError` for parameters that do not fit."""
+        """The inertial parameters (..., P), SI units, of `parameters` (..., P) with the payload's ten added to those of
+        its link while it is held at `time` (s). The first are ten for each of the `links`, named in their order: m,
+        mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz, in kg, kg m, kg m^2 about the origin of the link's frame.
+        Raises `NotFoundError` for a link that is none of them, `InputError` for parameters that do not fit."""
         if not self.start <= time < self.stop:
             return parameters
         return Payload.of(self.payload).added_to(parameters, self._place(links))

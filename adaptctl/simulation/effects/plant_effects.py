@@ -17,12 +17,13 @@ from adaptctl.simulation.effects.elastic_joints import MOTOR, ElasticJoints
 
 @dataclass(frozen=True)
 class PlantEffects:
-    """The effects of a plant by their places: `actuators` between controller and joint, `sensors` back, each in the
-    order of the signal's way, torques in the `joints`, `loads`, and `elastic` joints; none unless given, None for rigid
-    joints.
+    """The effects of a plant, sorted by where they act; each tuple empty unless given.
 
-    A torque is delayed, then limited, then limited in rate, then lags; positions are read by encoders, then velocities
-    are found from them.
+    `actuators` act on torques between controller and joints, and `sensors` on measurements between joints and
+    controller, each in the order of the signal's way; `joints` are torques in the joints, `loads` change the inertial
+    parameters, and `elastic` makes the joints elastic, None for rigid ones. A torque is delayed, then limited, then
+    limited in rate, then lags; positions are read by encoders, then velocities are found from them. `PlantEffects.of`
+    sorts and checks them; the class itself checks nothing.
     """
 
     actuators: tuple[ActuatorEffect, ...] = ()
@@ -65,12 +66,15 @@ class PlantEffects:
 
     @property
     def marks(self) -> tuple[str, ...]:
-        """Names of the actuator effects that may hold a torque back, in their order."""
+        """Names of the actuator effects that mark the control periods in which they change a torque, such as
+        "torque_limited", in the order of the torque's way."""
         return tuple(effect.mark for effect in self.actuators if effect.mark is not None)
 
     def loaded(self, parameters: Array, links: tuple[str, ...], time: float) -> Array:
-        """The inertial parameters (..., P), SI units, with the loads of all effects at a time (s) added to those given
-        (..., P), whose first are ten for each of the `links`, by name."""
+        """The inertial parameters (..., P), SI units, of `parameters` (..., P) with the loads of all effects at `time`
+        (s) added. The first are ten for each of the `links`, named in their order: m, mc_x, mc_y, mc_z, I_xx, I_xy,
+        I_yy, I_xz, I_yz, I_zz, in kg, kg m, kg m^2 about the origin of the link's frame. Raises `NotFoundError` for a
+        payload's link that is none of them, `InputError` for parameters that do not fit."""
         for load in self.loads:
             parameters = load.loaded(parameters, links, time)
         return parameters
@@ -86,9 +90,10 @@ class PlantEffects:
         return _joined((effect.start(p, v, control_period) for effect in self.sensors), p.shape[:-1])
 
     def driven(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column, Column]:
-        """The torque (r,) after all actuators of a torque (r,), N m (N for a prismatic joint), in one control period
-        (s), their memory (m,) after it, and marks, one for each of `marks`: 1 where the effect changed the torque, else
-        0; over scalars of any kind. Raises `InputError` for effects that do not fit r joints."""
+        """The torque (r,) after all actuators, from the `torque` (r,) given, both N m (N for a prismatic joint), in one
+        control period (s), their memory (m,) after it, of `memory` (m,) before it, and marks, one for each name in
+        `PlantEffects.marks`: 1 where that effect changed the torque, else 0; over scalars of any kind. Raises
+        `InputError` for effects that do not fit r joints."""
         still = np.zeros(len(torque))
         parts = _split(memory, [len(effect.start(still, control_period)) for effect in self.actuators])
         after: list[Column] = []
@@ -104,9 +109,10 @@ class PlantEffects:
     def measured(
         self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
     ) -> tuple[Column, Column, Column]:
-        """The measured p (rad or m) and v (rad/s or m/s), (r,) each, and the sensors' memory (m,) after it, of the true
-        ones (r,) and the memory before; `noise` (2r,) is standard normal, `control_period` in s; over scalars of any
-        kind. Raises `InputError` for effects that do not fit r joints."""
+        """The positions (r,), rad or m, and velocities (r,), rad/s or m/s, as all sensors measure them, and their
+        memory (m,) after it; from the true p and v (r,), in the same units, and `memory` (m,), the one before. `noise`
+        (2r,) is standard normal, the positions' first; `control_period` is in s; over scalars of any kind. Raises
+        `InputError` for effects that do not fit r joints."""
         still = np.zeros(len(p))
         parts = _split(memory, [len(effect.start(still, still, control_period)) for effect in self.sensors])
         after: list[Column] = []

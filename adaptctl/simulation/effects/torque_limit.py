@@ -15,10 +15,12 @@ from adaptctl.simulation.effects.effect import ActuatorEffect, at_least_zero
 
 @dataclass(frozen=True, eq=False)
 class TorqueLimit(ActuatorEffect):
-    """Limit of a drive's torque: at most `limit` (N m, N of a prismatic joint; one number or (r,)), whatever is asked
-    of it.
+    """Limit of a drive's torque: at most `limit` in magnitude (N m, N of a prismatic joint; one number or (r,),
+    infinity for no limit), whatever is asked of it.
 
-    The environment's own limits are those of its actions, which a controller can know; these are the plant's.
+    The environment's own limits are those of its actions, which a controller can know; these are the plant's. `rank` 1:
+    after a delay; `mark` is the name under which a rollout marks the periods in which it cut a torque. A `Plant` raises
+    `InputError` for limits that are negative, NaN or do not fit its r joints.
     """
 
     limit: ArrayLike
@@ -27,12 +29,12 @@ class TorqueLimit(ActuatorEffect):
     mark: ClassVar[str | None] = "torque_limited"
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise `InputError` unless the limit is a number of at least 0, or one for each of `dof` (r) joints; it may be
-        infinite, and links and control period (s) any."""
+        """Raise `InputError` unless the limit (N m, N for a prismatic joint) is a number of at least 0, or one for each
+        of `dof` (r) joints; it may be infinite, and links and control period (s) any."""
         at_least_zero(self.limit, dof, "torque limit")
 
     def start(self, torque: Array, control_period: float) -> Array:
-        """An empty memory (0,), for any torque (..., r) and control period (s)."""
+        """An empty memory (0,), one for all arms, for any torque (..., r) and control period (s)."""
         return np.zeros(0)
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
