@@ -31,8 +31,9 @@ EDGE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Lift:
-    """A lift of fundamental parameters: physically consistent full `parameters` (P,), their `fundamental` ones (k,),
-    and the `wanted` ones (k,), those asked for; all in SI units."""
+    """A lift of k fundamental parameters to P full ones, all in SI units: physically consistent `parameters` (P,),
+    which rigid bodies can have, in the order of the mechanism's `parameter_names`; their `fundamental` ones (k,), in
+    that of the model's `names`; and likewise the `wanted` ones (k,), those asked for."""
 
     parameters: Array
     """Physically consistent full parameters (P,)."""
@@ -43,30 +44,34 @@ class Lift:
 
     @cached_property
     def distance(self) -> float:
-        """The relative distance |beta - wanted| / |wanted| of the lift's fundamental parameters from those asked for,
-        the numbers taken in SI units; the absolute one where those asked for are zero."""
+        """The relative distance |fundamental - wanted| / |wanted| of the lift's fundamental parameters from those asked
+        for, by the root of summed squares of the numbers in SI units; |fundamental| where all asked for are zero."""
         return float(np.linalg.norm(self.fundamental - self.wanted)) / _size(self.wanted)
 
     @property
     def realisable(self) -> bool:
-        """True if some rigid bodies have the fundamental parameters asked for: if `distance` is below 1e-6."""
+        """True if some rigid bodies have the fundamental parameters asked for: if the relative `distance` of the lift's
+        own from them is below 1e-6."""
         return self.distance < REALISABLE
 
 
 def nearest_consistent(model: ReducedModel, beta: ArrayLike, prior: ArrayLike | None = None) -> Lift:
     """The lift of fundamental parameters beta (k,) to the physically consistent full ones (P,) that are nearest to a
-    prior (P,), all in SI units.
+    prior (P,), all in SI units; beta in the order of the model's `names`, the prior in that of its mechanism's
+    `parameter_names`.
 
     Fundamental parameters fix k of P numbers only; many sets of rigid bodies have the same, or none. Nearest is meant
-    by the Bregman divergence sum_i tr(P_i prior^-1 P_i) - log det P_i of the links' pseudo-inertias, which depends on
-    no units and no frames (Lee, Wensing and Park 2020); the prior must be consistent, and is the mechanism's own where
-    None. Where no rigid bodies have beta, the nearest realisable ones take its place, in the least squares of SI units,
-    and of the bodies that come as near but for a thousandth those nearest to the prior: ask `realisable` and
-    `distance`. Rotor inertia and friction stay positive.
+    by the Bregman divergence sum_i tr(Q_i^-1 P_i) - log det(Q_i^-1 P_i) of the links' pseudo-inertias P_i (4, 4) from
+    the prior's Q_i, which depends on no units and no frames (Lee, Wensing and Park 2020); the prior must be consistent,
+    and is the mechanism's own parameters where None. Where no rigid bodies have beta, the nearest realisable ones take
+    its place, in the least squares of SI units, and of the bodies that come as near but for a thousandth (a tenth at
+    most, where the solver needs it) those nearest to the prior: ask the lift's `realisable` and `distance`. Rotor
+    inertia and friction stay positive.
 
-    A semidefinite programme of 10 unknowns a link. Raises `MissingExtraError` without the extra `consistency`,
-    `InputError` on wrong shapes, for numbers that are not finite and for a prior that no rigid bodies have,
-    `AdaptctlError` where the programme ends without a solution.
+    A semidefinite programme of 10 unknowns a link. Raises `MissingExtraError` without cvxpy and Clarabel (the extra
+    `consistency`), `InputError` on wrong shapes, for numbers that are not finite and for a prior that no rigid bodies
+    have, or with rotor inertia or friction that is not positive, `AdaptctlError` where the programme ends without a
+    solution.
     """
     wanted = frozen_array(beta, (len(model.columns),), "fundamental parameters")
     own = model.mechanism.inertial_parameters

@@ -35,8 +35,9 @@ INDEPENDENT = 1e-9
 class Relation:
     """A linear relation among inertial parameters: sum of weight times parameter = `value`, in SI units.
 
-    `weights` are by parameter name, such as ``link4.m``; `name` is what messages call the relation, its terms where
-    empty. Raises `InputError` for weights that are all zero and for numbers that are not finite.
+    `weights` are by parameter name, such as ``link4.m``, `value` is zero unless given; `name` is what messages call the
+    relation, its terms where empty. Raises `InputError` for weights that are all zero and for numbers that are not
+    finite.
     """
 
     weights: Mapping[str, float]
@@ -57,7 +58,7 @@ class Relation:
 @dataclass(frozen=True, eq=False)
 class Constraints:
     """Constraints on inertial parameters: `known` values in SI units by parameter name, such as ``link2.mc_z``, and
-    linear `relations`; none of either by default."""
+    linear `relations` among them; none of either by default. `constrained` checks both against a mechanism."""
 
     known: Mapping[str, float] = field(default_factory=dict)
     relations: tuple[Relation, ...] = ()
@@ -70,8 +71,8 @@ class Constraints:
     def of(cls, matrix: ArrayLike, names: Sequence[str], values: ArrayLike | None = None) -> Constraints:
         """The constraints matrix D = values, a relation for each of m rows, among n parameters D of these `names`.
 
-        `matrix` is (m, n), `values` (m,), None for zeros, in SI units. Raises `InputError` for other shapes, numbers
-        that are not finite, and a row of zeros.
+        `matrix` is (m, n), or (n,) for one row; `values` (m,), None for zeros; D in SI units; `names` (n), each once,
+        such as ``link4.m``. Raises `InputError` for other shapes, numbers that are not finite, and a row of zeros.
         """
         rows = np.atleast_2d(numbers(matrix, "relations: matrix"))
         right = np.zeros(len(rows)) if values is None else numbers(values, "relations: values")
@@ -101,7 +102,8 @@ class Constraints:
             weights = { link4.m = 1.0, link5.m = -1.0 }
             value = 0.0
 
-        Raises `FileError` for a file that cannot be read, or naming the element that is wrong.
+        Both tables, `name` and `value` (0) may be left out; a relation is sum of weight times parameter = value. Raises
+        `FileError` for a file that cannot be read, or naming the element that is wrong.
         """
         content = read_toml(path, _ConstraintsFile)
         try:
@@ -112,8 +114,8 @@ class Constraints:
 
     @property
     def every(self) -> tuple[Relation, ...]:
-        """All constraints as relations: the known values, then the relations. Raises `InputError` for a known value
-        that is not finite."""
+        """All constraints as relations (sum of weight times parameter = value): the known values, then the relations.
+        Raises `InputError` for a known value that is not finite."""
         known = (Relation({name: 1.0}, value, f"{name} = {value:g}") for name, value in self.known.items())
         return (*known, *self.relations)
 
@@ -123,12 +125,15 @@ def constrained(
 ) -> ConstrainedMechanism:
     """The mechanism on the parameters that the constraints leave free: each takes one away.
 
-    A relation takes away the parameter that the priority (None: the rule of Table 4 in Sheu and Walker 1991) would
-    remove first and that no other relation has taken; its value follows from the others'. Essential space, basis, model
-    and controllers that are made from the result keep to the constraints, and need not know of them. The mechanism's
-    own values of parameters taken away are replaced by what the constraints say. Raises `InputError` naming a relation
-    that contradicts those before it; one that follows from them is left out. Raises `NotFoundError` for a parameter, of
-    constraints or priority, that the mechanism does not have.
+    A relation takes away the parameter that the priority would remove first and that no other relation has taken; its
+    value follows from the others'. A priority of None is the rule of Table 4 in Sheu and Walker (1991): m first, then
+    mc_x, mc_y, mc_z, I_xy, I_xz, I_yz, I_xx, I_yy, I_zz, rotor inertias, each from the first link to the last.
+    Essential space, basis, model and controllers that are made from the result keep to the constraints, and need not
+    know of them. The mechanism's own values of parameters taken away are replaced by what the constraints say. Raises
+    `InputError` naming a relation that contradicts those before it (one that follows from them is left out), for a
+    known value that is not finite, a priority that names a parameter twice, and a mechanism that is constrained
+    already. Raises `NotFoundError` for a parameter, of constraints or priority, that the mechanism does not have, or
+    that is friction.
     """
     names = mechanism.parameter_names[: mechanism.energetic]
     A, b = _system(constraints.every, names)

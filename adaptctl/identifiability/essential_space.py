@@ -32,18 +32,18 @@ CERTIFIED = ("rank_energy", "rank_doubled", "gap", "relative_smallest", "samples
 
 @dataclass(frozen=True, eq=False)
 class EssentialSpace:
-    """The essential space of inertial parameters (P,), which change energies and torques, and its complement, the null
-    space, which changes none.
+    """The essential space of inertial parameters D (P,), in SI units, without friction: the k of their P directions
+    that change energies and torques, and the complement, the null space, which changes none.
 
-    `singular_values` (P,) and `basis` V1 (P, k) belong to the energy differences H of `states`, unscaled, as the paper
-    has them (Sheu and Walker 1991, section 3). `null_basis` V2 (P, P-k) is orthonormal and does not depend on the
-    states. `scales` (P,) make parameters comparable: choices between parameters of different units are made on D /
-    scales, whose null vectors are `scaled_null_basis` (P, P-k). Arrays are computed when first asked for, and are
-    read-only.
+    `singular_values` (P,) and `basis` V1 (P, k) belong to the matrix H (samples - 1, P) of total energies at successive
+    states, subtracted, in J per SI unit of each parameter, unscaled, as the paper has it (Sheu and Walker 1991, section
+    3). `null_basis` V2 (P, P-k) is orthonormal and does not depend on the states. `scales` (P,) make parameters
+    comparable: choices between parameters of different units are made on D / scales, whose null vectors are
+    `scaled_null_basis` (P, P-k). Arrays are computed when first asked for, and are read-only.
 
     `search` holds the mechanism and the settings by which the null space is found, `certificate` proves its rank,
-    `states` says in words where the states come from, `energies` gives the triangle R (n, P) of their H = Q R, in J per
-    unit of each parameter; None for those of the search.
+    `states` says in words where the states of H come from, `energies` gives the triangle R (at most P, P) of H = Q R,
+    in the units of H; None for the random states of the search. Made by `essential_space`.
     """
 
     search: Search
@@ -61,13 +61,14 @@ class EssentialSpace:
 
     @property
     def null_space(self) -> NullSpace:
-        """The null space of the energies: its scales, its null vectors among scaled parameters, and regrouping through
-        them."""
+        """The null space of the energies, the directions that change none: its `rank` k, `scales` (P,), `null_basis`
+        (P, P-k) of orthonormal vectors among D / scales, and `regrouping` through them."""
         return self.search.found.null_space
 
     @property
     def proof(self) -> ExactEnergies | None:
-        """Energies on exact geometry, in exact arithmetic; None where they were not computed."""
+        """Energies on exact geometry, in exact arithmetic, by which the rank was also computed; None where it was not,
+        being left out or, unless asked for, loops being closed."""
         return self.search.found.proof
 
     @property
@@ -82,44 +83,50 @@ class EssentialSpace:
 
     @property
     def geometry_sha256(self) -> str:
-        """SHA-256 hash (hexadecimal) of geometry, gravity and names, which is all that the space depends on."""
+        """SHA-256 hash (hexadecimal) of the mechanism's geometry, gravity and names, which is all that the null space
+        depends on."""
         return self.mechanism.geometry_sha256
 
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names (P,) of the parameters that enter energies, all but friction, such as ``link3.I_xx``."""
+        """Names, P of them, of the parameters that enter energies, all but friction, such as ``link3.I_xx``, in the
+        mechanism's order."""
         return energetic_names(self.mechanism)
 
     @property
     def rank(self) -> int:
-        """The number of independent parameters k."""
+        """The rank k: the number of independent directions of the P parameters that change energies and torques."""
         return self.certificate.rank
 
     @cached_property
     def scales(self) -> Array:
-        """The scales (P,) of the parameters, in their SI units: parameters over scales compare with one another."""
+        """The scales (P,) of the parameters D, their SI units per J, so that D / scales, all in J, compare with one
+        another: each one over the root of the summed squares of the energies that a unit of its parameter has at 46
+        random states, small ones taken as at least a thousandth of the largest."""
         return frozen_array(self.null_space.scales, (len(self.parameter_names),), "scales")
 
     @cached_property
     def scaled_null_basis(self) -> Array:
-        """Orthonormal null vectors (P, P-k) among the scaled parameters D / scales."""
+        """Orthonormal null vectors (P, P-k), without a unit: directions of the scaled parameters D / `scales` that
+        change no energy and no torque."""
         return self._null_vectors(self.null_space.null_basis, "scaled null basis")
 
     @cached_property
     def null_basis(self) -> Array:
-        """Orthonormal null vectors V2 (P, P-k) among the parameters D in SI units."""
+        """Orthonormal null vectors V2 (P, P-k): directions of the parameters D, as numbers in SI units, that change no
+        energy and no torque."""
         return self._null_vectors(self._bases[0], "null basis")
 
     @cached_property
     def singular_values(self) -> Array:
-        """Singular values (P,) of the energy differences H, falling, in J per SI unit of the parameters, which are not
-        scaled."""
+        """Singular values (P,), falling, of the matrix H (samples - 1, P) of energies at successive states, subtracted,
+        in J per SI unit of the parameters, which are not scaled."""
         return frozen_array(singular_values(self._triangle), (len(self.parameter_names),), "singular values")
 
     @cached_property
     def basis(self) -> Array:
-        """The orthonormal right singular vectors V1 (P, k) of H, without a unit, that belong to its k singular
-        values."""
+        """The orthonormal right singular vectors V1 (P, k), without a unit, of the matrix H (samples - 1, P) of
+        energies at successive states, subtracted, that belong to its k largest singular values, in their order."""
         complement = self._bases[1]
         V1 = complement @ right_vectors(self._triangle @ complement)
         return frozen_array(V1, (len(self.parameter_names), self.rank), "basis")
@@ -131,8 +138,9 @@ class EssentialSpace:
         return titled("EssentialSpace", text) + table(("certificate", ""), rows)
 
     def project(self, parameters: ArrayLike) -> Array:
-        """Essential parameters D_E = V1 V1' D (..., P) of inertial parameters D (..., P), in SI units. Raises
-        `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
+        """Essential parameters D_E = V1 V1' D (..., P) of inertial parameters D (..., P) without friction, in SI units:
+        D without its part in the null space; V1 (P, k) is `basis`. Raises `InputError` on a wrong shape,
+        `NonFiniteError` on NaN or infinity."""
         return (checked(parameters, len(self.parameter_names), "parameters") @ self.basis) @ self.basis.T
 
     @cached_property
@@ -158,19 +166,21 @@ def essential_space(
     near: Near = "refuse",
     prove: bool | None = None,
 ) -> EssentialSpace:
-    """The essential parameter space of a mechanism.
+    """The essential parameter space of a mechanism: the k directions of its P parameters (all but friction) that change
+    energies and torques.
 
     By the method "svd" it comes from energies at random states, drawn by `seed`; `samples` is their number, at least
-    (and where None about) twice as many as parameters. By "transfers", for trees alone, its null space follows from the
-    geometry, joint by joint, in time that grows with the number of links, and it is checked against sampled energies.
-    "automatic" takes transfers for trees of a hundred parameters or more if their rank can be certified so, and else
-    "svd". With `states`, the singular values and V1 are those of the given states' energies, so that model reduction
-    holds for them; None takes the random ones; the rank and V2, which are the mechanism's own, do not depend on them.
-    With `prove` the rank is also computed on exact geometry; where None, if that takes milliseconds, that is, unless
-    loops are closed. Where angles or lengths are nearly, but not exactly, special, and the rank is another one if they
-    are meant to be, it is refused, unless `near` is "as_is", when it is that of the geometry as it stands, or `prove`
-    is False. Raises `RankError`, with the spectrum, when the rank cannot be certified, and `InputError` for a method
-    that is unknown or not for this mechanism, for another `near`, and for too few samples.
+    2 P, 2 P + 1 where None. By "transfers", for trees alone, its null space follows from the geometry, joint by joint,
+    in time that grows with the number of links, and it is checked against sampled energies. "automatic" takes transfers
+    for trees of a hundred parameters or more if their rank can be certified so, and else "svd". With `states`, the
+    singular values and their vectors V1 (P, k) are those of the given states' energies, so that model reduction holds
+    for them; None takes the random ones; the rank k and the null vectors V2 (P, P-k), which are the mechanism's own, do
+    not depend on them. With `prove` the rank is also computed on exact geometry; where None, if that takes
+    milliseconds, that is, unless loops are closed; False leaves it out. Where angles or lengths are nearly, but not
+    exactly, special, and the rank is another one if they are meant to be, it is refused ("refuse"), unless `near` is
+    "as_is", when it is that of the geometry as it stands, or `prove` is False. Raises `RankError`, with the singular
+    values, when the rank cannot be certified or is refused, and `InputError` for a method that is unknown or not for
+    this mechanism, for another `near`, for too few samples, and for states of another number of joints.
     """
     given = None if states is None else partial(_same, _triangle(mechanism, states))
     search = Search(mechanism, method, near, prove, _sample_count(samples, mechanism.energetic), seed)

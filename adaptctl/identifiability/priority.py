@@ -27,10 +27,11 @@ PAPER_KINDS = {"I_x": "I_xx", "I_y": "I_yy", "I_z": "I_zz"}
 class Priority:
     """A priority of removal: an order over parameters by name, ``link3.I_xx``, the first of which is removed first.
 
-    Parameters that are not named come after those of `order`, in the default order (see `default`). Those of `keep` are
+    Parameters that are not named come after those of `order`, in the default order: by kind, m, mc_x, mc_y, mc_z, I_xy,
+    I_xz, I_yz, I_xx, I_yy, I_zz, rotor inertia, and within a kind from the first link to the last. Those of `keep` are
     removed last, the first of them last of all; both are empty by default. Either way a parameter stays when removing
     it would lose something that the motion depends on. Friction has no place here: energies say nothing of it, so it
-    stays.
+    stays. Names are checked where the priority is used (`indices`).
     """
 
     order: tuple[str, ...] = ()
@@ -52,20 +53,21 @@ class Priority:
             keep = ["link6.m"]
 
         By kind and link, kinds first (``first = "links"`` for link by link); what is left out follows in the default
-        order::
+        order, m, mc_x, mc_y, mc_z, I_xy, I_xz, I_yz, I_xx, I_yy, I_zz, rotor inertia::
 
             kinds = ["I_xx", "I_yy"]
             links = ["link2", "link1"]
 
         As a grid of numbers like Tables 4 and 11 of Sheu and Walker (1991), a row for each kind with a number for each
-        link, in the mechanism's order or that of `links`; the lowest number is removed first::
+        link, in the mechanism's order or that of `links`; the lowest number is removed first, and no two are the same::
 
             [grid]
             m = [1, 2, 3]
             mc_x = [4, 5, 6]
 
-        Every file begins with ``schema = "adaptctl/priority/1"``; the paper's ``I_x`` may stand for ``I_xx``. Raises
-        `FileError` for a file that cannot be read, or naming the element that is wrong.
+        Every file begins with ``schema = "adaptctl/priority/1"``, and may have a list `keep` of parameters removed
+        last; the paper's ``I_x`` may stand for ``I_xx``. Raises `FileError` for a file that cannot be read, or naming
+        the element that is wrong, a name that the mechanism does not have among them.
         """
         table = read_toml(path, _Table)
         try:
@@ -76,9 +78,10 @@ class Priority:
         return priority
 
     def indices(self, parameter_names: Sequence[str]) -> tuple[int, ...]:
-        """Indices (P,) of the parameters in the order of removal, the first removed first; `parameter_names` has all P.
+        """Indices (P,) of the parameters in the order of removal, the first removed first: places in `parameter_names`,
+        all P of them without friction.
 
-        Raises `NotFoundError` for names that are unknown, `InputError` for those given twice.
+        Raises `NotFoundError` for names of the priority that are not among them, `InputError` for those given twice.
         """
         named = (*self.order, *self.keep)
         _require_known(named, parameter_names, "parameter")

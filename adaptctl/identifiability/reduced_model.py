@@ -25,8 +25,10 @@ class ReducedModel(Keyed):
     """A reduced model: a mechanism's equations of motion on the k parameters that a basis keeps; on all P where `basis`
     is None.
 
-    tau = Y[:, columns] beta: the columns of the parameters that were removed are never computed. The basis may come
-    from any mechanism of the same geometry. Raises `InputError` for a basis of another one, or a wrong one.
+    Torques tau = Y[:, columns] beta (r,), N m (N for a prismatic joint), with the torque regressor Y (r, P) and
+    fundamental parameters beta (k,), SI units: the columns of the parameters that were removed are never computed. The
+    k are those of the basis, and all friction after them. The basis may come from any mechanism of the same geometry,
+    gravity and link names. Raises `InputError` for a basis of another one, or one that changes energies.
     """
 
     mechanism: Mechanism
@@ -45,12 +47,14 @@ class ReducedModel(Keyed):
 
     @classmethod
     def full(cls, mechanism: Mechanism) -> ReducedModel:
-        """The model on all P parameters of a mechanism, for comparison: the regrouping is the identity."""
+        """The model on all P parameters of a mechanism, for comparison: k = P, and the regrouping (P, P) is the
+        identity."""
         return cls(mechanism, None)
 
     @cached_property
     def columns(self) -> tuple[int, ...]:
-        """Indices (k,) of the kept parameters, rising: the basis's, and all friction, which energies cannot find."""
+        """Indices (k,) of the kept parameters among the mechanism's P, rising: the basis's, and all friction, which
+        energies cannot find."""
         everything = range(len(self.mechanism.parameter_names))
         if self.basis is None:
             return tuple(everything)
@@ -58,12 +62,13 @@ class ReducedModel(Keyed):
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Names of the kept parameters (k,)."""
+        """Names, k of them, of the kept parameters, such as ``link2.mc_x``, in the order of beta."""
         return tuple(self.mechanism.parameter_names[j] for j in self.columns)
 
     @cached_property
     def regrouping(self) -> Array:
-        """The regrouping matrix K (k, P), with beta = K D in SI units, read-only."""
+        """The regrouping matrix K (k, P), read-only: fundamental parameters beta = K D of full ones D (P,), friction
+        included, in SI units."""
         P, energetic = len(self.mechanism.parameter_names), self.mechanism.energetic
         K = np.eye(P)[list(self.columns)]
         if self.basis is not None:
@@ -72,18 +77,19 @@ class ReducedModel(Keyed):
 
     @cached_property
     def fundamental_parameters(self) -> Array:
-        """The true fundamental parameters beta = K D (k,), of the mechanism's own D, in SI units, read-only."""
+        """The true fundamental parameters beta = K D (k,), of the mechanism's own parameters D (P,) by the regrouping K
+        (k, P), in SI units and the order of `names`, read-only."""
         return frozen_array(
             self.regrouping @ self.mechanism.inertial_parameters, (len(self.columns),), "fundamental parameters"
         )
 
     def torque_regressor(self, p: ArrayLike, v: ArrayLike, a: ArrayLike, out: Array | None = None) -> Array:
-        """The torque regressor Y[:, columns] (..., r, k) of the kept parameters: Y beta are torques in N m (N for a
-        prismatic joint), beta in SI units.
+        """The torque regressor Y[:, columns] (..., r, k) of the kept parameters: times the fundamental parameters (k,)
+        in SI units it gives torques in N m (N for a prismatic joint).
 
         At positions p, rad (m), velocities v, rad/s (m/s), and accelerations a, rad/s^2 (m/s^2), all (..., r). Written
-        to `out`, a new array where None. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity,
-        `SingularityError` near locked loops.
+        to `out`, float64 (..., r, k), a new array where None. Raises `InputError` on a wrong shape, `NonFiniteError` on
+        NaN or infinity, `SingularityError` near locked loops.
         """
         equation = self._torque_regressor
         return equation.call(p, v, a) if out is None else equation.into(out, p, v, a)
@@ -91,12 +97,13 @@ class ReducedModel(Keyed):
     def slotine_li_regressor(
         self, p: ArrayLike, v: ArrayLike, v_r: ArrayLike, a_r: ArrayLike, out: Array | None = None
     ) -> Array:
-        """The Slotine-Li regressor Y_r[:, columns] (..., r, k) of the kept parameters: Y_r beta are torques in N m (N
-        for a prismatic joint), beta in SI units.
+        """The Slotine-Li regressor Y_r[:, columns] (..., r, k) of the kept parameters: times the fundamental parameters
+        (k,) in SI units it gives the torques M(p) a_r + C(p, v) v_r + g(p) + friction at v_r, N m (N for a prismatic
+        joint).
 
         At positions p, rad (m), velocities v and reference velocities v_r, rad/s (m/s), and reference accelerations
-        a_r, rad/s^2 (m/s^2), all (..., r). Written to `out`, a new array where None. Raises `InputError` on a wrong
-        shape, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops.
+        a_r, rad/s^2 (m/s^2), all (..., r). Written to `out`, float64 (..., r, k), a new array where None. Raises
+        `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops.
         """
         equation = self._slotine_li_regressor
         return equation.call(p, v, v_r, a_r) if out is None else equation.into(out, p, v, v_r, a_r)
@@ -105,11 +112,11 @@ class ReducedModel(Keyed):
         self, p: ArrayLike, v: ArrayLike, a: ArrayLike, beta: ArrayLike | None = None, out: Array | None = None
     ) -> Array:
         """Torques (..., r), N m (N for a prismatic joint), that give the accelerations a, rad/s^2 (m/s^2), at positions
-        p, rad (m), and velocities v, rad/s (m/s), all (..., r), with parameters beta (..., k) in SI units, None for the
-        true ones.
+        p, rad (m), and velocities v, rad/s (m/s), all (..., r), with fundamental parameters beta (..., k) in SI units,
+        None for the mechanism's own.
 
-        Written to `out` (..., r), a new array where None. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN
-        or infinity, `SingularityError` near locked loops.
+        Written to `out`, float64 (..., r), a new array where None. Raises `InputError` on a wrong shape,
+        `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops.
         """
         equation, values = self._inverse_dynamics, self.fundamental_parameters if beta is None else beta
         return equation.call(p, v, a, values) if out is None else equation.into(out, p, v, a, values)
@@ -132,8 +139,9 @@ class ReducedModel(Keyed):
         return self.mechanism.on_columns("slotine_li_regressor", self.columns)
 
     def embed(self, beta: ArrayLike) -> Array:
-        """Full parameters D_I = F1 beta (..., P) with the same torques: beta (..., k) at the kept columns, zeros
-        elsewhere, in SI units. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
+        """Full parameters D_I = F1 beta (..., P) with the same torques as fundamental ones beta (..., k): F1 (P, k)
+        puts beta at the kept `columns`, zeros elsewhere; in SI units. Raises `InputError` on a wrong shape,
+        `NonFiniteError` on NaN or infinity."""
         values = self._checked(beta)
         out = np.zeros((*values.shape[:-1], len(self.mechanism.parameter_names)))
         out[..., list(self.columns)] = values

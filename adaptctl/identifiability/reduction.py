@@ -19,10 +19,11 @@ class Reduction:
     1991, section 3.2).
 
     It holds for `states`, the motions behind the essential space's singular values, in words, and for the parameters it
-    was made with: others move the weights. `components` (k, P), by falling weight, are in the parameters' SI units, and
-    the first `kept` of them sum to the reduced parameters; `weights` (k,) are theirs in J times the root of the number
-    of samples; `order` (k,) has the columns of V1 that they come from; `percent_errors` (k + 1,) are the energy errors
-    in percent (equation 23) when 0, 1, ... k are kept.
+    was made with: others move the weights. `components` (k, P), by falling size of their weight, are in the parameters'
+    SI units, and the first `kept` of them sum to the reduced parameters; `weights` (k,), J, are by size the root of the
+    summed squares, over the samples, of the energy differences between successive states that each makes; `order` (k,)
+    has the columns, from 0, of the essential space's `basis` V1 that they come from; `percent_errors` (k + 1,) are the
+    errors in these energy differences, likewise summed, in percent of all (equation 23), when 0, 1, ... k are kept.
     """
 
     states: str
@@ -39,11 +40,13 @@ class Reduction:
 
     @property
     def percent_error(self) -> float:
-        """The energy error, in percent, of the components kept."""
+        """The energy error of the components kept: the root of the summed squares of the errors in the energy
+        differences between successive states, in percent of that of these differences themselves."""
         return float(self.percent_errors[self.kept])
 
     def parameters(self, components: int | None = None) -> Array:
-        """Reduced parameters (P,) in SI units, the paper's D_E with a hat, from as many `components` (None: `kept`).
+        """Reduced parameters (P,) in SI units, without friction, the paper's D_E with a hat: the sum of the first
+        `components` components, of all that are `kept` where None.
 
         Raises `InputError` for a number that is not in 0..k.
         """
@@ -59,12 +62,13 @@ def reduce(
     components: int | None = None,
 ) -> Reduction:
     """The reduction of parameters to the fewest components with an energy error of at most `energy_error` percent, or
-    to a number of `components`, 0..k.
+    to a number of `components`, 0..k, k the space's rank.
 
-    `parameters` are inertial parameters (P,) in SI units, or a mechanism that has them. The error is the root of the
-    summed squares over the samples of the space's `states`, relative to the energies themselves (equation 22 of Sheu
-    and Walker 1991). Raises `InputError` unless one of the two is given, the other None, where it is out of range, and
-    for parameters of a wrong shape, not finite, or without energy in any state.
+    `parameters` are inertial parameters (P,) in SI units, without friction, or a mechanism that has them. The error is
+    the root of the summed squares of the errors in the energy differences between successive samples of the space's
+    `states`, in percent of that of these differences themselves (equation 22 of Sheu and Walker 1991). Raises
+    `InputError` unless one of the two is given, the other None, where it is out of range (`energy_error` below 0 or not
+    finite), and for parameters of a wrong shape, not finite, or without energy differences between the states.
     """
     if (energy_error is None) == (components is None):
         raise InputError("give one of energy_error, in percent, and components, a number")

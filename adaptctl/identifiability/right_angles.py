@@ -25,7 +25,8 @@ class NearRightAngle:
     degrees.
 
     `parent` names the joint before, or is "gravity" for a joint on the ground, `child` the joint; `degrees` is the
-    multiple that is missed, and `miss` the angle beyond it in rad.
+    multiple that is missed (0, 90 or 180), and `miss` the angle beyond it in rad, negative where it falls short, less
+    than 1e-3 in size.
     """
 
     parent: str

@@ -46,7 +46,8 @@ class States:
         return len(self.p)
 
     def parts(self, most: int) -> Iterator[States]:
-        """The same states in parts, one after another, of at most `most`, or one more, and at least two."""
+        """The same states in parts, one after another, of `most` states each (2 or more), the last of fewer, or of one
+        more rather than leave a single state over. Raises `InputError` for a `most` of 1."""
         for begin, end in _spans(len(self), most):
             yield States(self.p[begin:end], self.v[begin:end], self.origin)
 
@@ -70,15 +71,16 @@ def _offset(first: Pose, second: Pose) -> Array:
 
 
 def random_states(mechanism: Mechanism, samples: int, generator: np.random.Generator) -> States:
-    """Random states (`samples`, r), drawn with `generator`, with positions all around the circle in rad (prismatic
-    joints: within +-L in m, the mechanism's characteristic length) and normal velocities about sqrt(g/L) in rad/s
-    (times L in m/s).
+    """Random states (`samples`, r), drawn with `generator`: positions uniform within +-pi rad (prismatic joints: +-L
+    in m), and normal velocities of mean zero and standard deviation sqrt(g/L) in rad/s (times L in m/s).
 
-    Limits are ignored. Raises `InputError` for fewer than two samples.
+    L is the largest distance (m) from a joint to the next, or to its link's frame, 1 m where there is none; g the
+    mechanism's gravity (m/s^2), the standard one where it has none. Limits are ignored, but for joints that move a
+    loop. Raises `InputError` for fewer than two samples, and for a reference that breaks a loop's conditions.
 
     The energy is analytic in the state, so that its rank is the same almost everywhere: samples within narrow limits
-    would only make the same rank harder to see. Joints that move a loop are kept on its branch, within limits and away
-    from singularity (`positions_on_branch`): beyond, another branch may have another rank.
+    would only make the same rank harder to see. Joints that move a loop are kept on the reference's branch, within
+    limits and away from singularity: beyond, another branch may have another rank.
     """
     length, turns = characteristic_length(mechanism), _turns(mechanism)
     p = generator.uniform(-1.0, 1.0, (samples, mechanism.dof)) * np.where(turns, np.pi, length)
@@ -127,8 +129,10 @@ def states_within_limits(mechanism: Mechanism, samples: int, seed: int = 0) -> S
     """Random states (`samples`, r), in rad (m) and rad/s (m/s), uniform within the joints' limits, as Sheu and Walker
     (1991) sampled theirs, drawn by `seed`.
 
-    Where a joint has no limit, the range of `random_states` takes its place, about the reference in loops; where its
-    velocity has none, sqrt(g/L) does. Of a mechanism with loops, positions are kept that it can reach within its
+    Where a joint has no limit, a range of 2 pi rad (2 L in m) takes its place, about the mechanism's home position or
+    from its other limit; where its velocity has none, sqrt(g/L) in rad/s (times L in m/s) does. L is the largest
+    distance (m) from a joint to the next, or to its link's frame, 1 m where there is none; g the gravity (m/s^2), the
+    standard one where there is none. Of a mechanism with loops, positions are kept that it can reach within its
     conditions and all its joints' limits. Raises `InputError` when hardly any are, and for fewer than two samples.
     """
     generator = np.random.default_rng(seed)

@@ -72,10 +72,11 @@ class Drives:
     offsets), and joint torque = transmission' motor torque.
 
     `joints` are the names of the r joints, `transmission` (r, r) is each motor's speed (row) a unit of each joint's
-    speed, `offsets` (r,) are the joint positions, rad (m), where the motors are at zero, `motors` (r) the columns of
-    each motor in a log, and its torque constant, `time` is the log's column of time, `units` are the factors from the
-    columns' units to SI units, `payloads` known bodies held in single logs, none unless given, and `source` is where
-    the numbers come from, in words.
+    speed (column), `offsets` (r,) are the joint positions, rad (m), where the motors are at zero, `motors` (r) the
+    names of each motor's columns in a log (position, torque, velocity), and its torque constant in N m a unit of its
+    torque column, `time` is the name of the log's column of time, `units` are the factors from the columns' units to
+    SI units, `payloads` known bodies (mass, kg, centre of mass, m, inertia, kg m^2) that a link holds throughout one
+    log, none unless given, and `source` is where the numbers come from, in words. `read_drives` checks them.
     """
 
     joints: tuple[str, ...]
@@ -90,15 +91,16 @@ class Drives:
     source: str = ""
 
     def position(self, motor: Array) -> Array:
-        """Joint positions (..., r), rad (m), of motor positions (..., r), rad (m)."""
+        """Joint positions (..., r), rad (m), of motor positions (..., r), rad (m): transmission^-1 motor + offsets."""
         return motor @ self._inverse.T + self.offsets
 
     def velocity(self, motor: Array) -> Array:
-        """Joint velocities (..., r), rad/s (m/s), of motor velocities (..., r), rad/s (m/s)."""
+        """Joint velocities (..., r), rad/s (m/s), of motor velocities (..., r), rad/s (m/s): transmission^-1 motor."""
         return motor @ self._inverse.T
 
     def torque(self, motor: Array) -> Array:
-        """Joint torques (..., r), N m (N), of motor torques (..., r), N m (N)."""
+        """Joint torques (..., r), N m (N for a prismatic joint), of motor torques (..., r), N m (N): transmission'
+        motor."""
         return motor @ self.transmission
 
     @cached_property
@@ -134,8 +136,9 @@ class Drives:
         )
 
     def on_joints(self) -> tuple[Drive, ...]:
-        """Drives (r) of a mechanism's description, one a joint in the order of `joints`, with no rotor or friction
-        modelled yet, each turning with the joints that its motor turns with."""
+        """Drives of a mechanism's description, r of them, one a joint in the order of `joints`, with no rotor or
+        friction modelled yet, each turning with the joints that its motor turns with, in ratios (no unit) to its own
+        joint."""
         ratios = self.transmission / np.diag(self.transmission)[:, None]
         coupled = [
             [(name, float(x)) for j, (name, x) in enumerate(zip(self.joints, row, strict=True)) if x and j != i]
@@ -145,8 +148,9 @@ class Drives:
 
 
 def read_drives(path: str | Path) -> Drives:
-    """The drives that a TOML file describes. Raises `FileError`, naming the element, for a file that cannot be read, is
-    no drives file, or whose entries do not fit together."""
+    """The drives that a TOML file of the schema "adaptctl/drives/1" describes: joints, transmission, motors with their
+    columns in a log, units, and, if any, joint offsets and payloads. Raises `FileError`, naming the element, for a file
+    that cannot be read, is no drives file, or whose entries do not fit together."""
     content = read_toml(path, DrivesFile)
     try:
         return _checked(content)

@@ -13,8 +13,8 @@ from adaptctl.identification.filtered_dynamics import Rows
 
 @dataclass(frozen=True, eq=False)
 class Validation:
-    """Validation of a model on n rows of a log: `measured` and `predicted` torques (n, r) at the joints, N m (N), both
-    through one low-pass filter of `cutoff` Hz, where the arm moves.
+    """Validation of a model on n rows of a log: `measured` and `predicted` torques (n, r) at the joints, N m (N for a
+    prismatic joint), both through one low-pass filter of `cutoff` Hz, where the arm moves.
 
     `origin` is which samples these are, in words, and `time` (n,) in s, as in the log; predictions are from the
     measured motion alone.
@@ -31,33 +31,33 @@ class Validation:
 
     @property
     def rms_error(self) -> float:
-        """Root mean square torque error over all joints and instants, N m (N)."""
+        """Root mean square torque error over all joints and instants, N m (N for prismatic joints)."""
         return float(np.sqrt(np.mean(np.square(self.error))))
 
     @property
     def relative_error(self) -> float:
-        """Relative torque error, without a unit: the root of the errors' summed squares over that of the measured
-        torques."""
+        """Relative torque error, without a unit: the root of the errors' squares, summed over all joints and instants,
+        over that of the measured torques."""
         return float(np.linalg.norm(self.error) / np.linalg.norm(self.measured))
 
     @property
     def joint_rms_errors(self) -> Array:
-        """RMS torque error of each joint (r,), N m (N)."""
+        """RMS torque error of each joint (r,) over all instants, N m (N for a prismatic joint)."""
         return np.sqrt(np.mean(np.square(self.error), axis=0))
 
     @property
     def joint_relative_errors(self) -> Array:
-        """RMS torque error of each joint (r,) over its RMS measured torque, without a unit."""
+        """RMS torque error of each joint (r,) over all instants, divided by its RMS measured torque, without a unit."""
         return np.linalg.norm(self.error, axis=0) / np.linalg.norm(self.measured, axis=0)
 
     @cached_property
     def error(self) -> Array:
-        """Torque errors (n, r), predicted minus measured, N m (N)."""
+        """Torque errors (n, r), predicted minus measured, N m (N for a prismatic joint)."""
         return self.predicted - self.measured
 
     def autocorrelation(self, lags: int = 50) -> Array:
-        """Autocorrelation (lags + 1, r) of the torque errors, without a unit, at 0 to `lags` rows apart, n - 1 at most:
-        1 at lag 0, and for white errors about zero after it."""
+        """Autocorrelation (lags + 1, r) of the torque errors less their means, without a unit, at 0 to `lags` rows
+        apart (at least 0; n - 1 of the n rows is the most): 1 at lag 0, and for white errors about zero after it."""
         centred = self.error - self.error.mean(axis=0)
         whole = np.square(centred).sum(axis=0)
         count = min(lags, len(centred) - 1)

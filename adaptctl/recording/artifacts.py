@@ -21,7 +21,8 @@ RECORDING, SUMMARY, TRACE, REPORT, FIGURES = (
 
 
 def shown(comparison: Comparison) -> Result:
-    """The result of an experiment, as the command line shows it, from its comparison."""
+    """The result of an experiment, as the command line shows it, from its comparison: whether it is complete, headline,
+    facts and verdict in words, and a function that writes its folder as `write_artifacts` does."""
     return Result(
         complete=comparison.complete,
         headline=headline(outcome_words(comparison), comparison.complete),
@@ -35,9 +36,10 @@ def write_artifacts(folder: str | Path, comparison: Comparison, progress: Progre
     """Write recording, summary, trace, figures and report of a comparison into a folder, made where it is missing;
     returns its path.
 
-    Every file is written whole or not at all. `progress` is called with what is being written, and the share of this
-    that is done, 0 to 1; nothing is shown unless given. Raises `FileError` where a file cannot be written
-    or the folder cannot be made.
+    The files are recording.rrd, summary.json, trace.parquet and report.html, figures are in the folder `figures`; each
+    is written whole or not at all. `progress(what, share)` is called with what is being written, and the share of the
+    whole that is done, 0 to 1; nothing is shown unless given. Raises `FileError` where a file cannot be written or the
+    folder cannot be made.
     """
     from adaptctl.recording.figures import write_figures
     from adaptctl.recording.report import write_report

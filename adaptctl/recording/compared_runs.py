@@ -33,12 +33,14 @@ def compared_runs(
 
     `title` is the mechanism's name and the first label where empty, `purpose` a sentence for the report or empty.
     `adaptation_off` is the label of the run with adaptation off, None if there is none. `basis` is that of the
-    estimates, None for the `fundamental_basis` of the mechanism; `torque_limits` (r,), or one for all, N m (N), None
-    for those of `finite_torque_limits`. Unless `truth_known`, the mechanism's parameters are not taken for those of the
-    arm: recording and report show estimates without true values. Raises `InputError` without a run, where a run has no
-    samples or other joints, where the first's estimates are not those of the basis, and for limits of another shape
-    (`NonFiniteError` for NaN); `NotFoundError` for a label that no run has; `RankError` where the mechanism's rank
-    cannot be certified.
+    estimates, None for the `fundamental_basis` of the mechanism by the default priority; `torque_limits` (r,), or one
+    for all, N m (N for a prismatic joint), None for the mechanism's effort limits, and where a joint has none four
+    times its largest torque in random states, at least 1. Unless `truth_known`, the mechanism's parameters are not
+    taken for those of the arm: recording and report show estimates without true values. Raises `InputError` without a
+    run, where the first has no samples or a run other joints, where the first's estimates are neither of as many
+    parameters as the basis and friction have nor none, for a basis of another mechanism, and for limits of another
+    shape (`NonFiniteError` for NaN); `NotFoundError` for a label that no run has; `RankError` where the mechanism's
+    rank cannot be certified.
     """
     if not runs:
         raise InputError("compared_runs: expected at least one run")
