@@ -37,9 +37,9 @@ def quintic(u: Scalar) -> tuple[Scalar, Scalar, Scalar]:
 
 
 class SinusoidNumbers(NamedTuple):
-    """Numbers of `Sinusoids`, as arrays or columns: `center` (r,) and `amplitude` (h r,) in rad or m, `frequency`
-    (h r,) in Hz, `phase` (h r,) in rad, `start_time` (1,) in s; the terms (r,) of all h harmonics one after the other.
-    """
+    """Numbers of `Sinusoids` of r joints and h harmonics, as arrays or columns: `center` (r,) and `amplitude` (h r,) in
+    rad or m, `frequency` (h r,) in Hz, `phase` (h r,) in rad, `start_time` (1,), the length of the fade, in s. One
+    harmonic's terms (r,) come after the other's."""
 
     center: Any
     """(r,)"""
@@ -55,7 +55,9 @@ class SinusoidNumbers(NamedTuple):
 
 def sinusoids_at(time: Scalar, numbers: SinusoidNumbers) -> ReferencePoint:
     """The reference point of `Sinusoids` at a time (s): columns (r,) of positions (rad or m), velocities and
-    accelerations (per s and s^2), over scalars of any kind: of arms that each follow their own, say."""
+    accelerations (per s and s^2). `numbers` are theirs, r joints' and h harmonics': center (r,), amplitude, frequency
+    (Hz) and phase (rad), each (h r,), and start_time (1,), s. Time and numbers are scalars of any kind: floats,
+    symbols, or arrays with an entry for each of many arms."""
     fade, slope, bend = _faded_in(time, numbers.start_time[0])
     joints, terms = len(numbers.center), range(len(numbers.amplitude))
     points = []
@@ -84,8 +86,10 @@ def _faded_in(time: Scalar, length: Any) -> tuple[Scalar, Scalar, Scalar]:
 
 @lru_cache(maxsize=32)
 def sinusoid_kernel(*sizes: int) -> Callable[..., ReferencePoint]:
-    """Native code of `sinusoids_at`: a function of a time (1,), s, and the five parts of `SinusoidNumbers`, `sizes`
-    being their lengths, to the reference point (r,). It raises `InputError` on a wrong shape."""
+    """Native code of `sinusoids_at` for r joints and h harmonics: a function of a time (1,), s, and the five parts of
+    `SinusoidNumbers`, center, amplitude, frequency, phase, start_time, whose lengths `sizes` are: r, h r, h r, h r, 1.
+    It returns the reference point: positions (r,) in rad or m, velocities and accelerations (r,) per s and s^2. It
+    raises `InputError` on a wrong shape."""
 
     def equation(time: Column, **numbers: Column) -> ReferencePoint:
         return sinusoids_at(time[0], SinusoidNumbers(**numbers))
@@ -96,9 +100,10 @@ def sinusoid_kernel(*sizes: int) -> Callable[..., ReferencePoint]:
 
 @lru_cache(maxsize=32)
 def power_kernel(size: int) -> Callable[..., ReferencePoint]:
-    """Native code of polynomials of degree 5 in time for r joints: a function of (2,), the time since their start (s)
-    and 1 where they move or 0 at rest, and of their coefficients (`size`,), 6 r, those of the highest power of all
-    joints first, to the reference point (r,). It raises `InputError` on a wrong shape."""
+    """Native code of polynomials c_5 u^5 + ... + c_0 in time for r joints: a function of (2,), the time u since their
+    start (s) and 1 where they move or 0 at rest, and of their coefficients (`size`,), `size` = 6 r, c_5 of all joints
+    first, c_0 last, c_k in rad/s^k (m/s^k). It returns the reference point: positions (r,) in rad or m, velocities and
+    accelerations (r,) per s and s^2, zero at rest. It raises `InputError` on a wrong shape."""
     joints = size // (DEGREE + 1)
 
     def equation(given: Column, powers: Column) -> ReferencePoint:
@@ -116,8 +121,8 @@ def power_kernel(size: int) -> Callable[..., ReferencePoint]:
 @lru_cache(maxsize=32)
 def quintic_kernel(joints: int) -> Callable[..., ReferencePoint]:
     """Native code of a minimum-jerk stretch of r `joints`: a function of (2,), the time since its start and its length
-    (s), and of its first and last positions (r,), rad or m, to the reference point (r,). It raises `InputError` on a
-    wrong shape."""
+    (s), and of its first and last positions (r,), rad or m. It returns the reference point: positions (r,) in rad or m,
+    velocities and accelerations (r,) per s and s^2. It raises `InputError` on a wrong shape."""
 
     def equation(given: Column, start: Column, end: Column) -> ReferencePoint:
         passed, length = given
@@ -134,9 +139,10 @@ class Sinusoids:
 
     p(t) = center + fade(t) sum_h amplitude_h sin(2 pi frequency_h t + phase_h)
 
-    `center` (r,) in rad or m; `amplitude` (rad or m), `frequency` (Hz) and `phase` (rad; None is zero) are (r,) or
-    (h, r); `start_time` is the length of the quintic fade in s, 0 for none. With a fade the arm starts at rest in the
-    centre. Raises `InputError` for other shapes, numbers that are not finite and a negative start time.
+    `center` (r,) in rad or m; `amplitude` (rad or m), `frequency` (Hz) and `phase` (rad; None is zero) are (r,) for one
+    harmonic or (h, r) for h; `start_time`, 2 s by default, is the length of the fade 10u^3 - 15u^4 + 6u^5, u =
+    t/start_time, from 0 to 1, and 0 for none. With a fade the arm starts at rest in the centre. Raises `InputError` for
+    other shapes, numbers that are not finite and a negative start time.
     """
 
     center: Array
@@ -163,8 +169,8 @@ class Sinusoids:
         return ReferencePoint(*(np.stack(column.of, axis=-1) for column in point))
 
     def at(self, t: float) -> ReferencePoint:
-        """The reference (r,) at one time `t` (s), in rad or m and per s and s^2; computed in a microsecond, for
-        loops that ask each period."""
+        """The reference point at one time `t` (s): positions (r,) in rad or m, velocities and accelerations (r,) per s
+        and s^2; computed in a microsecond, for loops that ask each period."""
         return self._kernel(np.array((t,)), *self._flat)
 
     @cached_property
@@ -177,8 +183,9 @@ class Sinusoids:
 
     @property
     def numbers(self) -> SinusoidNumbers:
-        """The sinusoids' numbers as flat arrays, for `sinusoids_at`: (r,), three of (h r,) and (1,), a phase of None as
-        zeros."""
+        """The sinusoids' numbers as flat arrays, for `sinusoids_at`: center (r,) and amplitudes (h r,) in rad or m,
+        frequencies (h r,) in Hz, phases (h r,) in rad, zeros for None, and the start time (1,) in s; one harmonic's r
+        terms after the other's."""
         phase = np.zeros_like(self.amplitude) if self.phase is None else self.phase
         amplitude, frequency, phase = (np.ravel(values) for values in (self.amplitude, self.frequency, phase))
         return SinusoidNumbers(self.center, amplitude, frequency, phase, np.array([self.start_time]))
@@ -188,11 +195,13 @@ class Sinusoids:
 class Spline:
     """Reference through given positions at given times: the spline of degree 5, whose acceleration has two derivatives.
 
-    `positions` (w, r) in rad or m, w at least 6, `times` (w,) in s, increasing: samples of a path that has no formula
-    in joints, such as what inverse kinematics makes of one in space. Velocities and accelerations are the spline's
-    own derivatives. Before the first time and after the last the arm rests, with a jump unless the samples rest there.
+    `positions` (w, r) are w >= 6 of them in rad or m, `times` (w,) in s, increasing: samples of a path that has no
+    formula in joints, such as what inverse kinematics makes of one in space. Velocities and accelerations are the
+    spline's own derivatives. Before the first time and after the last the arm rests, with a jump unless the samples
+    rest there.
 
-    Raises `InputError` for fewer positions, other shapes, numbers that are not finite and times that do not increase.
+    Raises `InputError` for fewer positions, another number of times, numbers that are not finite and times that do not
+    increase; `MissingExtraError` at the first use without SciPy.
     """
 
     positions: Array
@@ -214,8 +223,8 @@ class Spline:
         return ReferencePoint(p, np.where(resting, 0.0, v), np.where(resting, 0.0, a))
 
     def at(self, t: float) -> ReferencePoint:
-        """The reference (r,) at one time `t` (s), in rad or m and per s and s^2; computed in microseconds, for
-        loops that ask each period."""
+        """The reference point at one time `t` (s): positions (r,) in rad or m, velocities and accelerations (r,) per s
+        and s^2; computed in microseconds, for loops that ask each period."""
         inside = min(max(t, self._starts[0]), float(self.times[-1]))
         k = max(bisect_right(self._starts, inside) - 1, 0)
         return self._kernel(np.array((inside - self._starts[k], float(inside == t))), self._coefficients[k])
@@ -252,11 +261,12 @@ class Spline:
 
 @dataclass(frozen=True, eq=False)
 class MinimumJerk:
-    """Reference from rest to rest through waypoints, each stretch a quintic of least jerk (Flash and Hogan 1985).
+    """Reference through waypoints, at rest in each of them; each stretch between two is a quintic of least jerk (Flash
+    and Hogan 1985).
 
-    `waypoints` (w, r) in rad or m, w at least 2, `times` (w,) in s, increasing. Before the first time and after the
-    last the arm rests. Raises `InputError` for fewer waypoints, other shapes, numbers that are not finite and times
-    that do not increase.
+    `waypoints` (w, r) are w >= 2 positions in rad or m, `times` (w,) when they are reached, in s, increasing. Before
+    the first time and after the last the arm rests. Raises `InputError` for fewer waypoints, another number of times,
+    numbers that are not finite and times that do not increase.
     """
 
     waypoints: Array
@@ -279,8 +289,8 @@ class MinimumJerk:
         return ReferencePoint(self.waypoints[stretch] + fade * way, slope * way / length, bend * way / length**2)
 
     def at(self, t: float) -> ReferencePoint:
-        """The reference (r,) at one time `t` (s), in rad or m and per s and s^2; computed in microseconds, for
-        loops that ask each period."""
+        """The reference point at one time `t` (s): positions (r,) in rad or m, velocities and accelerations (r,) per s
+        and s^2; computed in microseconds, for loops that ask each period."""
         starts = self._starts
         k = min(max(bisect_right(starts, t) - 1, 0), len(starts) - 2)
         given = np.array((t - starts[k], starts[k + 1] - starts[k]))
@@ -298,11 +308,11 @@ class MinimumJerk:
 @dataclass(frozen=True, eq=False)
 class Halted:
     """A reference that follows another one, `of`, up to a time `stop` (s), then along its path to rest within `over`
-    (s), and stays there.
+    (s; 1 by default), and stays there.
 
-    Its time runs at a rate that falls as 1 - quintic step, so that positions, velocities and accelerations stay
-    continuous: motion that excites for an interval, and no longer. Raises `InputError` for a negative stop, an `over`
-    that is not positive, or either not finite.
+    After `stop` the other's time runs on at the rate 1 - (10u^3 - 15u^4 + 6u^5), u = (t - stop)/over, which falls from
+    1 to 0, so that positions, velocities and accelerations stay continuous: motion that excites for an interval, and no
+    longer. Raises `InputError` for a negative stop, an `over` that is not positive, or either not finite.
     """
 
     of: Reference

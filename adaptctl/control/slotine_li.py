@@ -40,6 +40,9 @@ class SlotineLi(AdaptiveController):
         torque = Y_r(p, v, v_r, a_r) estimate - K s
         estimate' = -Gamma Y_r' s, or another adaptation law's
 
+    p and v are measured, p_d and v_d desired; Y_r (r, k) is the torque regressor, M the mass matrix, C that of Coriolis
+    torques, and error the estimate minus the true parameters.
+
     Theorem: M s' + C s + K s = Y_r error, so that in continuous time V = s'Ms/2 + error' Gamma^-1 error/2 falls as
     -s'Ks, and the tracking error goes to zero. Drives' friction f is modelled at v_r: with it V falls by s'(f(v) -
     f(v_r)) >= 0 besides, for any friction that rises with velocity. At v an estimate above the truth would be positive
@@ -49,15 +52,17 @@ class SlotineLi(AdaptiveController):
 
     `model` has the k parameters; `bandwidth` is Lambda (1/s) and `damping` K in N m s/rad (N s/m for a prismatic
     joint), each one number or one a joint (r,); `adaptation` is an adaptation law, or Gamma for `Gradient`, its
-    diagonal (k,) or whole (k, k), or None to switch adaptation off; `initial` (k,) is the first estimate in SI units,
-    None for zero; `period` is the control period T_c in s; `workspace` is where the period must carry the gains, None
-    for all that the joints' limits allow; nothing is learned from a period whose torque is beyond `torque_limits`, one
-    number or (r,), N m (N), None for the mechanism's own; `prior` (k,), in SI units, is how far each parameter may be
-    from its first estimate: with it, `StabilityWarning` tells where the estimate could come to ring (`estimate_hold`),
-    which is no reason not to try; None looks for no such place. `tunable` names the numbers that `tuned` changes.
+    diagonal (k,) or whole (k, k), in units of the parameters squared per J, or None to switch adaptation off; `initial`
+    (k,) is the first estimate in SI units, None for zero; `period` is the control period T_c in s, 1 ms by default;
+    `workspace` is where the period must carry the gains, None for all that the joints' limits allow; nothing is learned
+    from a period whose torque is beyond `torque_limits`, one number or (r,), N m (N), None for the mechanism's own;
+    `prior` (k,), in SI units, is how far each parameter may be from its first estimate: with it, `StabilityWarning`
+    tells where the estimate could come to ring (`estimate_hold`), which is no reason not to try; None looks for no such
+    place. `tunable` names the numbers that `tuned` changes.
 
-    Raises `GainError` when the period cannot carry the damping, `InputError` on wrong shapes, on gains, limits or a
-    period that are not positive, and on an adaptation law that does not fit the model.
+    Raises `GainError` when the period cannot carry the gains: the hold number T_c lambda_max(M^-1 K + Lambda) above 1.5
+    in the workspace, or M not positive definite there; `InputError` on wrong shapes, on gains, limits or a period that
+    are not positive, and on an adaptation law that does not fit the model.
     """
 
     tunable: ClassVar[tuple[str, ...]] = ("bandwidth", "damping", "initial")
@@ -84,8 +89,9 @@ class SlotineLi(AdaptiveController):
         self, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> tuple[Column, AdaptiveState]:
         """The torque (r,), N m (N for a prismatic joint), of one tick, and the memory after learning from the period
-        that has passed; at measured positions p in rad (m) and velocities v in rad/s (m/s), (r,), towards `reference`,
-        with the last tick's `memory`."""
+        that has passed; at measured positions p in rad (m) and velocities v in rad/s (m/s), (r,), towards the
+        `reference`, positions, velocities and accelerations (r,) in rad (m) and per s and s^2, with the last tick's
+        `memory`, at first that of `start`."""
         equations, damping = self.model.mechanism.equations, column(self.damping)
         q = equations.closed(p, memory.q)
         v_r, a_r, more = self.reference_velocity(q, p, v, reference, memory)
@@ -104,9 +110,10 @@ class SlotineLi(AdaptiveController):
     def reference_velocity(
         self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> ReferenceVelocity:
-        """The reference velocity v_r = v_d - Lambda e (r,) in rad/s (m/s), its derivative a_r (r,) in rad/s^2 (m/s^2),
-        and an empty memory; at measured positions p in rad (m) and velocities v in rad/s (m/s), (r,). The configuration
-        q (n,) of the tree and the last tick's `memory` are for laws that need them."""
+        """The reference velocity v_r = v_d - Lambda e (r,) in rad/s (m/s), e = p - p_d, its derivative a_r (r,) in
+        rad/s^2 (m/s^2), and an empty memory; Lambda is the bandwidth (1/s). p in rad (m) and v in rad/s (m/s), (r,),
+        are measured; `reference` has p_d, v_d and a_d (r,). The tree's configuration q (n,), rad (m), and the last
+        tick's `memory` are for laws that need them."""
         bandwidth = column(self.bandwidth)
         e, e_rate = p - reference.p, v - reference.v
         return ReferenceVelocity(reference.v - bandwidth * e, reference.a - bandwidth * e_rate, NoMemory())

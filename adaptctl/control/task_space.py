@@ -47,24 +47,28 @@ class TaskSpaceSlotineLi(SlotineLi):
         a_r = its exact derivative in time, by dual numbers;  s = v - v_r
         torque = Y_r(p, v, v_r, a_r) estimate - K s
 
-    x has m of the world's coordinates (`axes`, 0 to 2 for x to z, rising) in m of the `tool` (3,), a point in the frame
-    of `link` in m, None for its origin; `link` is a name, None for the last one. With m < r the rest of the motion is
-    drawn to `posture` (r,) in rad (m), None for the mechanism's home, at `posture_rate` in 1/s. `singularity` is mu in
-    m: zero inverts J itself (m = r) or takes the least motion (m < r). Where J J' is nearly singular,
-    det(J J')/(tr(J J')/m)^m = w below w_0 = 1e-3, the square of mu grows by a share (1 - w/w_0)^2 of 1e-2 of
-    tr(J J')/m, smoothly from 0 (Nakamura and Hanafusa 1986), so that v_r and a_r stay finite.
+    J (m, r) is x's Jacobian, x_d the desired x, p and v the measured joints (r,), Y_r (r, k) the torque regressor, K
+    the damping.
 
-    Guarantees: s goes to zero with V as for `SlotineLi`, whatever J. Where J has full rank and mu is zero, x' - x_d' +
-    Lambda (x - x_d) = J s, so the point goes to its path.
+    x has m of the world's coordinates (`axes`, 0 to 2 for x to z, rising, by default all) in m of the `tool` (3,), a
+    point in the frame of `link` in m, None for its origin; `link` is a name, None for the last one. With m < r the rest
+    of the motion is drawn to `posture` (r,) in rad (m), None for the mechanism's home, at `posture_rate` in 1/s, by
+    default 1. `singularity` is mu in m: zero, the default, inverts J itself (m = r) or takes the least motion (m < r).
+    Where J J' is nearly singular, det(J J')/(tr(J J')/m)^m = w below w_0 = 1e-3, the square of mu grows by a share (1 -
+    w/w_0)^2 of 1e-2 of tr(J J')/m, smoothly from 0 (Nakamura and Hanafusa 1986), so that v_r and a_r stay finite.
+
+    Guarantees: s goes to zero with V = s'Ms/2 + error' Gamma^-1 error/2, as for `SlotineLi`, whatever J; M is the mass
+    matrix, Gamma the adaptation gain, error the estimate's. Where J has full rank and mu is zero, x' - x_d' + Lambda (x
+    - x_d) = J s, so the point goes to its path.
 
     Gives up: orientations. Near a singularity v_r becomes fast when mu is zero, and through it the point is not
     followed; with mu the point lags behind where J's singular values are not large against mu.
 
-    The reference point has m numbers each, x_d, x_d', x_d'' in m and s; with `reference_in_joints` it has joints (r,),
-    as an environment gives them, and the point is to be where that arm has it. `bandwidth` is Lambda (1/s), a number or
-    (m,); other arguments are those of `SlotineLi`. Raises what `SlotineLi` does, and `InputError` for axes, link, tool,
-    posture, posture rate or mu that do not fit, and where, with mu zero, the joints cannot move the point along all
-    axes.
+    The reference point is x_d, x_d', x_d'' (m,) in m and s; with `reference_in_joints` it is joint positions,
+    velocities and accelerations (r,), as an environment gives them, and x_d is where they put the point. `bandwidth` is
+    Lambda (1/s), a number or (m,); other arguments are those of `SlotineLi`. Raises what `SlotineLi` does, and
+    `InputError` for axes, link, tool, posture, posture rate or mu that do not fit, and where, with mu zero, the joints
+    cannot move the point along all axes.
     """
 
     tunable = (*SlotineLi.tunable, "posture_rate")
@@ -96,23 +100,25 @@ class TaskSpaceSlotineLi(SlotineLi):
 
     @property
     def reference_size(self) -> int:
-        """Length of each part of a reference point: m coordinates, or r where the reference is given in joints."""
+        """Length of each part of a reference point: m, the number of `axes`, or r where the reference is given in
+        joints."""
         return self.dof if self.reference_in_joints else len(self.axes)
 
     def reference_velocity(
         self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> ReferenceVelocity:
         """The reference velocity v_r (r,) in rad/s (m/s), its derivative a_r (r,) in rad/s^2 (m/s^2) along the motion,
-        by dual numbers, and the memory of a reference in joints; at configuration q (n,) of the tree and measured
-        positions p (r,) in rad (m), velocities v (r,) in rad/s (m/s), with the last tick's `memory`."""
+        by dual numbers, and the memory of a reference in joints: its configuration (n,), from which loops are followed,
+        else empty. q (n,) is the tree's configuration, p (r,) in rad (m) and v (r,) in rad/s (m/s) are measured,
+        `reference` is the point's (m,) in m and s, or in joints (r,), and `memory` the last tick's."""
         goal, rate, more = self._goal(reference, memory)
         rates = self.model.mechanism.equations.rates(q, v)
         v_r = self._velocity(_moving(q, rates), _moving(p, v), goal, rate)
         return ReferenceVelocity(Column(x.value for x in v_r), Column(x.slope for x in v_r), more)
 
     def point(self, q: Column) -> tuple[Column, list[Column]]:
-        """The tool's coordinates x (m,) in m, and the m rows (r,) of their Jacobian J (m, r) in m/rad (no unit for a
-        prismatic joint), at configuration q (n,) of the tree's joints in rad (m)."""
+        """The tool's coordinates x (m,) in m, along the m `axes`, and the m rows (r,) of their Jacobian J (m, r) in
+        m/rad (no unit for a prismatic joint), at configuration q (n,) of the tree's joints in rad (m)."""
         equations = self.model.mechanism.equations
         moving = moving_point(equations.links, q, self._link, Vec(*np.asarray(self.tool).tolist()))
         units = [Column(float(i == j) for j in range(self.dof)) for i in range(self.dof)]

@@ -21,9 +21,12 @@ class Watch(NamedTuple):
     """Stability numbers, without units, at T samples of a run: of the adaptation, of the held torque, and of ringing.
 
     `adaptation` (T,) is T_c lambda_max(K^-1 Y Gamma Y'), 0 with adaptation off: theorems of discrete adaptation ask for
-    less than 2, or 2 - h. `hold` (T,) is h = T_c lambda_max(M^-1 (K + M^ Lambda)) with the true M and the estimate's
-    M^: velocities ring above 2. `ringing` (T, r) is the correlation rho of each joint's sliding variable with itself a
-    tick ago: -0.5 is an alarm, -0.9 a loop about to be lost.
+    less than 2, or 2 - h. `hold` (T,) is h = T_c lambda_max(M^-1 (K + M^ Lambda)): velocities ring above 2; infinite
+    where M is not positive definite. `ringing` (T, r) is the correlation rho of each joint's sliding variable s = e' +
+    Lambda e with itself a tick ago, averaged over about 100 ticks: -0.5 is an alarm, -0.9 a loop about to be lost.
+
+    T_c is the control period, K the damping, Lambda the bandwidth, Gamma the adaptation gain, Y the torque regressor, M
+    the true mass matrix, M^ the estimate's, e = p - p_d the tracking error.
     """
 
     adaptation: Array
@@ -39,11 +42,13 @@ class _Run(LearningRun, SampledRun, Protocol):
 
 
 def watch(controller: SlotineLi, run: _Run, mechanism: Mechanism, every: int = 1) -> Watch:
-    """The stability numbers at every `every`-th sample of a run with the true mechanism; the run must have all of the
-    controller's ticks.
+    """The stability numbers at every `every`-th sample of a run, by default at all, with the true mechanism; the run
+    must have all of the controller's ticks.
 
-    `adaptation` and `hold` cost a regressor and a mass matrix a sample. Raises `InputError` for relatives of Slotine
-    and Li's law, whose sliding variable is another one, and for an adaptation law without a constant gain.
+    The record's fields, without units, are `adaptation` (T,), of the adaptation gain over the period, `hold` (T,), of
+    the torque held over it, and `ringing` (T, r), the sliding variable's correlation with itself a tick ago (`Watch`).
+    The first two cost a regressor and a mass matrix a sample. Raises `InputError` for relatives of Slotine and Li's
+    law, whose sliding variable is another one, and for an adaptation law without a constant gain.
     """
     s = sliding_variable(controller, run)
     p, v, estimate = run.p[::every], run.v[::every], run.estimate[::every]

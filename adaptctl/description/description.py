@@ -77,9 +77,9 @@ class Limits:
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """A joint with one coordinate, about or along `axis` (3,), a unit vector in the joint's frame, made one of any
-    vector given; z by default. It has a kind, limits, none by default, and a `Drive`, by default without rotor and
-    friction. Raises `InputError` for an axis of another shape, zero or not finite."""
+    """A joint with one coordinate, about or along `axis` (3,), by default z, in the joint's frame, of any length and
+    made a unit vector. It has a `kind`, by default revolute, `limits`, by default none, and a `drive`, by default
+    without rotor and friction. Raises `InputError` for an axis of another shape, zero or not finite."""
 
     name: str
     kind: JointKind = JointKind.REVOLUTE
@@ -105,10 +105,10 @@ class Link:
     ground.
 
     `near` is the joint's frame in the parent link's frame at zero, `far` the link's frame in the joint's moved frame:
-    the identity for URDF, a Denavit-Hartenberg step for frames at the far end. `inertia` (10,) holds the
-    `description.inertia.PARAMETERS` m, mc and I (kg, kg m, kg m^2) in the link's frame, zero by default. A `massless`
-    link only joins two joints, like the first five of a floating base: its ten are zero for good and no parameters of
-    the mechanism. Raises `InputError` for an inertia of another shape, not finite, above 1e20, or of a massless link.
+    the identity for URDF, a Denavit-Hartenberg step for frames at the far end. `inertia` (10,) holds m, mc_x, mc_y,
+    mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2) about the link frame's origin, zero by default. A
+    `massless` link only joins two joints, as in a floating base: its ten are zero for good and no parameters of the
+    mechanism. Raises `InputError` for an inertia of another shape, not finite, above 1e20, or of a massless link.
     """
 
     name: str
@@ -179,8 +179,8 @@ class Description:
 
     @property
     def shafts(self) -> list[list[object]]:
-        """Pairs of the index of each joint whose drive turns with others and their [name, ratio as text], in JSON's
-        types, for hashing."""
+        """Pairs of the index of each joint whose drive turns with others and the list of their [name, ratio as text],
+        in JSON's types, for hashing."""
         drives = ((i, link.joint.drive.turns_with) for i, link in enumerate(self.links))
         return [[i, [[name, repr(ratio)] for name, ratio in others]] for i, others in drives if others]
 
@@ -201,8 +201,8 @@ class Description:
         return tuple(link.parent for link in self.links)
 
     def within_conditions(self, p: ArrayLike) -> NDArray[np.bool_]:
-        """True (...) for the primary positions p (..., r), rad (m), that keep the loops' conditions: all, if there are
-        none."""
+        """True (...) for the primary positions p (..., r), rad (m), that keep the loops' conditions, bounds on weighted
+        sums of p: all, if there are none."""
         p = np.asarray(p, dtype=np.float64)
         inside = np.ones(p.shape[:-1], dtype=np.bool_)
         for condition in self.loops.conditions if self.loops is not None else ():
@@ -222,20 +222,21 @@ class Description:
 
     @cached_property
     def drive_parameters(self) -> tuple[tuple[int, DriveParameter], ...]:
-        """Pairs (index of a link, parameter of its joint's drive) of all that are modelled: all rotors, then all
-        friction."""
+        """Pairs (index of a link, parameter of its joint's drive) of all that are modelled, in the order of the
+        parameters: kind by kind, rotors first, then friction."""
         drives = [link.joint.drive for link in self.links]
         return tuple((i, kind) for kind in DriveParameter for i, d in enumerate(drives) if d.value(kind) is not None)
 
     def shaft(self, joint: int) -> tuple[tuple[int, float], ...]:
-        """Pairs (index of a joint, ratio of its speed) that add up to the shaft's speed of joint number `joint`, itself
-        first, at 1."""
+        """Pairs (index of a joint, ratio) whose velocities times ratios add up to the shaft's speed, rad/s (m/s), of
+        joint number `joint`, from 0, itself first, at 1. Raises `IndexError` past the last joint."""
         others = self.links[joint].joint.drive.turns_with
         return (joint, 1.0), *((self.joint_names.index(name), ratio) for name, ratio in others)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the P parameters: ten a link, ``link3.I_xx``, then the drives', ``joint2.viscous``."""
+        """Names of the P parameters: ten a link, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz, as in
+        ``link3.I_xx``, then the drives', ``joint2.viscous``."""
         joints = self.joint_names
         driven = tuple(f"{joints[i]}.{kind.value}" for i, kind in self.drive_parameters)
         return parameter_names([self.links[i].name for i in self.bodies]) + driven
@@ -248,7 +249,8 @@ class Description:
 
     @cached_property
     def inertial_parameters(self) -> Array:
-        """The inertial parameters (P,), ten a body (kg, kg m, kg m^2), then the drives' in SI units, read-only."""
+        """The inertial parameters (P,), read-only: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz of each body
+        (kg, kg m, kg m^2, about its frame's origin), then the drives' in SI units."""
         driven = [self.links[i].joint.drive.value(kind) for i, kind in self.drive_parameters]
         tens = [self.links[i].inertia for i in self.bodies]
         stacked = np.concatenate([*tens, np.array(driven, dtype=np.float64)])
@@ -257,19 +259,20 @@ class Description:
 
     @cached_property
     def weightless(self) -> tuple[str, ...]:
-        """Names of the links of a tree that have no mass and carry none, so that their joints' accelerations are not
-        determined; always empty with loops."""
+        """Names of the links of a tree that have neither mass nor rotor and carry none that has, so that their joints'
+        accelerations are not determined; always empty with loops."""
         return () if self.loops is not None else weightless_ends(self.links)
 
     @property
     def inconsistent_links(self) -> tuple[str, ...]:
-        """Names of the links whose ten inertial parameters no rigid body can have."""
+        """Names of the links whose ten inertial parameters no body can have: pseudo-inertia not positive definite."""
         bodies = [self.links[i] for i in self.bodies]
         return tuple(body.name for body in bodies if not is_physically_consistent(body.inertia))
 
     def with_parameters(self, parameters: ArrayLike) -> Description:
-        """The same mechanism with other parameters (P,) in SI units. Raises `InputError` for another number of them and
-        for values not finite, above 1e20, or negative where a term of a drive must not be."""
+        """The same mechanism with other parameters (P,) in SI units, in the order of `parameter_names`. Raises
+        `InputError` for another number of them, values not finite, a link's above 1e20 and rotors, viscous or Coulomb
+        friction below 0."""
         values = frozen_array(parameters, (len(self.parameter_names),), f"{self.name}: parameters")
         links, tens = list(self.links), 10 * len(self.bodies)
         for i, ten in zip(self.bodies, values[:tens].reshape(-1, 10), strict=True):
@@ -280,8 +283,8 @@ class Description:
         return replace(self, links=tuple(links))
 
     def with_drives(self, drives: Drive | Sequence[Drive]) -> Description:
-        """The same mechanism with other rotors and friction in its tree's joints, one drive for all or one each. Raises
-        `InputError` for another number of drives."""
+        """The same mechanism with other rotors and friction in its tree's joints, one drive for all or one each in
+        order. Raises `InputError` for another number of drives, and for a drive that turns with unknown joints."""
         each = [drives] * len(self.links) if isinstance(drives, Drive) else list(drives)
         if len(each) != len(self.links):
             raise InputError(f"{self.name}: expected one drive for each of {len(self.links)} joints, got {len(each)}")
@@ -309,11 +312,8 @@ class Description:
     @cached_property
     def geometry_sha256(self) -> str:
         """SHA-256 hash (hexadecimal) of what decides which parameters matter: gravity, tree, joints, frames, link
-        names.
-
-        Inertial values, limits and the mechanism's name do not count. Numbers count to 1e-12, so that another machine's
-        sine gives the same hash.
-        """
+        names, loops and which drive terms are modelled. Inertial values, limits and the mechanism's name do not count.
+        Numbers of the tree count to 1e-12, so that another machine's sine gives the same hash."""
         content: list[object] = [_rounded(self.gravity), [_geometry(link) for link in self.links]]
         if self.drive_parameters:
             content.append([[i, kind.value] for i, kind in self.drive_parameters])

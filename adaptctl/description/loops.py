@@ -32,8 +32,8 @@ class Closure:
     """A loop closure, the joint that was cut to make a tree: a frame on one link coincides with a frame on another.
 
     `first` and `second` name the links, None being the ground; the frames are poses in their links, by default the
-    links' own frames. `kind` says what coincides, by default the origins. Raises `InputError` for a link closed onto
-    itself.
+    links' own frames. `kind` says what coincides: POINT, the default, the origins, AXIS, origins and z axes, WELD, the
+    whole poses. Raises `InputError` for a link closed onto itself.
     """
 
     name: str
@@ -76,9 +76,9 @@ class Coupling:
 class Condition:
     """A bound on where a mechanism may work: lower < sum of weight times primary coordinate < upper (rad or m).
 
-    `weights` go by joint name, joints not named having zero; an infinite bound, the default, bounds nothing. Sampling
-    and environments keep to it; the semi-direct-drive arm's 0.5236 < p2 - p3 < 2.618 is one. Raises `InputError` for no
-    weights, weights that are not finite, and unless lower < upper.
+    `weights`, without a unit, go by joint name, joints not named having zero; an infinite bound, the default, bounds
+    nothing. Sampling and environments keep to it; the semi-direct-drive arm's 0.5236 < p2 - p3 < 2.618 is one. Raises
+    `InputError` for no weights, weights that are not finite, and unless lower < upper.
     """
 
     name: str
@@ -150,7 +150,8 @@ class Loops:
                     raise NotFoundError(f"{where}: there is no {what} {name!r}; there are {', '.join(sorted(known))}")
 
     def plain(self) -> list[object]:
-        """The loops' contents that bear on motion, as lists of JSON's types, for hashing."""
+        """The loops' contents that bear on motion, primary joints, closures, couplings, conditions and reference, as
+        lists of JSON's types, for hashing."""
         closures = [
             [c.name, c.first, c.second, _plain(c.first_frame), _plain(c.second_frame), c.kind.value]
             for c in self.closures

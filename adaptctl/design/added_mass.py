@@ -23,10 +23,11 @@ class AddedMass:
     """The effect of a body added to a link on the energy, torques and essential parameters of an arm, over the states
     of a `task`.
 
-    `link` is the link's name, `body` what is fixed to it, placed in its frame, and `percent` the energy error (%) at
-    which components are counted. P counts ten parameters a link, about its frame's origin (kg, kg m, kg m^2), and rotor
-    inertias; friction is left out. `essential`, `components`, `changed` and `becomes_essential` raise `RankError` where
-    the mechanism's rank cannot be certified.
+    `link` is the link's name, `body` what is fixed to it, placed in its frame, and `percent` the error (%) of the total
+    energy, kinetic and potential, at which components are counted. Energies are root mean squares about their mean over
+    the states. P counts ten parameters a link, about its frame's origin (kg, kg m, kg m^2), and rotor inertias;
+    friction is left out. `essential`, `components`, `changed` and `becomes_essential` raise `RankError` where the
+    mechanism's rank cannot be certified.
     """
 
     task: DesignTask
@@ -37,59 +38,68 @@ class AddedMass:
 
     @cached_property
     def change(self) -> Array:
-        """The change of the inertial parameters (P,) by the body, SI units. Raises `InputError` for an unknown link and
-        where a number overflows."""
+        """The change of the inertial parameters (P,) by the body: of its link's m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy,
+        I_xz, I_yz, I_zz (kg, kg m, kg m^2), zero elsewhere. Raises `InputError` for an unknown link and where a number
+        overflows."""
         return change_of(self.task, self.link, self.body)
 
     @cached_property
     def parameters(self) -> Array:
-        """The inertial parameters (P,) with the body, SI units."""
+        """The inertial parameters (P,) with the body: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz of each
+        link (kg, kg m, kg m^2), then rotor inertias (kg m^2, or kg for a prismatic joint)."""
         return self.task.parameters + self.change
 
     @cached_property
     def essential(self) -> Array:
-        """The change's projection (P,) on the essential space, V1 V1' times it, in SI units: all of it that changes any
-        torque."""
+        """The projection V1 V1' change (P,), in SI units, of the inertial parameters' change on the essential space,
+        which V1 (P, k) spans: all of it that changes any torque. Raises `RankError` where the mechanism's rank cannot
+        be certified."""
         return self.task.space.project(self.change)
 
     @property
     def own_energy(self) -> float:
-        """Energy of the body alone, J: the root mean square about its mean over the task's states."""
+        """Energy of the body alone, kinetic and potential, J: the root mean square about its mean over the task's
+        states."""
         return self.task.cost("energy", self.change)
 
     @property
     def energy_change(self) -> float:
-        """Relative change of the energy that the arm carries, 0.1 for 10 % more: of its root mean square about its mean
-        over the states. Negative where the body balances the arm; infinite where the energy was zero."""
+        """Relative change of the arm's total energy, kinetic and potential, by the body, 0.1 for 10 % more: of its root
+        mean square about its mean over the states. Negative where the body balances the arm; infinite where the energy
+        was zero."""
         return self._change("energy")
 
     @property
     def torque_change(self) -> float:
-        """Relative change of the torques, 0.1 for 10 % more: of root mean squares over their limits, all joints
-        together. Infinite where the torques were zero."""
+        """Relative change of the torques by the body, 0.1 for 10 % more: of root mean squares over the states, as
+        shares of the joints' torque limits, all joints together. Infinite where the torques were zero."""
         return self._change("torque")
 
     @property
     def torques(self) -> Array:
-        """Root mean square torques (r,) with the body over the task's states, N m (N for a prismatic joint)."""
+        """Root mean square torques (r,) with the body over the task's states, N m (N for a prismatic joint), without
+        friction."""
         return self.task.torques(self.parameters)
 
     @property
     def components(self) -> int:
-        """Number of essential components that keep the energy to an error of `percent`, with the body."""
+        """Number of essential components that keep the energy, with the body, to an error of `percent` (%; Sheu and
+        Walker 1991, equation 23). Raises `RankError` where the mechanism's rank cannot be certified."""
         return self.task.components(self.percent, self.parameters)
 
     @cached_property
     def becomes_essential(self) -> tuple[str, ...]:
-        """Names of the fundamental parameters that are zero without the body and not with it; zero is a share of the
-        energy of at most 1e-6."""
+        """Names of the fundamental (minimal) parameters that count only with the body: their loss changes the root mean
+        square energy by more than a share of 1e-6 of it, and did not without the body. Raises `RankError` where the
+        mechanism's rank cannot be certified."""
         before = set(self.task.carried())
         return tuple(name for name in self.task.carried(self.parameters) if name not in before)
 
     @cached_property
     def changed(self) -> tuple[tuple[str, float], ...]:
-        """Pairs of a fundamental parameter that the body changes, by name, and its change in SI units (kg, kg m or kg
-        m^2); changes below 1e-9 of the greatest are left out."""
+        """Pairs (name, change) of the fundamental (minimal) parameters that the body changes, in SI units (kg, kg m or
+        kg m^2); changes below 1e-9 of the greatest change of a link's own parameter are left out. Raises `RankError`
+        where the mechanism's rank cannot be certified."""
         basis = self.task.basis
         changes = basis.regrouping @ self.change
         size = 1e-9 * float(np.abs(self.change).max(initial=0.0))
@@ -107,9 +117,10 @@ def added_mass(
     mass in kg.
 
     `place` (3,) is the body's centre of mass in the link's frame, m; by default (None) the payload's own `center`, the
-    frame's origin for a point. `percent` is the energy error (%) at which components are counted, by default 1. Raises
-    `InputError` for links that do not exist, masses and percentages below zero, places that are not three finite
-    numbers and tasks with constant energy, `RankError` where the mechanism's rank cannot be certified.
+    frame's origin for a point. `percent` is the error (%) of the energy, kinetic and potential, root mean square over
+    the states, at which components are counted, by default 1. Raises `InputError` for links that do not exist, masses
+    and percentages below zero, places that are not three finite numbers and tasks with constant energy, `RankError`
+    where the mechanism's rank cannot be certified.
     """
     loaded = Payload.of(body)
     if place is not None:

@@ -84,23 +84,24 @@ EVEN = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0])
 
 
 def ball_moment(mass: float, density: float) -> float:
-    """The moment of inertia (kg m^2) about its centre of a solid ball of a mass (kg) and a density (kg/m^3). Not
-    checked."""
+    """The moment of inertia (kg m^2) about its centre of a solid ball of a mass (kg) and a density (kg/m^3), 0 for an
+    infinite density. The numbers are not checked."""
     return float(0.4 * mass * (3.0 * mass / (4.0 * np.pi * density)) ** (2.0 / 3.0))
 
 
 def ball_tens(masses: ArrayLike, places: ArrayLike, density: float = np.inf) -> Array:
     """The ten inertial parameters (..., 10) of solid balls of masses (...), kg, with centres at places (..., 3), m, and
-    one density (kg/m^3): m, mc and I about the frame's origin, in kg, kg m and kg m^2. By default the density is
-    infinite: points. Not checked."""
+    one density (kg/m^3): m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz about the frame's origin, in kg, kg m
+    and kg m^2. By default the density is infinite: points. The numbers are not checked."""
     m, x = np.asarray(masses, dtype=np.float64), np.asarray(places, dtype=np.float64)
     own = 0.4 * m * (3.0 * m / (4.0 * np.pi * density)) ** (2.0 / 3.0)
     return np.asarray(m[..., None] * _per_mass(x) + own[..., None] * EVEN)
 
 
 def ball_tens_slopes(masses: Array, places: Array, density: float) -> Array:
-    """Derivatives (..., 10, 4) of `ball_tens` by the mass (per kg) and the three coordinates (per m), for masses (...),
-    kg, places (..., 3), m, and one density (kg/m^3). Not checked."""
+    """Derivatives (..., 10, 4) of `ball_tens`, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg
+    m^2), by the mass (per kg) and the three coordinates (per m), for masses (...), kg, places (..., 3), m, and one
+    density (kg/m^3). The numbers are not checked."""
     own = (2.0 / 3.0) * (3.0 * masses / (4.0 * np.pi * density)) ** (2.0 / 3.0)
     with_mass = _per_mass(places) + own[..., None] * EVEN
     slopes = [with_mass]

@@ -54,11 +54,13 @@ def read_denavit_hartenberg(path: str | Path) -> Description:
     """The description of the serial chain that a TOML file gives by Denavit-Hartenberg parameters (m, rad), named after
     the file unless it says otherwise.
 
-    ``convention = "standard"`` puts a link's frame at its far end: Rz(theta) Tz(d) Tx(a) Rx(alpha) leads from the link
-    before (Denavit and Hartenberg 1955). ``"modified"`` puts it at its joint: Rx(alpha) Tx(a) Rz(theta) Tz(d), a and
-    alpha being those before the joint (Craig 1986). Raises FileError for a file that cannot be read and, naming the
-    element, for wrong contents. Warns (SimplificationWarning) of angles that look like degrees and of links that move
-    without mass and carry none.
+    The file has ``schema = "adaptctl/denavit-hartenberg/1"``, a convention, and ``[[links]]`` with a, d, alpha and
+    theta (or alpha_deg, theta_deg), the joint's type and limits, the inertia and the drive; of a link only alpha must
+    be given. ``convention = "standard"`` puts a link's frame at its far end: Rz(theta) Tz(d) Tx(a) Rx(alpha) leads from
+    the link before (Denavit and Hartenberg 1955). ``"modified"`` puts it at its joint: Rx(alpha) Tx(a) Rz(theta) Tz(d),
+    a and alpha being those before the joint (Craig 1986). Raises FileError for a file that cannot be read and, naming
+    the element, for wrong contents. Warns (SimplificationWarning) of angles that look like degrees and of links that
+    move without mass and carry none.
     """
     chain = read_toml(path, Chain)
     try:

@@ -73,14 +73,15 @@ def read(
     mesh_folders: Sequence[str | Path] = (),
     root: str | None = None,
 ) -> Description:
-    """The description of a built-in's name or of a file, which is read by its suffix; of an MJCF scene, that of the
-    body `root` and all on it, None being the one root body that moves.
+    """The description of a built-in's name or of a file, which is read by its suffix, .toml, .urdf, .xml or .mjcf
+    (MJCF); of an MJCF scene, that of the body `root` and all on it, None being the one root body that moves.
 
     With `floating_base`, a URDF file's root link floats instead of being fixed to the ground (`floating`); its meshes
-    are shown from its package and from `mesh_folders`. With `snap`, angles within 1e-3 rad of right ones are made exact
-    (`snapped`). Raises NotFoundError for a name that is neither, FileError for a file that cannot be used, InputError
-    for a floating base of what is no URDF file or a root of what is no MJCF file. Warns (PhysicalConsistencyWarning) of
-    links that no rigid body can be, and as the file's reader does (SimplificationWarning).
+    are shown from its package and from `mesh_folders`, by default none. With `snap`, angles within 1e-3 rad of right
+    ones are made exact (`snapped`). Raises NotFoundError for a name that is neither, FileError for a file that cannot
+    be used, InputError for a floating base of what is no URDF file or a root of what is no MJCF file. Warns
+    (PhysicalConsistencyWarning) of links that no rigid body can be, and as the file's reader does
+    (SimplificationWarning).
     """
     if floating_base and Path(source).suffix.lower() != ".urdf":
         raise InputError(f"{source}: only a URDF file, which has a root link, can be given a floating base")

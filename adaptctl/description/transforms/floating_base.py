@@ -24,12 +24,14 @@ JOINTS = (
 
 
 def with_floating_base(description: Description, name: str, inertia: ArrayLike) -> Description:
-    """The same mechanism on a body that floats instead of on the ground; `inertia` holds the body's ten inertial
-    parameters (10,) (kg, kg m, kg m^2), in the frame the ground had.
+    """The same mechanism on a body that floats instead of on the ground; `inertia` (10,) holds the body's m, mc_x,
+    mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2), about the origin of the frame the ground had and
+    along its axes.
 
-    `name` is the body's, and its six joints are ``name_x`` to ``name_roll``. What was closed onto the ground is closed
-    onto the body. See `floating`. Raises `InputError` for an inertia of another shape or not finite, and for a name
-    that is taken.
+    `name` is the body's, and its six joints are, from the ground, the slides ``name_x``, ``name_y`` and ``name_z`` (m)
+    and the hinges ``name_yaw``, ``name_pitch`` and ``name_roll`` (rad), the first coordinates of p. What was closed
+    onto the ground is closed onto the body. See `floating`. Raises `InputError` for an inertia of another shape, not
+    finite or above 1e20, and for a name that is empty or taken.
     """
     links, loops = floating(description.links, name, inertia), description.loops
     if loops is not None:

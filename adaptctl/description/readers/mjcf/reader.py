@@ -68,8 +68,9 @@ def read_mjcf(path: str | Path, *, root: str | None = None) -> Description:
     become the joint's drive; where they are zero they are not modelled. Efforts are the actuators' limits. A free joint
     becomes three slides and three hinges (see `floating`), primary too. Raises FileError for a file that cannot be read
     and, naming the element, for whatever moves otherwise than is read here, ball joints and more than one root body
-    that moves among it. Warns (SimplificationWarning) of springs, tendons and gravity compensation, which are left out,
-    and of angles that look like degrees.
+    that moves among it, and for a `root` that is no such body. Warns (SimplificationWarning) of springs, tendons and
+    gravity compensation, which are left out, of actuators that command no torque, of angles that look like degrees, and
+    of links that move without mass and carry none.
     """
     try:
         scene = included(parsed(read_text(path), "mujoco"), path)
