@@ -69,10 +69,16 @@ def nearest_consistent(model: ReducedModel, beta: ArrayLike, prior: ArrayLike | 
     inertia and friction stay positive.
 
     A semidefinite programme of 10 unknowns a link. Raises `MissingExtraError` without cvxpy and Clarabel (the extra
-    `consistency`), `InputError` on wrong shapes, for numbers that are not finite and for a prior that no rigid bodies
-    have, or with rotor inertia or friction that is not positive, `AdaptctlError` where the programme ends without a
-    solution.
+    `consistency`), `InputError` for a mechanism whose constraints take parameters away, on wrong shapes, for numbers
+    that are not finite and for a prior that no rigid bodies have, or with rotor inertia or friction that is not
+    positive, `AdaptctlError` where the programme ends without a solution.
     """
+    given, every = len(model.mechanism.parameter_names), len(model.mechanism.description.parameter_names)
+    if given != every:
+        raise InputError(
+            f"{model.mechanism.name}: expected a mechanism without constraints, with ten parameters a link, got "
+            f"{given} of {every} parameters: make the model of its `unconstrained`"
+        )
     wanted = frozen_array(beta, (len(model.columns),), "fundamental parameters")
     own = model.mechanism.inertial_parameters
     known = frozen_array(own if prior is None else prior, own.shape, "prior")

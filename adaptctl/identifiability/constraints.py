@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, numbers
+from adaptctl.arrays import Array, numbers, real_number
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.constrained_mechanism import ConstrainedMechanism, Parametrisation
 from adaptctl.errors import FileError, InputError, NotFoundError
@@ -36,7 +36,7 @@ class Relation:
     """A linear relation among inertial parameters: sum of weight times parameter = `value`, in SI units.
 
     `weights` are by parameter name, such as ``link4.m``, `value` is zero unless given; `name` is what messages call the
-    relation, its terms where empty. Raises `InputError` for weights that are all zero and for numbers that are not
+    relation, its terms where empty. Raises `InputError` for weights that are all zero and for what is no number or not
     finite.
     """
 
@@ -45,9 +45,11 @@ class Relation:
     name: str = ""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "weights", MappingProxyType(dict(self.weights)))
-        numbers = [*self.weights.values(), self.value]
-        if not any(self.weights.values()) or not all(np.isfinite(number) for number in numbers):
+        what = f"relation {self.name!r}" if self.name else "relation"
+        weights = {name: real_number(weight, f"{what}: weight of {name!r}") for name, weight in self.weights.items()}
+        object.__setattr__(self, "weights", MappingProxyType(weights))
+        object.__setattr__(self, "value", real_number(self.value, f"{what}: value"))
+        if not any(weights.values()) or not np.isfinite([*weights.values(), self.value]).all():
             raise InputError(f"{self}: expected finite weights, one of them at least not zero, and a finite value")
 
     def __str__(self) -> str:
@@ -72,11 +74,14 @@ class Constraints:
         """The constraints matrix D = values, a relation for each of m rows, among n parameters D of these `names`.
 
         `matrix` is (m, n), or (n,) for one row; `values` (m,), None for zeros; D in SI units; `names` (n), each once,
-        such as ``link4.m``. Raises `InputError` for other shapes, numbers that are not finite, and a row of zeros.
+        such as ``link4.m``. Raises `InputError` for other shapes, names given twice, numbers that are not finite, and a
+        row of zeros.
         """
         rows = np.atleast_2d(numbers(matrix, "relations: matrix"))
         right = np.zeros(len(rows)) if values is None else numbers(values, "relations: values")
-        if rows.shape[1] != len(names) or right.shape != (len(rows),):
+        if twice := [name for name in names if list(names).count(name) > 1]:
+            raise InputError(f"relations: names: expected each once, got {twice[0]!r} more often")
+        if rows.shape[1:] != (len(names),) or right.shape != (len(rows),):
             raise InputError(
                 f"relations: expected a matrix (m, {len(names)}) and values (m,), got {rows.shape} and {right.shape}"
             )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, checked, frozen_array
+from adaptctl.arrays import Array, checked, frozen_array, whole_number
 from adaptctl.caching import cached_property
 from adaptctl.compilation.result_cache import kept
 from adaptctl.dynamics import Mechanism
@@ -169,19 +169,21 @@ def essential_space(
     """The essential parameter space of a mechanism: the k directions of its P parameters (all but friction) that change
     energies and torques.
 
-    By the method "svd" it comes from energies at random states, drawn by `seed`; `samples` is their number, at least
-    2 P, 2 P + 1 where None. By "transfers", for trees alone, its null space follows from the geometry, joint by joint,
-    in time that grows with the number of links, and it is checked against sampled energies. "automatic" takes transfers
-    for trees of a hundred parameters or more if their rank can be certified so, and else "svd". With `states`, the
-    singular values and their vectors V1 (P, k) are those of the given states' energies, so that model reduction holds
-    for them; None takes the random ones; the rank k and the null vectors V2 (P, P-k), which are the mechanism's own, do
-    not depend on them. With `prove` the rank is also computed on exact geometry; where None, if that takes
-    milliseconds, that is, unless loops are closed; False leaves it out. Where angles or lengths are nearly, but not
-    exactly, special, and the rank is another one if they are meant to be, it is refused ("refuse"), unless `near` is
-    "as_is", when it is that of the geometry as it stands, or `prove` is False. Raises `RankError`, with the singular
-    values, when the rank cannot be certified or is refused, and `InputError` for a method that is unknown or not for
-    this mechanism, for another `near`, for too few samples, and for states of another number of joints.
+    By the method "svd" it comes from energies at random states, drawn by `seed` (0 to 2^32 - 1); `samples` is their
+    number, at least 2 P, 2 P + 1 where None. By "transfers", for trees alone, its null space follows from the geometry,
+    joint by joint, in time that grows with the number of links, and it is checked against sampled energies. "automatic"
+    takes transfers for trees of a hundred parameters or more if their rank can be certified so, and else "svd". With
+    `states`, the singular values and their vectors V1 (P, k) are those of the given states' energies, so that model
+    reduction holds for them; None takes the random ones; the rank k and the null vectors V2 (P, P-k), which are the
+    mechanism's own, do not depend on them. With `prove` the rank is also computed on exact geometry; where None, if
+    that takes milliseconds, that is, unless loops are closed; False leaves it out. Where angles or lengths are nearly,
+    but not exactly, special, and the rank is another one if they are meant to be, it is refused ("refuse"), unless
+    `near` is "as_is", when it is that of the geometry as it stands, or `prove` is False. Raises `RankError`, with the
+    singular values, when the rank cannot be certified or is refused, and `InputError` for a method that is unknown or
+    not for this mechanism, for another `near` or `seed`, for too few samples, and for states of another number of
+    joints.
     """
+    seed = whole_number(seed, "seed", 0, 2**32 - 1)
     given = None if states is None else partial(_same, _triangle(mechanism, states))
     search = Search(mechanism, method, near, prove, _sample_count(samples, mechanism.energetic), seed)
     inputs, kind = search.inputs, tuple[Certificate, str]

@@ -10,7 +10,7 @@ from typing import Literal
 import msgspec
 
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import FileError, InputError, NotFoundError
+from adaptctl.errors import FileError, InputError, NotFoundError, printable
 from adaptctl.files import read_toml
 from adaptctl.identifiability.energetic_names import energetic_names
 
@@ -81,7 +81,8 @@ class Priority:
         """Indices (P,) of the parameters in the order of removal, the first removed first: places in `parameter_names`,
         all P of them without friction.
 
-        Raises `NotFoundError` for names of the priority that are not among them, `InputError` for those given twice.
+        Raises `NotFoundError` for names of the priority that are not among them, `InputError` for those given twice,
+        and where one of `parameter_names` is friction or anything else but an inertial parameter or a rotor inertia.
         """
         named = (*self.order, *self.keep)
         _require_known(named, parameter_names, "parameter")
@@ -163,6 +164,12 @@ def _kinds(given: Iterable[str]) -> list[str]:
 def _default_order(parameter_names: Sequence[str]) -> tuple[str, ...]:
     """Kind by kind, rotors last; a stable sort keeps the links in their order."""
     kinds = (*KINDS, "rotor_inertia")
+    for name in parameter_names:
+        if name.rpartition(".")[2] not in kinds:
+            raise InputError(
+                f"parameter_names: {printable(repr(name))}: expected an inertial parameter, such as 'link1.m', or a "
+                "rotor inertia"
+            )
     return tuple(sorted(parameter_names, key=lambda name: kinds.index(name.rpartition(".")[2])))
 
 

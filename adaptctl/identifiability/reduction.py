@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen_array
+from adaptctl.arrays import Array, frozen_array, whole_number
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identifiability.essential_space import EssentialSpace
@@ -48,7 +48,7 @@ class Reduction:
         """Reduced parameters (P,) in SI units, without friction, the paper's D_E with a hat: the sum of the first
         `components` components, of all that are `kept` where None.
 
-        Raises `InputError` for a number that is not in 0..k.
+        Raises `InputError` for what is no whole number in 0..k.
         """
         count = self.kept if components is None else _checked_count(components, len(self.weights))
         return self.components[:count].sum(axis=0)
@@ -68,7 +68,8 @@ def reduce(
     the root of the summed squares of the errors in the energy differences between successive samples of the space's
     `states`, in percent of that of these differences themselves (equation 22 of Sheu and Walker 1991). Raises
     `InputError` unless one of the two is given, the other None, where it is out of range (`energy_error` below 0 or not
-    finite), and for parameters of a wrong shape, not finite, or without energy differences between the states.
+    finite) or `components` no whole number, and for parameters of a wrong shape, not finite, or without energy
+    differences between the states.
     """
     if (energy_error is None) == (components is None):
         raise InputError("give one of energy_error, in percent, and components, a number")
@@ -105,6 +106,6 @@ def _enough(errors: Array, energy_error: float) -> int:
 
 
 def _checked_count(count: int | None, most: int) -> int:
-    if count is None or not 0 <= count <= most:
+    if isinstance(count, int | np.integer) and not 0 <= count <= most:
         raise InputError(f"components: expected 0..{most}, got {count}")
-    return count
+    return whole_number(count, "components", 0, most)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
-from adaptctl.arrays import Array, checked
+from adaptctl.arrays import Array, checked, whole_number
 from adaptctl.description import GROUND
 from adaptctl.description.description import STANDARD_GRAVITY
 from adaptctl.description.pose import Pose
@@ -47,9 +48,9 @@ class States:
 
     def parts(self, most: int) -> Iterator[States]:
         """The same states in parts, one after another, of `most` states each (2 or more), the last of fewer, or of one
-        more rather than leave a single state over. Raises `InputError` for a `most` of 1."""
-        for begin, end in _spans(len(self), most):
-            yield States(self.p[begin:end], self.v[begin:end], self.origin)
+        more rather than leave a single state over. Raises `InputError` for any other `most`."""
+        spans = _spans(len(self), whole_number(most, "parts: most", 2, sys.maxsize))
+        return (States(self.p[begin:end], self.v[begin:end], self.origin) for begin, end in spans)
 
 
 def characteristic_length(mechanism: Mechanism) -> float:
@@ -82,6 +83,7 @@ def random_states(mechanism: Mechanism, samples: int, generator: np.random.Gener
     would only make the same rank harder to see. Joints that move a loop are kept on the reference's branch, within
     limits and away from singularity: beyond, another branch may have another rank.
     """
+    samples = whole_number(samples, "samples", 2, sys.maxsize)
     length, turns = characteristic_length(mechanism), _turns(mechanism)
     p = generator.uniform(-1.0, 1.0, (samples, mechanism.dof)) * np.where(turns, np.pi, length)
     p = positions_on_branch(mechanism, p, generator)
@@ -133,9 +135,11 @@ def states_within_limits(mechanism: Mechanism, samples: int, seed: int = 0) -> S
     from its other limit; where its velocity has none, sqrt(g/L) in rad/s (times L in m/s) does. L is the largest
     distance (m) from a joint to the next, or to its link's frame, 1 m where there is none; g the gravity (m/s^2), the
     standard one where there is none. Of a mechanism with loops, positions are kept that it can reach within its
-    conditions and all its joints' limits. Raises `InputError` when hardly any are, and for fewer than two samples.
+    conditions and all its joints' limits. Raises `InputError` when hardly any are, for fewer than two samples, and for
+    a seed that is not a whole number from 0 to 2^32 - 1.
     """
-    generator = np.random.default_rng(seed)
+    samples = whole_number(samples, "samples", 2, sys.maxsize)
+    generator = np.random.default_rng(whole_number(seed, "seed", 0, 2**32 - 1))
     length, turns = characteristic_length(mechanism), _turns(mechanism)
     limits = [joint.limits for joint in mechanism.primary_joints]
     reach = np.where(turns, np.pi, length)

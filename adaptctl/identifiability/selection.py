@@ -13,7 +13,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, real_number
 from adaptctl.errors import InputError
 
 TOLERANCE = 1e-3
@@ -27,7 +27,7 @@ CLEAR = 1e-8
 def require_tolerance(tolerance: float, parameters: int) -> None:
     """Raise `InputError` for a tolerance that could not find all of P - k rows: it must be below 1/sqrt(P)."""
     most = 1.0 / np.sqrt(max(parameters, 1))
-    if not 0.0 < tolerance < most:
+    if not 0.0 < real_number(tolerance, "tolerance") < most:
         raise InputError(f"tolerance: expected a number between 0 and {most:.2g}, got {tolerance:g}")
 
 

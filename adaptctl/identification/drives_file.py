@@ -9,8 +9,9 @@ from typing import Annotated, Literal
 
 import msgspec
 import numpy as np
+from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen_array
+from adaptctl.arrays import Array, checked, frozen_array
 from adaptctl.caching import cached_property
 from adaptctl.description.drive import Drive
 from adaptctl.description.readers.entries import MAX_ENTRIES, Name, Tensor, Triple
@@ -76,7 +77,8 @@ class Drives:
     names of each motor's columns in a log (position, torque, velocity), and its torque constant in N m a unit of its
     torque column, `time` is the name of the log's column of time, `units` are the factors from the columns' units to
     SI units, `payloads` known bodies (mass, kg, centre of mass, m, inertia, kg m^2) that a link holds throughout one
-    log, none unless given, and `source` is where the numbers come from, in words. `read_drives` checks them.
+    log, none unless given, and `source` is where the numbers come from, in words. Raises `InputError` for another
+    number of motors, arrays of another shape, and numbers that are not finite; `read_drives` checks the rest.
     """
 
     joints: tuple[str, ...]
@@ -90,18 +92,28 @@ class Drives:
     payloads: tuple[PayloadEntry, ...] = ()
     source: str = ""
 
-    def position(self, motor: Array) -> Array:
-        """Joint positions (..., r), rad (m), of motor positions (..., r), rad (m): transmission^-1 motor + offsets."""
-        return motor @ self._inverse.T + self.offsets
+    def __post_init__(self) -> None:
+        r = len(self.joints)
+        if len(self.motors) != r:
+            raise InputError(f"drives: motors: expected one for each of {r} joints, got {len(self.motors)}")
+        transmission = frozen_array(self.transmission, (r, r), "drives: transmission")
+        object.__setattr__(self, "transmission", transmission)
+        object.__setattr__(self, "offsets", frozen_array(self.offsets, (r,), "drives: offsets"))
 
-    def velocity(self, motor: Array) -> Array:
-        """Joint velocities (..., r), rad/s (m/s), of motor velocities (..., r), rad/s (m/s): transmission^-1 motor."""
-        return motor @ self._inverse.T
+    def position(self, motor: ArrayLike) -> Array:
+        """Joint positions (..., r), rad (m), of motor positions (..., r), rad (m): transmission^-1 motor + offsets.
+        Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
+        return checked(motor, len(self.joints), "drives: positions") @ self._inverse.T + self.offsets
 
-    def torque(self, motor: Array) -> Array:
+    def velocity(self, motor: ArrayLike) -> Array:
+        """Joint velocities (..., r), rad/s (m/s), of motor velocities (..., r), rad/s (m/s): transmission^-1 motor.
+        Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
+        return checked(motor, len(self.joints), "drives: velocities") @ self._inverse.T
+
+    def torque(self, motor: ArrayLike) -> Array:
         """Joint torques (..., r), N m (N for a prismatic joint), of motor torques (..., r), N m (N): transmission'
-        motor."""
-        return motor @ self.transmission
+        motor. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
+        return checked(motor, len(self.joints), "drives: torques") @ self.transmission
 
     @cached_property
     def _inverse(self) -> Array:
@@ -123,12 +135,11 @@ class Drives:
                 f"the drives are of joints {', '.join(self.joints)}; {mechanism.name} has {', '.join(names)}"
             )
         order = [self.joints.index(name) for name in names]
-        rows = order if len(self.motors) == len(order) else list(range(len(self.motors)))
         return Drives(
             tuple(names),
-            frozen_array(self.transmission[np.ix_(rows, order)], (len(rows), len(order)), "transmission"),
-            frozen_array(self.offsets[order], (len(order),), "joint offsets"),
-            tuple(self.motors[i] for i in rows),
+            self.transmission[np.ix_(order, order)],
+            self.offsets[order],
+            tuple(self.motors[i] for i in order),
             self.time,
             self.units,
             self.payloads,

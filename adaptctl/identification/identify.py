@@ -113,7 +113,9 @@ class Identification:
     def adaptation_gain(self, rate: float = 0.6) -> Array:
         """Diagonal (k,) of an adaptive controller's gain Gamma, as in estimate' = -Gamma Y' s with the regressor Y and
         the velocity error s, in units of the parameters squared per J: `rate` (1/J, larger adapts faster) times the
-        square of each parameter's prior range (`prior_ranges`), taken as at least 1e-9 of the greatest number."""
+        square of each parameter's prior range (`prior_ranges`), taken as at least 1e-9 of the greatest number. Raises
+        `InputError` for a rate that is not positive and finite."""
+        rate = positive_number(rate, "adaptation gain: rate: expected a positive number")
         return rate * np.maximum(self.prior_ranges, 1e-9 * np.max(self.prior_ranges)) ** 2
 
     @property

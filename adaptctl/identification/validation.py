@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 
 import numpy as np
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, whole_number
 from adaptctl.caching import cached_property
 from adaptctl.identification.filtered_dynamics import Rows
 
@@ -57,11 +58,14 @@ class Validation:
 
     def autocorrelation(self, lags: int = 50) -> Array:
         """Autocorrelation (lags + 1, r) of the torque errors less their means, without a unit, at 0 to `lags` rows
-        apart (at least 0; n - 1 of the n rows is the most): 1 at lag 0, and for white errors about zero after it."""
-        centred = self.error - self.error.mean(axis=0)
+        apart (at least 0; n - 1 of the n rows is the most): 1 at lag 0, and for white errors about zero after it, as
+        for a joint's errors that are all the same. Raises `InputError` for other lags."""
+        count = min(whole_number(lags, "lags", 0, sys.maxsize), len(self.error) - 1)
+        centred = np.where(np.ptp(self.error, axis=0) > 0.0, self.error - self.error.mean(axis=0), 0.0)
         whole = np.square(centred).sum(axis=0)
-        count = min(lags, len(centred) - 1)
-        return np.stack([(centred[: len(centred) - k] * centred[k:]).sum(axis=0) / whole for k in range(count + 1)])
+        whole[whole == 0.0] = 1.0
+        later = [(centred[: len(centred) - k] * centred[k:]).sum(axis=0) / whole for k in range(1, count + 1)]
+        return np.stack([np.ones(len(whole)), *later])
 
 
 def predicted_torques(rows: Rows, x: Array, load: Array | None) -> Array:

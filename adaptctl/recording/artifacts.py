@@ -38,7 +38,7 @@ def write_artifacts(folder: str | Path, comparison: Comparison, progress: Progre
 
     The files are recording.rrd, summary.json, trace.parquet and report.html, figures are in the folder `figures`; each
     is written whole or not at all. `progress(what, share)` is called with what is being written, and the share of the
-    whole that is done, 0 to 1; nothing is shown unless given. Raises `FileError` where a file cannot be written or the
+    whole that is done, 0 to 1; nothing is shown unless given. Raises `FileError` where a file cannot be written or a
     folder cannot be made.
     """
     from adaptctl.recording.figures import write_figures
@@ -48,17 +48,17 @@ def write_artifacts(folder: str | Path, comparison: Comparison, progress: Progre
     from adaptctl.recording.trace import write_trace
 
     path = Path(folder)
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FileError(f"{path}: the folder cannot be made ({reason(error)})") from error
+    for place in (path, path / FIGURES):
+        try:
+            place.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise FileError(f"{place}: the folder cannot be made ({reason(error)})") from error
     progress("summary", 0.0)
     write_summary(path / SUMMARY, comparison)
     write_trace(path / TRACE, comparison)
     progress("recording", 0.1)
     write_recording(path / RECORDING, comparison)
     progress("figures", 0.3)
-    (path / FIGURES).mkdir(exist_ok=True)
     figures = write_figures(path / FIGURES, comparison)
     progress("report", 0.95)
     write_report(path / REPORT, comparison, figures)

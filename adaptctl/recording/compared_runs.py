@@ -37,13 +37,16 @@ def compared_runs(
     for all, N m (N for a prismatic joint), None for the mechanism's effort limits, and where a joint has none four
     times its largest torque in random states, at least 1. Unless `truth_known`, the mechanism's parameters are not
     taken for those of the arm: recording and report show estimates without true values. Raises `InputError` without a
-    run, where the first has no samples or a run other joints, where the first's estimates are neither of as many
-    parameters as the basis and friction have nor none, for a basis of another mechanism, and for limits of another
-    shape (`NonFiniteError` for NaN); `NotFoundError` for a label that no run has; `RankError` where the mechanism's
-    rank cannot be certified.
+    run, where a run has no samples or other joints, where the first's estimates are neither of as many parameters as
+    the basis and friction have nor none, for a basis of another mechanism, and for limits of another shape
+    (`NonFiniteError` for NaN); `NotFoundError` for a label that no run has; `RankError` where the mechanism's rank
+    cannot be certified.
     """
     if not runs:
         raise InputError("compared_runs: expected at least one run")
+    for label, rollout in runs.items():
+        if not len(rollout.time):
+            raise InputError(f"run {label!r}: expected at least one sample, got none")
     if adaptation_off is not None and adaptation_off not in runs:
         raise NotFoundError(f"adaptation_off: there is no run {adaptation_off!r}; runs: {', '.join(runs)}")
     space = essential_space(mechanism)

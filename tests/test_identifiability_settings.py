@@ -1,0 +1,184 @@
+"""Settings of identifiability, identification and recording that cannot be are refused in a line that names them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from sampled_loops import arm, full
+from test_own_runs import motion
+
+import adaptctl
+from adaptctl.arrays import Array
+from adaptctl.errors import FileError, InputError, NonFiniteError
+from adaptctl.identifiability import (
+    Constraints,
+    EssentialSpace,
+    Priority,
+    ReducedModel,
+    Relation,
+    constrained,
+    essential_space,
+    fundamental_basis,
+    nearest_consistent,
+    random_states,
+    reduce,
+)
+from adaptctl.identifiability.sampling import States, states_within_limits
+from adaptctl.identification.drives_file import Drives, MotorEntry
+from adaptctl.identification.identify import Identification
+from adaptctl.identification.units import Units
+from adaptctl.identification.validation import Validation
+from adaptctl.recording import compared_runs, write_artifacts
+
+TEXT = cast(Any, "a")
+PAIR = ["link1.m", "link2.m"]
+GENERATOR = np.random.default_rng(0)
+
+
+def puma() -> adaptctl.Mechanism:
+    return arm("puma560_arm3")
+
+
+def space() -> EssentialSpace:
+    return essential_space(puma())
+
+
+def states(samples: int = 5) -> States:
+    return States(np.zeros((samples, 3)), np.zeros((samples, 3)), "here")
+
+
+def drives(**given: Any) -> Drives:
+    motors = tuple(MotorEntry(name=name, position=f"p.{name}", torque=f"tau.{name}") for name in "ab")
+    own = {"joints": ("a", "b"), "transmission": np.array([[2.0, 0.0], [1.0, 4.0]]), "offsets": np.array([0.5, 0.0])}
+    return Drives(**{**own, "motors": motors, "time": "time", "units": Units(1.0, 1.0, 1.0), **given})
+
+
+def validation(error: Array) -> Validation:
+    return Validation("made", 5.0, np.arange(0.0, len(error)), np.ones(error.shape), 1.0 + error)
+
+
+def identified() -> Identification:
+    """An identification of which only deviations and model are known."""
+    model = full("puma560_arm3")
+    blank: dict[str, Any] = dict.fromkeys(Identification.__dataclass_fields__)
+    return Identification(**{**blank, "model": model, "deviations": np.ones(len(model.names))})
+
+
+def without_one(model: str) -> ReducedModel:
+    return ReducedModel.full(constrained(arm(model), Constraints({"link1.m": 1.0})))
+
+
+def runs(**second: Array) -> Mapping[str, adaptctl.Rollout]:
+    given = {**motion(2), "control_period": 1e-3}
+    return {name: adaptctl.Rollout.from_arrays(**{**given, **more}) for name, more in (("one", {}), ("two", second))}
+
+
+def two_link() -> adaptctl.Mechanism:
+    return adaptctl.load("docs/examples/two_link.toml")
+
+
+def run_and_nothing() -> Mapping[str, adaptctl.Rollout]:
+    one = runs()["one"]
+    none: dict[str, Any] = {name: value[:0] for name, value in vars(one).items() if isinstance(value, np.ndarray)}
+    return {"one": one, "two": replace(one, **none)}
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: Priority().indices(["link1.m", "joint1.viscous"]), "'joint1.viscous': expected an inertial parameter"),
+        (lambda: Priority().indices(["elbow"]), "'elbow': expected an inertial parameter"),
+        (lambda: Constraints.of([1.0, 2.0], ["link1.m"] * 2), "names: expected each once, got 'link1.m' more often"),
+        (lambda: Constraints.of(np.ones((1, 2, 2)), PAIR), r"expected a matrix \(m, 2\) .*, got \(1, 2, 2\)"),
+        (lambda: Relation({"link1.m": TEXT}), "relation: weight of 'link1.m': expected a number, got 'a'"),
+        (lambda: Relation({"link1.m": cast(Any, [1.0, 2.0])}), "relation: weight of 'link1.m': expected a number"),
+        (lambda: Relation({"link1.m": 1.0}, TEXT), "relation: value: expected a number, got 'a'"),
+        (lambda: Relation({"link1.m": 1.0}, TEXT, "fork"), "relation 'fork': value: expected a number, got 'a'"),
+        (lambda: essential_space(puma(), seed=-1), "seed: expected a whole number from 0 to .*, got -1"),
+        (lambda: essential_space(puma(), seed=cast(Any, 0.5)), "seed: expected a whole number"),
+        (lambda: random_states(puma(), -3, GENERATOR), "samples: expected a whole number from 2 to .*, got -3"),
+        (lambda: random_states(puma(), cast(Any, 5.5), GENERATOR), "samples: expected a whole number"),
+        (lambda: states_within_limits(puma(), -3), "samples: expected a whole number from 2 to .*, got -3"),
+        (lambda: states_within_limits(puma(), 5, seed=-1), "seed: expected a whole number from 0 to .*, got -1"),
+        (lambda: states().parts(0), "parts: most: expected a whole number from 2 to .*, got 0"),
+        (lambda: states().parts(-2), "parts: most: expected a whole number"),
+        (lambda: states(2).parts(1), "parts: most: expected a whole number"),
+        (
+            lambda: reduce(space(), puma(), components=cast(Any, 2.5)),
+            "components: expected a whole number from 0 to .*, got 2.5",
+        ),
+        (
+            lambda: reduce(space(), puma(), components=2).parameters(cast(Any, 1.5)),
+            "components: expected a whole number from 0 to .*, got 1.5",
+        ),
+        (lambda: fundamental_basis(space(), tolerance=TEXT), "tolerance: expected a number, got 'a'"),
+        (lambda: validation(np.eye(4)).autocorrelation(-1), "lags: expected a whole number from 0 to .*, got -1"),
+        (lambda: validation(np.eye(4)).autocorrelation(cast(Any, 1.5)), "lags: expected a whole number"),
+        (
+            lambda: nearest_consistent(without_one("puma560_arm3"), np.ones(29)),
+            "puma560_arm3: expected a mechanism without constraints, .*, got 29 of 30 parameters",
+        ),
+        (lambda: compared_runs(two_link(), run_and_nothing()), "run 'two': expected at least one sample, got none"),
+        (lambda: drives(transmission=np.eye(3)), r"drives: transmission: expected shape \(2, 2\), got \(3, 3\)"),
+        (lambda: drives(transmission=TEXT), "drives: transmission: expected numbers"),
+        (lambda: drives(offsets=0.0), r"drives: offsets: expected shape \(2,\), got \(\)"),
+        (lambda: drives(motors=()), "drives: motors: expected one for each of 2 joints, got 0"),
+        (lambda: drives().position(np.zeros(3)), r"drives: positions: expected shape \(..., 2\), got \(3,\)"),
+        (lambda: drives().velocity(TEXT), "drives: velocities: expected numbers"),
+        (lambda: drives().torque(np.zeros((2, 1))), r"drives: torques: expected shape \(..., 2\), got \(2, 1\)"),
+        (lambda: identified().adaptation_gain(-1.0), "adaptation gain: rate: expected a positive number, got -1.0"),
+        (lambda: identified().adaptation_gain(np.inf), "adaptation gain: rate: expected a positive number, got inf"),
+        (lambda: identified().adaptation_gain(TEXT), "adaptation gain: rate: expected a positive number, got 'a'"),
+    ],
+)
+def test_settings_that_cannot_be_are_refused(make: Callable[[], object], says: str) -> None:
+    with pytest.raises(InputError, match=says) as refused:
+        make()
+    assert "\n" not in str(refused.value)
+
+
+def test_motors_whose_numbers_are_not_finite_are_refused() -> None:
+    with pytest.raises(NonFiniteError, match="drives: positions: expected finite numbers, got nan"):
+        drives().position([0.0, np.nan])
+
+
+def test_drives_take_lists_and_turn_back_what_they_turn() -> None:
+    p, v, tau = np.random.default_rng(0).normal(size=(3, 5, 2))
+    of_lists, T = drives(transmission=[[2.0, 0.0], [1.0, 4.0]], offsets=[0.5, 0.0]), drives().transmission
+    np.testing.assert_allclose(of_lists.position((p - drives().offsets) @ T.T), p, rtol=0.0, atol=1e-15)
+    np.testing.assert_allclose(of_lists.velocity(v @ T.T), v, rtol=0.0, atol=1e-15)
+    np.testing.assert_array_equal(of_lists.torque(tau.tolist()), tau @ T)
+
+
+@pytest.mark.parametrize("value", [0.0, 0.1, -1e3])
+def test_an_error_that_never_changes_goes_with_none_of_its_later_ones(value: float) -> None:
+    errors = np.random.default_rng(0).normal(size=(20, 2))
+    errors[:, 0] = value
+    found = validation(errors).autocorrelation(5)
+    np.testing.assert_array_equal(found[:, 0], [1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    assert np.isfinite(found).all()
+    assert found[0, 1] == 1.0
+    assert found[1:, 1].all()
+
+
+def test_the_adaptation_gain_is_in_proportion_to_its_rate() -> None:
+    once, twice = (identified().adaptation_gain(rate) for rate in (0.3, 0.6))
+    np.testing.assert_allclose(twice, 2.0 * once, rtol=1e-15)
+
+
+def test_a_mechanism_whose_constraints_take_nothing_away_can_be_lifted() -> None:
+    pytest.importorskip("cvxpy")
+    model = ReducedModel.full(constrained(two_link(), Constraints()))
+    assert nearest_consistent(model, model.fundamental_parameters).realisable
+
+
+def test_a_file_in_the_place_of_the_figures_is_said(tmp_path: Path) -> None:
+    (tmp_path / "figures").write_text("")
+    with pytest.raises(FileError, match=r"figures: the folder cannot be made \(file exists\)"):
+        write_artifacts(tmp_path, compared_runs(two_link(), runs()))
+    assert [path.name for path in tmp_path.iterdir()] == ["figures"]
