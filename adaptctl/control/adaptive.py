@@ -24,10 +24,11 @@ class AdaptiveState(NamedTuple):
     """Memory of an adaptive control law: its estimate, and the last tick, from which it learns at the next.
 
     Columns, each with leading axes where there are many arms: `estimate` (k,) of the parameters, SI units; `q` (n,),
-    the tree's joints at the last tick, rad (m), from which loops, if any, are followed; `motion`, numbers of that
-    tick's motion, from which the gradient Y_r's is made; `s` (r,), the sliding variable there, rad/s (m/s); `torque`
-    (r,), N m (N for a prismatic joint), held since; `elapsed` (1,), the time since in s, 0 before the first tick.
-    `learning` is the adaptation law's memory, `more` the control law's own besides.
+    the tree's joints at the last tick, rad (m), from which loops, if any, are followed; `motion` (w,), w numbers in SI
+    units of that tick's motion, as many as the control law needs to make the gradient Y_r' s with the torque regressor
+    Y_r (r, k) of that tick; `s` (r,), the sliding variable there, velocity less reference velocity, rad/s (m/s);
+    `torque` (r,), N m (N for a prismatic joint), held since; `elapsed` (1,), the time since in s, 0 before the first
+    tick. `learning` is the adaptation law's memory, `more` the control law's own besides, named tuples of columns.
 
     Whatever limits the torque behind the controller should put what was applied into `torque`, and zero into `elapsed`
     for a period that is not to be learned from.
@@ -52,19 +53,21 @@ class AdaptiveState(NamedTuple):
 
     @property
     def recorded(self) -> Any:
-        """Part of the adaptation law's memory that a run keeps, a column (..., n) in that law's units. Raises
-        `AttributeError` where the law keeps none."""
+        """Part of the adaptation law's memory that a run keeps: (..., 1), 1 where something was learned and 0 where
+        not, for `ConcurrentLearning` and `CompositeLearning`; the lift (..., P), SI units, for `ConsistentLift`. Raises
+        `AttributeError` for a law that keeps none, or with adaptation off."""
         return self.learning.recorded
 
 
 class AdaptiveController(Controller[AdaptiveState]):
     """Base class of adaptive controllers: a control law on a model's k parameters, and an adaptation law of choice.
 
-    `model` has the parameters; `adaptation` is the law, or a gain Gamma, (k,) or (k, k), for `Gradient`, or None to
-    switch adaptation off; `initial` (k,) is the first estimate in SI units, None for zero; `period` is the control
-    period T_c in s. Nothing is learned from a period whose torque is beyond `torque_limits`, one number or (r,), N m (N
-    for a prismatic joint), None for the mechanism's own. Raises `InputError` where period, first estimate, torque
-    limits or gain do not fit.
+    `model` has the parameters; `adaptation` is the law, or a gain Gamma for `Gradient`, its diagonal (k,) or whole (k,
+    k), in units of the parameters squared per J, or None to switch adaptation off; `initial` (k,) is the first estimate
+    in SI units, None for zero; `period` is the control period T_c in s. Nothing is learned from a period whose torque
+    is beyond `torque_limits`, one number or (r,), N m (N for a prismatic joint), None for the mechanism's own. Raises
+    `InputError` for a period or torque limits that are not positive, a first estimate that is not finite, another shape
+    of either, a gain that is not positive definite, and a gain or law that does not fit the model.
     """
 
     model: ReducedModel
@@ -106,7 +109,7 @@ class AdaptiveController(Controller[AdaptiveState]):
 
     @property
     def home(self) -> Array:
-        """Positions (r,), rad or m, where loops, if any, are known to close."""
+        """Positions (r,), rad (m), where the mechanism's kinematic loops are known to close; zeros without loops."""
         return self.model.mechanism.home
 
     def start(self, p: Array, v: Array) -> AdaptiveState:

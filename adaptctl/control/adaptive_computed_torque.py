@@ -28,6 +28,9 @@ class AdaptiveComputedTorque(AdaptiveController):
         torque = M^(p) (a_d - 2 Lambda e' - Lambda^2 e) + C^(p, v) v + g^(p), all of the estimate
         estimate' = -Gamma Y(p, v, a)' M^^-1 W s
 
+    p_d and a_d are the reference's, e is the tracking error and s, in rad/s (m/s), the sliding variable; Y (r, k) is
+    the torque regressor, `error` (k,) the estimate's; M^, C^, g^ are mass matrix, Coriolis matrix and gravity.
+
     With both poles of the error loop at -Lambda, s' + Lambda s = M^^-1 Y error, the strictly positive real filter of
     the paper. Guarantees, without disturbance and while M^ is positive definite: V = s'Ws/2 + error' Gamma^-1 error/2
     falls as -s'W Lambda s, so the tracking error goes to zero.
@@ -41,11 +44,12 @@ class AdaptiveComputedTorque(AdaptiveController):
 
     `model` has the k parameters; `bandwidth` is Lambda (1/s), one number or (r,); `initial` (k,) is the first estimate
     in SI units, None for zero, which has no such mass matrix and is refused; `adaptation` is an adaptation law, or
-    Gamma for `Gradient`, (k,) or (k, k), or None to switch adaptation off; `weight` is W, one number or (r,), in kg m^2
-    (kg for a prismatic joint), None for the joints' typical inertias, which makes gains comparable to `SlotineLi`'s;
-    `period` is the control period T_c in s; nothing is learned from a period whose torque is beyond `torque_limits`,
-    one number or (r,), N m (N), None for the mechanism's own. Raises `GainError` where 2 Lambda T_c is above 1.5, and
-    `InputError` on wrong shapes, on bandwidths, weights or limits that are not positive, on an adaptation law that does
+    Gamma for `Gradient`, its diagonal (k,) or whole (k, k), in units of the parameters squared per J, or None to switch
+    adaptation off; `weight` is W, one number or (r,), in kg m^2 (kg for a prismatic joint), None for the joints'
+    typical inertias, the medians of the mass matrix's diagonal, which makes gains comparable to `SlotineLi`'s; `period`
+    is the control period T_c in s; nothing is learned from a period whose torque is beyond `torque_limits`, one number
+    or (r,), N m (N), None for the mechanism's own. Raises `GainError` where 2 Lambda T_c is above 1.5, and `InputError`
+    on wrong shapes, on a period, bandwidths, weights or limits that are not positive, on an adaptation law that does
     not fit the model, and for a first estimate whose mass matrix is not positive definite everywhere, as far as a local
     search from the worst of 200 configurations finds.
     """

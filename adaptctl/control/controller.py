@@ -27,7 +27,7 @@ from adaptctl.scalars import Column, Structure, Tunable
 
 class ReferencePoint(NamedTuple):
     """Desired positions `p` in rad (m), velocities `v` in rad/s (m/s) and accelerations `a` in rad/s^2 (m/s^2), each
-    (..., r), in task space (..., m) in m and s; in a law a column each."""
+    (..., r) for r joints; or (..., m), in m and s, for m task-space coordinates. In a law each is a column."""
 
     p: Any
     v: Any
@@ -35,8 +35,8 @@ class ReferencePoint(NamedTuple):
 
 
 class Reference(Protocol):
-    """A reference trajectory: a callable from times (...) in s to a `ReferencePoint` (..., r), in task space
-    (..., m)."""
+    """A reference trajectory: a callable from times (...) in s to a `ReferencePoint`, whose positions, velocities and
+    accelerations are (..., r) for r joints, rad (m) and s, or (..., m) for m task-space coordinates, m and s."""
 
     def __call__(self, t: ArrayLike, /) -> ReferencePoint:
         """The reference at times t."""
@@ -56,7 +56,8 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     Numbers that the class names in `tunable`, its gains, are arguments of the native code: controllers that differ in
     them alone share it, and `tuned` makes one of another. Without such names all numbers are compiled in. A tick
-    refuses NaN and infinity in its results where `finite` is "results", also in its arguments where it is True.
+    refuses NaN and infinity, by `NonFiniteError`, in its results where `finite` is "results", the default; also in its
+    arguments where it is True; nowhere where it is False.
     """
 
     finite: ClassVar[Finite] = "results"
@@ -69,18 +70,18 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @property
     def home(self) -> Array:
-        """Positions (r,), rad or m, where the law can start and is compiled: zero, unless loops do not close there."""
+        """Positions (r,), rad or m, where the law can start and is compiled: zeros unless a subclass gives others."""
         return np.zeros(self.dof)
 
     @property
     def reference_size(self) -> int:
-        """Length of each part of a reference point: r, or m where the reference is in a task space."""
+        """Length of each part of a reference point: r, or the number m of task-space coordinates."""
         return self.dof
 
     @abstractmethod
     def start(self, p: Array, v: Array) -> Memory:
-        """The memory before the first tick, of arms at p in rad (m) and v in rad/s (m/s), (..., r): its leaves
-        (..., n), or (n,) where all arms begin alike."""
+        """The memory before the first tick, of arms at p in rad (m) and v in rad/s (m/s), (..., r): a named tuple of
+        arrays, or of such tuples, each array (..., its length), or (its length,) where all arms begin alike."""
 
     @abstractmethod
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: Memory) -> tuple[Column, Memory]:
@@ -90,9 +91,10 @@ class Controller(Tunable, ABC, Generic[Memory]):
     def init(self, p: ArrayLike, v: ArrayLike, gains: Mapping[str, Array] | None = None) -> Memory:
         """The state before the first tick, from measured positions in rad (m) and velocities in rad/s (m/s), (..., r).
 
-        Leading axes are arms, and each has its own state: leaves (..., n), all in one array. `gains` by their names in
-        `numbers`, with the same leading axes, are those of arms that have their own, None for the controller's; they
-        are not checked. Raises `InputError` on a wrong shape, `NonFiniteError` where p, v or the state are not finite.
+        Leading axes are arms, and each has its own state, a named tuple of arrays (..., length of each). `gains` by
+        their names in `numbers`, with the same leading axes, are those of arms that have their own, None for the
+        controller's; they are not checked. Raises `InputError` on a wrong shape, `NonFiniteError` where p, v or the
+        state are not finite.
         """
         positions, velocities = self._measured(p, "p"), self._measured(v, "v")
         with np.errstate(over="ignore", invalid="ignore"):
@@ -102,11 +104,12 @@ class Controller(Tunable, ABC, Generic[Memory]):
         return self._remembering(self._array_of(started, positions.shape[:-1]))
 
     def restart(self, state: Memory, arms: ArrayLike, p: ArrayLike, v: ArrayLike) -> Memory:
-        """The state of many arms after some of them, those of a mask (...), are set to before their first tick.
+        """The state of many arms after some of them, those where the mask `arms` (...) of bools is True, are set to
+        before their first tick.
 
         These are arms whose episode has begun anew, at p in rad (m) and v in rad/s (m/s), (..., r): nothing of the last
-        one is to be remembered. Raises `InputError` for another mask or shape, `NonFiniteError` for p or v not finite
-        there.
+        one is to be remembered. Raises `InputError` for a mask that is not of bools or of another shape than p's and
+        v's leading axes, `NonFiniteError` for p or v not finite where it is True.
         """
         chosen, p, v = np.asarray(arms), np.asarray(p), np.asarray(v)
         if chosen.dtype != np.bool_ or not chosen.shape == p.shape[:-1] == v.shape[:-1]:
@@ -135,7 +138,8 @@ class Controller(Tunable, ABC, Generic[Memory]):
         self, gains: Array, state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint
     ) -> tuple[Array, Memory]:
         """The torques (N, r), N m (N for a prismatic joint), of one tick of N arms that have gains (N, g) of their own,
-        rows as `packed` is, not checked, and the next state; arguments and errors are otherwise those of `step`."""
+        and the next state. A row has the g tunable numbers in the order of `numbers`, not checked. p, v (N, r) and
+        `reference` are in rad (m) and s. Raises `InputError` on a wrong shape, `NonFiniteError` as `step` does."""
         return self._step_many(state, p, v, reference, gains)
 
     def compile(self, many: bool = False) -> Self:
@@ -209,14 +213,16 @@ class Controller(Tunable, ABC, Generic[Memory]):
     def kernel(self) -> Kernel | None:
         """The law as native code, which can count its operations; None above LARGEST_COMPILED (100) joints.
 
-        It takes p, v, the reference's parts, the memory in one array and, where there are any, the gains (`packed`).
+        It takes p, v (r,) in rad (m) and s, the reference's p, v and a, the memory in one array and, where there are
+        any, the tunable numbers (g,), `packed`; it returns the torque (r,), N m (N), and the memory after it.
         """
         return self._tick if isinstance(self._tick, Kernel) else None
 
     @property
     def on_floats(self) -> OnFloats:
-        """The law as a function in Python with its own gains: it takes p, v, the reference's parts and the leaves of
-        the memory, arrays (n,), and returns the torque (r,) in N m (N) and the leaves after it."""
+        """The law as a function in Python with its own gains: it takes p, v (r,), rad (m) and s, the reference's p, v
+        and a, and the memory's arrays, one after the other, and returns the torque (r,), N m (N), and those after
+        it."""
         sizes = self._given_sizes | self._memory_sizes
         return OnFloats(self._equation(), sizes, name=type(self).__name__, finite=self.finite)
 

@@ -49,7 +49,8 @@ class Marks(NamedTuple):
 
 class GuardedState(NamedTuple):
     """The memory of a guarded law: the law's own `of`, the last `torque` (r,) N m (N), `begun` (1,), 1 after the first
-    tick and 0 before, the detector of ringing `heard`, and the `marks` of what the guards did, (1,) each."""
+    tick and 0 before, the detector of ringing `heard`, moving averages of the sliding variable, rad/s (m/s), and the
+    `marks` of what the guards did, (1,) each."""
 
     of: Any
     torque: Any
@@ -61,12 +62,14 @@ class GuardedState(NamedTuple):
 
     @property
     def estimate(self) -> Any:
-        """The wrapped law's estimate (k,), SI units. Raises AttributeError where it has none."""
+        """The wrapped law's estimate (k,), SI units. Raises `AttributeError` where it has none."""
         return self.of.estimate
 
     @property
     def recorded(self) -> Any:
-        """Part of the adaptation law's memory that a run keeps. Raises AttributeError where there is none."""
+        """Part of the adaptation law's memory that a run keeps: (..., 1), 1 where something was learned and 0 where
+        not, for `ConcurrentLearning` and `CompositeLearning`; the lift (..., P), SI units, for `ConsistentLift`. Raises
+        `AttributeError` where there is none."""
         return self.of.recorded
 
 
@@ -82,9 +85,10 @@ class Guarded(Controller[GuardedState]):
     integration (Astrom and Hagglund, Advanced PID Control, 2006, section 3.5). Estimates stay within `estimate_bounds`,
     lower and upper (k,), none where None. When a measurement, a reference, or anything that the law makes of them is
     not finite, when a joint is outside `position_limits`, lower and upper (r,) in rad (m), none where None, or faster
-    than `velocity_limits` (rad/s or m/s), or when it rings, rho below -0.9 for 25 ticks (`adaptctl.control.ringing`),
-    the arm is braked by `stop_damping` (N m s/rad or N s/m; None is the law's own damping) from then on, until `init`:
-    gravity is not held, so a brake must. Numbers are scalars or (r,), one a joint.
+    than `velocity_limits` (rad/s or m/s), or when it rings, the correlation of a joint's sliding variable (its velocity
+    error where the law has none) with itself a tick ago below -0.9 for 25 ticks in a row, the arm is braked by
+    `stop_damping` (N m s/rad or N s/m; None is the law's own damping) from then on, until `init`: gravity is not held,
+    so a brake must. Numbers are scalars or (r,), one a joint.
 
     What the guards do is in the state's `marks`, tick by tick. Raises `InputError` for limits that are not positive or
     of another shape, ranges whose lower end is not below the upper, a first estimate out of bounds, bounds for a law
@@ -156,7 +160,8 @@ class Guarded(Controller[GuardedState]):
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: GuardedState) -> tuple[Column, GuardedState]:
         """The torque (r,), N m (N), of one tick within the limits, and the memory after it, from positions `p` (r,),
-        rad or m, and velocities `v` (r,), rad/s or m/s; the wrapped law is given finite numbers only, 0 for others."""
+        rad or m, and velocities `v` (r,), rad/s or m/s, towards `reference`, with the last tick's `memory`; the wrapped
+        law is given finite numbers only, 0 for others."""
         given = (p, v, *reference)
         clean = [Column(where(_finite(x), x, 0.0) for x in part) for part in given]
         torque, after = self.of.law(clean[0], clean[1], ReferencePoint(*clean[2:]), memory.of)

@@ -20,7 +20,8 @@ def has_sliding_variable(controller: object) -> bool:
 def sliding_variable(controller: SlotineLi, run: TrackedRun) -> Array:
     """The sliding variable s = e' + Lambda e (T, r), rad/s or m/s, at the T samples of a `run` of Slotine and Li's law.
 
-    Lambda is the `controller`'s. Raises `InputError` for the law's relatives, whose s is another one.
+    e = p - p_d is the tracking error, Lambda the `controller`'s bandwidth. Raises `InputError` for another law, such as
+    `PassivityIntegral` or `TaskSpaceSlotineLi`, whose s is another one.
     """
     if not has_sliding_variable(controller):
         law = type(controller).__name__
@@ -32,10 +33,11 @@ def lyapunov(controller: SlotineLi, run: LearningRun, mechanism: Mechanism) -> A
     """The Lyapunov function V (T,) = s'Ms/2 + error' Gamma^-1 error/2 in J, at the T samples of a run, with the mass
     matrix M and the parameters of the true `mechanism`.
 
-    The second term is the adaptation law's own distance; with adaptation off only the first is left. Where the
-    parameters are no physical set, M need not be positive definite, and V is then no distance; it is reported
-    as it is. Raises `InputError` for an adaptation law whose distance depends on more than the estimate, and for
-    the law's relatives.
+    s = e' + Lambda e is the sliding variable, e = p - p_d, `error` (k,) the estimate less the true parameters and Gamma
+    the adaptation gain. The second term is the adaptation law's own distance; with adaptation off only the first is
+    left. Where the parameters are no physical set, M need not be positive definite, and V is then no distance; it is
+    reported as it is. Raises `InputError` for an adaptation law whose distance depends on more than the estimate, and
+    for a control law with another s, such as `PassivityIntegral` or `TaskSpaceSlotineLi`.
     """
     s = sliding_variable(controller, run)
     kinetic = 0.5 * np.einsum("ti,tij,tj->t", s, mechanism.mass_matrix(run.p), s)

@@ -37,10 +37,11 @@ class ExcitingReference:
     """An optimised exciting reference and the condition number of the regressor on it, beside those of random
     references.
 
-    `condition` is that of the stacked regressor over a period, its columns scaled by the parameters' prior ranges;
-    `random_conditions` (10,) are the same of references drawn at random within the same limits. `torque_share` is the
-    largest torque over its limit, with the model's parameters. None of these has a unit. `iterations` are those of
-    the search; `complete` is False where it was interrupted, and the best until then is kept.
+    `reference` is the optimised one, in rad (m). `condition` is that of the stacked regressor over a period, its
+    columns scaled by the parameters' prior ranges; `random_conditions` (10,) are the same of references drawn at random
+    within the same limits. `torque_share` is the largest torque over its limit, with the model's parameters. None of
+    these has a unit. `iterations` are those of the search; `complete` is False where it was interrupted, and the best
+    until then is kept.
     """
 
     reference: Sinusoids
@@ -73,9 +74,9 @@ class MotionLimits:
 
     @classmethod
     def of(cls, model: ReducedModel, share: float) -> MotionLimits:
-        """Limits at a `share`, from 0 to 1, of the joints' own: positions about the middle of their range, speeds and
-        torques. A position limit that a joint lacks is taken as pi rad (1 m) from zero, or as far as makes its range
-        2 pi rad (2 m)."""
+        """Limits at a `share`, from 0 to 1 and not checked, of the joints' own in `model`: positions about the middle
+        of their range, in rad (m), speeds and torques. A position limit that a joint lacks is taken as pi rad (1 m)
+        from zero, or as far as makes its range 2 pi rad (2 m)."""
         joints = model.mechanism.primary_joints
         wide = np.array([np.pi if joint.kind.turns else 1.0 for joint in joints])
         lower, upper = (np.array([getattr(j.limits, name) for j in joints]) for name in ("lower", "upper"))

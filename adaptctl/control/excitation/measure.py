@@ -26,10 +26,10 @@ BLOCKS = 2**DOUBLINGS
 class Excitation:
     """Extreme eigenvalues of the Gram matrix, the integral of (Y S)'(Y S), over each of w windows along a run.
 
-    Y is the law's regressor on the model's k parameters and S their prior ranges, so that a kilogram and a kilogram
-    square metre can be compared; eigenvalues are in (N m)^2 s. A motion excites persistently when the smallest
-    stays above a positive bound, for some window length (Ioannou and Sun 1996, section 4.3): only then do estimates
-    converge.
+    Y (r, k) is Slotine and Li's regressor on the model's k parameters and S their prior ranges, SI units, so that a
+    kilogram and a kilogram square metre can be compared; eigenvalues are in (N m)^2 s (N^2 s for prismatic joints). A
+    motion excites persistently when the smallest stays above a positive bound, for some window length (Ioannou and Sun
+    1996, section 4.3): only then do estimates converge.
 
     `time` (w,) is the end of each window in s, from the run's start; `smallest` and `largest` (w,) its eigenvalues.
     `weakest` (k,) is the unit vector of scaled parameters that the whole run excites least; `window` is the windows'
@@ -65,12 +65,13 @@ def persistent_excitation(
 ) -> Excitation:
     """The excitation of a run in windows of length `window` (s), each a sixteenth of that after the one before.
 
-    The regressor is Slotine and Li's, at v_r = v_d - bandwidth e, with the `bandwidth` in 1/s, one number or (r,); at
-    zero v_r and a_r are the reference's own. `scale` (k,), SI units, or one number are prior ranges of the parameters,
-    those of `PriorRanges` where None. Eigenvalues come from singular values of triangular factors, so that their error,
-    relative to the largest, is the square of what it would be from the Gram matrix itself. Raises `InputError` for a
-    window shorter than 16 samples or longer than the run, for a bandwidth of another shape, and for a scale that is not
-    finite or of another shape.
+    `run` has p, v and the reference's p_d, v_d and a_d, (T, r) in rad (m) and s, at T samples. The regressor is Slotine
+    and Li's, at v_r = v_d - bandwidth e, e = p - p_d, and a_r its derivative, with the `bandwidth` in 1/s, one number
+    or (r,); at zero they are the reference's own. `scale` (k,), SI units, or one number are prior ranges of the
+    parameters, their greatest plausible errors, those of `PriorRanges` where None. Eigenvalues come from singular
+    values of triangular factors, so that their error, relative to the largest, is the square of what it would be from
+    the Gram matrix itself. Raises `InputError` for a window shorter than 16 samples or longer than the run, for a
+    bandwidth of another shape, and for a scale that is not finite or of another shape.
     """
     count, k = len(run.p), len(model.columns)
     samples = round(window / run.control_period) if np.isfinite(window) else 0

@@ -139,7 +139,8 @@ class ErrorFeedback:
     @property
     def cascaded(self) -> tuple[float, float]:
         """The rates (1/s) of two first-order loops in cascade, slower first: Lambda of e' = -Lambda e + s, and K/M of
-        s' = -(K/M) s, as in Slotine and Li's law.
+        s' = -(K/M) s, as in Slotine and Li's law: e the joint's error, s the sliding variable, K the damping and M the
+        inertia.
 
         Raises `InputError` where the poles are complex: no cascade of first-order lags has these.
         """

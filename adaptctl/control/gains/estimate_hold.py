@@ -16,10 +16,11 @@ def parameter_holds(
     """The hold number (k,) that an error of 1 SI unit in each parameter causes: T_c max_q |M^-1/2 M_i Lambda M^-1/2|,
     M_i = dM/dbeta_i, in 1 over the parameter's unit.
 
-    `bandwidth` is Lambda in 1/s, one number or (r,), `period` T_c in s; positions q are the samples of `workspace`, of
-    all that the joints' limits allow where None. The norm is Frobenius', which is never below the spectral one.
-    Friction has no part in M: its number is 0. Raises `InputError` for a bandwidth of another shape and a period that
-    is not positive.
+    The hold number is T_c lambda_max(M^-1 (K + M^ Lambda)), M the mass matrix, M^ the estimated one and K the damping
+    of Slotine and Li's law: a torque held over T_c is stable while it is below 2. `bandwidth` is Lambda in 1/s, one
+    number or (r,), `period` T_c in s; positions q are the samples of `workspace`, of all that the joints' limits allow
+    where None. The norm is Frobenius', which is never below the spectral one. Friction has no part in M: its number is
+    0. Raises `InputError` for a bandwidth of another shape or NaN and a period that is not positive.
     """
     mechanism = model.mechanism
     place = workspace or everywhere(mechanism)
@@ -52,12 +53,15 @@ def estimate_hold(
     """The greatest hold number, without a unit, that the estimate's error can ever cause, H = sqrt(2 V_0 sum Gamma_i
     u_i^2).
 
-    V does not rise above V_0 = `kinetic` + prior' Gamma^-1 prior/2, where |error_i| <= `prior`_i (k,), SI units, at
-    the start and s'Ms/2 = `kinetic` (J), 0 where s starts at 0; then sum |error_i| u_i <= H, with u (k,) of
-    `parameter_holds` for the same bandwidth (1/s), period (s) and workspace. `gain` is Gamma, its diagonal (k,) or
-    whole (k, k). While h + H < 2, h that of K and the true inertia, no estimate on the way can ring. It is
-    conservative: above 2 most arms are stable all the same. Raises `InputError` for numbers of another shape or not
-    finite, and as `parameter_holds` does.
+    The hold number is T_c lambda_max(M^-1 (K + M^ Lambda)), M the mass matrix, M^ the estimated one, K the damping,
+    Lambda the `bandwidth` (1/s, one number or (r,)) and T_c the `period` (s) of Slotine and Li's law; below 2 the held
+    torque is stable. V, the law's Lyapunov function, does not rise above V_0 = `kinetic` + prior' Gamma^-1 prior/2,
+    where |error_i| <= `prior`_i (k,), SI units, at the start and s'Ms/2 = `kinetic` (J), s the sliding variable, 0
+    where it starts at 0; then sum |error_i| u_i <= H, with u (k,) the hold numbers per unit of error,
+    `parameter_holds`, in the `workspace`, None for all that the joints' limits allow. `gain` is Gamma, its diagonal
+    (k,) or whole (k, k), in units of the parameters squared per J. While h + H < 2, h that of K and the true inertia,
+    no estimate on the way can ring. It is conservative: above 2 most arms are stable all the same. Raises `InputError`
+    for numbers of another shape or not finite, and for a period that is not positive.
     """
     k = len(model.columns)
     gamma = frozen_array(gain, (k, k) if np.ndim(gain) == 2 else (k,), "gain")

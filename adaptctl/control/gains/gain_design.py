@@ -29,12 +29,12 @@ SEARCHED = (1e-3, 30.0)
 
 @dataclass(frozen=True, eq=False)
 class GainDesign:
-    """Gain design: linear feedback of every joint's error, for a mechanism, a control period (s) and a delay in
-    periods.
+    """Gain design: linear feedback of every joint's error, for a `mechanism`, a control `period` (s) and a `delay` in
+    whole control periods, 0 by default.
 
-    The loops are designed for each joint's typical inertia; the margins are those of each loop alone, with the
-    delay. `method` is "bandwidth", "poles" or "lqr"; `feedback` and `margins` have one entry a joint; `inertia` (r,) is
-    the typical one in kg m^2 (kg). `least_inertia` (r,), without a unit, is the least inertia over random
+    The loops are designed for each joint's typical inertia; the margins are those of each loop alone, with the delay.
+    `method` is "bandwidth", "poles" or "lqr"; `feedback` and `margins` have one entry a joint; `inertia` (r,) is the
+    typical one in kg m^2 (kg). `least_inertia` (r,), without a unit, is the least inertia over 200 random
     configurations that a joint has while all others are free, over the typical one: the inverse is how much a loop's
     gain grows there, and its gain margin must be above.
     """
@@ -61,10 +61,10 @@ class GainDesign:
         delay: int = 0,
     ) -> GainDesign:
         """Gain design with both poles of every joint at a bandwidth (1/s) and a damping ratio (no unit), each one
-        number or (r,); `period` in s, `delay` in whole periods.
+        number or (r,); `damping_ratio` 1 is critical; `period` is the control period in s, `delay` in whole periods.
 
-        Raises `InputError` for numbers that are not positive or of another shape, for a negative delay, and where a
-        joint's typical inertia is not positive.
+        Raises `InputError` for numbers that are not positive or of another shape, for a delay other than 0 to 1000, and
+        where a joint's typical inertia, the median of its entry of the mass matrix's diagonal, is not positive.
         """
         rates, ratios = (
             positive_per_joint(values, mechanism.dof, what)
@@ -79,10 +79,10 @@ class GainDesign:
         cls, mechanism: Mechanism, poles: Sequence[complex], *, period: float = 1e-3, delay: int = 0
     ) -> GainDesign:
         """Gain design with the same two poles (1/s) at every joint, real or a conjugate pair, with negative real parts;
-        `period` in s, `delay` in whole periods.
+        the control `period` in s, `delay` in whole periods.
 
-        Raises `InputError` for other poles, a period that is not positive, a negative delay, and where a joint's
-        typical inertia is not positive.
+        Raises `InputError` for other poles, a period that is not positive, a delay other than 0 to 1000, and where a
+        joint's typical inertia, the median of its entry of the mass matrix's diagonal, is not positive.
         """
         feedback = ErrorFeedback.from_poles(poles, period)
         return _design(mechanism, "poles", [feedback] * mechanism.dof, period, delay)
@@ -98,19 +98,22 @@ class GainDesign:
         period: float = 1e-3,
         delay: int = 0,
     ) -> GainDesign:
-        """Gain design by the linear-quadratic regulator at every joint, with weights `position` of e^2, `velocity` of
-        e'^2 and `effort` of e''^2, e in rad (m) and its rates per s and s^2; `period` in s, `delay` in whole periods.
+        """Gain design by the linear-quadratic regulator at every joint, with weights `position` of e^2 in 1/rad^2,
+        `velocity` of e'^2 in s^2/rad^2 and `effort` of e''^2 in s^4/rad^2 (m for rad at a prismatic joint), e the
+        joint's error; only their ratios count. `period` is the control period in s, `delay` in whole periods.
 
         Raises `InputError` for weights that are not positive (of velocity: negative) or too far apart for the period, a
-        period that is not positive, a negative delay, and where a joint's typical inertia is not positive.
+        period that is not positive, a delay other than 0 to 1000, and where a joint's typical inertia, the median of
+        its entry of the mass matrix's diagonal, is not positive.
         """
         feedback = ErrorFeedback.from_lqr(position, velocity, effort, period)
         return _design(mechanism, "lqr", [feedback] * mechanism.dof, period, delay)
 
     @property
     def gains(self) -> Gains:
-        """Slotine and Li's gains of this design: Lambda (r,) in 1/s and K (r,) in N m s/rad (N s/m). Raises
-        `InputError` where the poles are complex."""
+        """Slotine and Li's gains of this design: the bandwidth Lambda (r,) in 1/s, the slower of each joint's two
+        rates, and the damping K (r,) in N m s/rad (N s/m), the faster one times typical inertia. Raises `InputError`
+        where poles are complex."""
         rates = np.array([feedback.cascaded for feedback in self.feedback])
         return Gains(rates[:, 0], rates[:, 1] * self.inertia)
 
@@ -137,13 +140,14 @@ class GainDesign:
     @property
     def sampled_gain(self) -> float:
         """The greatest sampled gain T_c max lambda(M^-1 K), without a unit, over the joints' limits, as far as a search
-        finds: stable below 2, and below 1 with a delay of one period."""
+        finds, with T_c the control period, M the mass matrix and K the `damping`: a torque held over T_c is stable
+        below 2, and below 1 with a delay of one period."""
         return sampled_gain(self.mechanism, self.damping, self.period)
 
     @property
     def largest_sampled_gain(self) -> float:
-        """The largest `sampled_gain` allowed, without a unit, three quarters of the limit of stability: 1.5 without
-        delay, less with."""
+        """The largest `sampled_gain`, T_c max lambda(M^-1 K), allowed, without a unit, three quarters of the limit of
+        stability of a held torque: 1.5 without delay, 0.75 with a delay of one period."""
         return largest_with_delay(self.delay)
 
     @property
@@ -153,8 +157,8 @@ class GainDesign:
 
     @property
     def fastest(self) -> float:
-        """The largest factor, without a unit, of all poles for which the period carries the gains: below 1 where it
-        does not carry these.
+        """The largest factor, without a unit, of all poles for which the period carries the gains, that is for which
+        `sampled_gain` is at most `largest_sampled_gain`: below 1 where it does not carry these.
 
         Infinite where it carries even those of a deadbeat loop, 0 where it carries none, as where M is not positive
         definite.
@@ -172,8 +176,8 @@ class GainDesign:
         return float(np.exp(brentq(excess, slowest, quickest, xtol=1e-6)))
 
     def require_carried(self) -> GainDesign:
-        """This design, if the control period can carry its gains. Raises `GainError` otherwise, which names the largest
-        gains that it can."""
+        """This design, if the control period can carry its gains: `sampled_gain` is at most `largest_sampled_gain`, 1.5
+        without delay. Raises `GainError` otherwise, which names the largest gains that it can."""
         if not self.sampled_gain <= self.largest_sampled_gain:
             late = f" and a delay of {self.delay} periods" if self.delay else ""
             raise GainError(

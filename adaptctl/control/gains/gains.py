@@ -27,15 +27,16 @@ def positive_per_joint(values: ArrayLike, dof: int, what: str) -> Array:
 
 
 def typical_inertia(mechanism: Mechanism) -> Array:
-    """The median of each joint's own inertia (r,), M's diagonal, in kg m^2 or kg, over 200 random configurations within
-    the joints' limits."""
+    """The median of each joint's own inertia (r,), the mass matrix's diagonal, in kg m^2 or kg, over 200 random
+    configurations within the joints' limits."""
     return np.median(np.diagonal(everywhere(mechanism).mass_matrices, axis1=-2, axis2=-1), axis=0)
 
 
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Gains:
-    """Slotine and Li's gains: `bandwidth` is Lambda (r,) in 1/s, `damping` is K (r,) in N m s/rad (N s/m)."""
+    """Slotine and Li's gains: `bandwidth` is Lambda (r,) in 1/s, `damping` is K (r,) in N m s/rad (N s/m for a
+    prismatic joint)."""
 
     bandwidth: Array
     damping: Array
@@ -45,9 +46,10 @@ class Gains:
         """Gains that put both poles of each joint's error at the `bandwidth` (1/s), one number or (r,), were its
         inertia typical and `ratio` 1.
 
-        With the true parameters M s' + (C + K) s = 0 and e' + Lambda e = s; so Lambda is the bandwidth and K the
-        typical inertia times `ratio` (no unit) bandwidths. A larger ratio is stiffer against what is unknown. Raises
-        `InputError` for numbers that are not positive or of another shape, and where a joint has no positive inertia.
+        With the true parameters M s' + (C + K) s = 0 and e' + Lambda e = s, e the error and s the sliding variable; so
+        Lambda is the bandwidth and K the typical inertia, `typical_inertia`, times `ratio` (no unit) bandwidths. A
+        larger ratio is stiffer against what is unknown. Raises `InputError` for numbers that are not positive or of
+        another shape, and where a joint has no positive inertia.
         """
         rates = positive_per_joint(bandwidth, mechanism.dof, "bandwidth")
         inertia = typical_inertia(mechanism)
@@ -60,8 +62,8 @@ def sampled_gain(mechanism: Mechanism, damping: ArrayLike, period: float, worksp
     """The greatest sampled gain T_c lambda_max(M(q)^-1 K), without a unit, over a workspace: 2 is the limit of
     stability of a torque held over the `period` T_c (s).
 
-    The greatest that `hold_number` finds for a law that feeds back K v alone, `damping` being K in N m s/rad (N s/m),
-    one number or (r,). A `workspace` of None is all that the joints' limits allow. Raises `InputError` unless damping
-    and period are positive, and on a wrong shape.
+    M is the mass matrix. The law feeds back K v alone, `damping` being K in N m s/rad (N s/m), one number or (r,); the
+    search is that of `hold_number`. A `workspace` of None is all that the joints' limits allow. Raises `InputError`
+    unless damping and period are positive, and on a wrong shape.
     """
     return hold_number(mechanism, damping, period, workspace=workspace).value

@@ -44,7 +44,7 @@ class Margins:
 
 def margins(loop: control.LTI) -> Margins:
     """The margins of a discrete python-control `loop` with one input and one output, opened, with its sampling time in
-    s; negative feedback understood.
+    s; negative feedback understood. Raises `ZeroDivisionError` for a loop in continuous time.
 
     Crossings are sought on python-control's frequency response up to half the sampling rate, that end included,
     where a sampled loop often crosses; `control.stability_margins` of version 0.10 looks only below it.

@@ -55,7 +55,7 @@ def reachable(mechanism: Mechanism, p: Array) -> NDArray[np.bool_]:
 
 
 class Worst(NamedTuple):
-    """The greatest value that a search found, and the positions (r,) where."""
+    """The greatest `value` that a search found, and the positions `p` (r,), rad or m, where."""
 
     value: float
     p: Array
@@ -73,8 +73,9 @@ class Workspace:
 
     @classmethod
     def within_limits(cls, mechanism: Mechanism, samples: int = 200, seed: int = 0) -> Workspace:
-        """The workspace of all that the joints' limits allow, from a number of random `samples`, drawn by `seed`: pi
-        rad (1 m) to each side where there are none. Samples that loops cannot reach are left out."""
+        """The workspace of all that the joints' limits allow, from a number of random `samples`, drawn by `seed`, equal
+        for equal seeds: pi rad (1 m) to each side of zero where there are none. Samples that loops cannot reach are
+        left out."""
         p = sampled_configurations(mechanism, samples, seed)
         free = [np.pi * joint.kind.turns * np.isinf(joint.limits.upper) for joint in mechanism.primary_joints]
         lower, upper = position_range(mechanism)
@@ -103,10 +104,11 @@ class Workspace:
 
     def highest(self, value: Callable[[Array], Array]) -> Worst:
         """The greatest number that a function `value`, from positions (n, r) in rad or m to numbers (n,), has within
-        the bounds, and the positions (r,) where: found by a pattern search from the samples with the greatest.
+        the bounds, `value`, and the positions `p` (r,) where: found by a pattern search from the samples with the
+        greatest.
 
-        The largest of some hundred samples is no maximum: of T_c lambda_max(M^-1 K) it is nine tenths at the median,
-        and less than half for an arm whose wrist folds.
+        The largest of some hundred samples is no maximum: of the greatest eigenvalue of M^-1 K, mass matrix and
+        damping, it is nine tenths at the median, and less than half for an arm whose wrist folds.
         """
         found = value(self.samples)
         start = self._apart(np.argsort(found)[::-1])
