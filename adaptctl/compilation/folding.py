@@ -97,13 +97,13 @@ def elementary(op: Op) -> Callable[[Any], Any]:
 
 def sine(x: Any) -> Any:
     """The sine of an angle, which may be known."""
-    known = x.graph.sines.get(x)
+    known = x.graph.known_sine(x)
     return known[0] if known else _make(Op.SIN, x)
 
 
 def cosine(x: Any) -> Any:
     """The cosine of an angle, which may be known."""
-    known = x.graph.sines.get(x)
+    known = x.graph.known_sine(x)
     return known[1] if known else _make(Op.COS, x)
 
 

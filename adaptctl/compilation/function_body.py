@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from itertools import islice
+from typing import Any
 
 from adaptctl.compilation.graph import Expression, Op
 from adaptctl.compilation.lanes import Lanes
 from adaptctl.compilation.routine import Routine
+from adaptctl.compilation.sine import STEP
 
 ANGLES = {Op.SIN: 0, Op.COS: 1}
 """Operations on angles, and which of the pair of sine and cosine they ask for."""
@@ -30,6 +32,10 @@ class FunctionBody:
         """Write one expression into its register; what is in memory is loaded where it is first used."""
         if expression.op is Op.CALL:
             self._call(f"%x{expression.index}", expression.detail, expression.operands)
+        elif expression.op in ANGLES:
+            pair = f"{{{self._lanes.value}, {self._lanes.value}}}"
+            turned = self._sincos(expression.operands[0])
+            self._add(f"%x{expression.index} = extractvalue {pair} {turned}, {ANGLES[expression.op]}")
         elif self._place(expression) is None:
             self._evaluate(f"%x{expression.index}", expression.op, [self._operand(y) for y in expression.operands])
 
@@ -62,8 +68,6 @@ class FunctionBody:
             self._add(f"{x} = {_ARITHMETIC[op]} contract {value} {', '.join(operands)}")
         elif op in _COMPARISONS:
             self._add(f"{x} = fcmp {_COMPARISONS[op]} {value} {', '.join(operands)}")
-        elif op in ANGLES:
-            self._add(f"{x} = extractvalue {{{value}, {value}}} {self._sincos(operands[0])}, {ANGLES[op]}")
         else:  # `nsz`: of two zeros, either may be the smaller
             arguments = ", ".join(f"{value} {y}" for y in operands)
             self._add(f"{x} = call nsz {value} @llvm.{_INTRINSICS[op]}.{self._lanes.suffix}({arguments})")
@@ -110,14 +114,29 @@ class FunctionBody:
         self.memory.append(f"{name} = alloca [{size} x {self._lanes.value}], align {self._lanes.alignment}")
         return name
 
-    def _sincos(self, angle: str) -> str:
-        """The pair of an angle's sine and cosine, computed once."""
-        pair = f"{{{self._lanes.value}, {self._lanes.value}}}"
-        name = f"{angle}.sincos"
+    def _sincos(self, angle: Expression) -> str:
+        """The pair of an angle's sine and cosine, computed once: by a turn, where it is a step from a known one."""
+        value, x = self._lanes.value, self._operand(angle)
+        name, pair = f"{x}.sincos", f"{{{value}, {value}}}"
         if name not in self._loaded:
             self._loaded.add(name)
-            self._add(f"{name} = call {pair} @sincos({self._lanes.value} {angle})")
+            step = self._step(angle)
+            if step is None:
+                self._add(f"{name} = call {pair} @sincos({value} {x})")
+            else:
+                known, farther = step
+                self._add(f"{name} = call {pair} @sincos.turned({value} {x}, {value} {farther}, {pair} {known}.sincos)")
         return name
+
+    def _step(self, angle: Expression) -> tuple[str, str] | None:
+        """The angle of known sine from which another is a step in time, a velocity times a small number, and that
+        step; None where there is none."""
+        if angle.op is not Op.ADD or self._place(angle) is not None:
+            return None
+        for known, step in (angle.operands, angle.operands[::-1]):
+            if _known(known, self._loaded) and _short(step):
+                return self._operand(known), self._operand(step)
+        return None
 
     def _place(self, x: Expression) -> tuple[str, int] | None:
         """The place of an expression that is in memory already: a pointer and a number of places after it. None for
@@ -129,3 +148,17 @@ class FunctionBody:
         if x.op is Op.RESULT:
             return f"%x{x.operands[0].index}.out{x.detail[0]}", x.detail[1]
         return None
+
+
+def _known(angle: Any, loaded: Set[str]) -> bool:
+    return isinstance(angle, Expression) and f"%x{angle.index}.sincos" in loaded
+
+
+def _short(x: Any) -> bool:
+    """True for a multiple of a number that is so small that it will hardly be a long turn."""
+    return (
+        isinstance(x, Expression)
+        and x.op is Op.MULTIPLY
+        and isinstance(x.operands[0], float)
+        and abs(x.operands[0]) <= STEP
+    )

@@ -56,13 +56,15 @@ class Graph:
     """The expression graph of one trace. Operands come before what uses them, so the indices are a schedule.
 
     `routines` remembers the functions called; the graph of a called function shares its caller's. `sines` has the
-    sines and cosines of angles that were made of them.
+    sines and cosines of angles that were made of them. Those of a called function's inputs are the caller's to compute,
+    who may have them already: they are its argument of number `passed`, in pairs, of the inputs in `turned`.
     """
 
-    def __init__(self, routines: dict[Any, Any] | None = None) -> None:
+    def __init__(self, routines: dict[Any, Any] | None = None, passed: int | None = None) -> None:
         self._expressions: dict[Any, Expression] = {}
         self.routines = {} if routines is None else routines
         self.sines: dict[Expression, tuple[Any, Any]] = {}
+        self.passed, self.turned = passed, list[Expression]()
 
     def make(self, kind: type[E], op: Op, *operands: Any, detail: Any = None) -> E:
         """The one expression with this operation, these operands and this detail."""
@@ -72,6 +74,15 @@ class Graph:
             self.require_own(operands)
             found = self._expressions[key] = kind(self, len(self._expressions), op, operands, detail)
         return cast(E, found)
+
+    def known_sine(self, angle: Expression) -> tuple[Any, Any] | None:
+        """Sine and cosine of an angle that are known or passed; None where they are to be computed."""
+        if angle not in self.sines and self.passed is not None and angle.op is Op.INPUT:
+            first = 2 * len(self.turned)
+            self.turned.append(angle)
+            sine, cosine = (self.make(type(angle), Op.INPUT, detail=(self.passed, first + k)) for k in (0, 1))
+            self.sines[angle] = sine, cosine
+        return self.sines.get(angle)
 
     def require_own(self, values: Iterable[Any]) -> None:
         """Raise `TraceError` when one of the values was traced elsewhere."""

@@ -16,7 +16,7 @@ from adaptctl.compilation.lanes import Lanes
 from adaptctl.compilation.layout import numbered
 from adaptctl.compilation.pieces import Piece, pieces
 from adaptctl.compilation.routine import Routine, trace
-from adaptctl.compilation.sine import sine_for
+from adaptctl.compilation.sine import STEP, sine_for
 
 _WIDE = (2, 4, 8)
 """Numbers of arguments whose sines are computed at once, where numbers are not side by side anyway."""
@@ -112,7 +112,10 @@ def _sincos(lanes: Lanes, tag: str = "") -> str:
     """The functions that compute sines and cosines, their names ending in a tag."""
     sine, last = sine_for(lanes.precision), 8 * lanes.size - 1
     near = trace(lambda x: sine.reduced(x[0]), {"x": 1})
+    step = trace(lambda x: sine.turned(*x), {"x": 3})
     whole = {"zero": 0, "one": 1, "second": last - 1, "last": last, "sign": -(2**last)}
     numbers = {name: lanes.whole(k) for name, k in whole.items()}
-    text = lanes.filled("sincos", farthest=lanes.constant(sine.farthest), tag=tag, **numbers)
-    return f"{_piece(near, Piece(near.body, {}, {}), f'sincos.near{tag}', {}, lanes, inlining='alwaysinline')}\n{text}"
+    limits = {"farthest": lanes.constant(sine.farthest), "longest": lanes.constant(STEP)}
+    inlined = {f"sincos.near{tag}": near, f"sincos.step{tag}": step}
+    parts = [_piece(r, Piece(r.body, {}, {}), name, {}, lanes, inlining="alwaysinline") for name, r in inlined.items()]
+    return "\n".join([*parts, lanes.filled("sincos", tag=tag, **limits, **numbers)])

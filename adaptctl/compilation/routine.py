@@ -5,11 +5,12 @@ from __future__ import annotations
 import functools
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain, islice
 from typing import Any, TypeVar, cast
 
 from adaptctl.caching import cached_property
+from adaptctl.compilation import folding
 from adaptctl.compilation.graph import Expression, Graph, Op, reachable
 from adaptctl.compilation.layout import Layout, flatten, numbered
 from adaptctl.compilation.node import Node, Value, lift
@@ -34,12 +35,14 @@ class Operations(Counter[Op]):
 @dataclass(frozen=True, eq=False)
 class Routine:
     """A traced function: its `name`, `inputs`, the lengths of its arguments, `outputs`, the scalars of its result in
-    order, each an expression or a known number, and `layout`, the shapes and the container they are put into."""
+    order, each an expression or a known number, and `layout`, the shapes and the container they are put into. `sines`
+    are those inputs, by their place among all, whose sines and cosines are the last argument of a called one."""
 
     name: str
     inputs: tuple[int, ...]
     outputs: tuple[Value, ...]
     layout: Layout
+    sines: tuple[int, ...] = ()
 
     @cached_property
     def body(self) -> list[Expression]:
@@ -101,18 +104,25 @@ def _shared(function: Callable[..., Any], layout: Layout, values: Sequence[Any],
     """The body for this pattern of nodes (None in the key) and constants, traced at its first use."""
     key = function, layout, tuple(None if isinstance(x, Node) else x for x in values)
     if key not in graph.routines:
-        inner, rest = Graph(graph.routines), iter(values)
+        rest = iter(values)
         sizes = tuple(sum(isinstance(x, Node) for x in islice(rest, size)) for size in layout.sizes)
+        inner = Graph(graph.routines, passed=len(sizes))
         nodes = chain.from_iterable(_inputs(inner, sizes))
         scalars = [next(nodes) if isinstance(x, Node) else x for x in values]
-        graph.routines[key] = _routine(_name(function), inner, sizes, function(*layout.restored(scalars)))
+        made = _routine(_name(function), inner, sizes, function(*layout.restored(scalars)))
+        places = tuple(x.index for x in inner.turned)  # the inputs were made first
+        graph.routines[key] = replace(made, inputs=(*sizes, 2 * len(places)), sines=places) if places else made
     return cast(Routine, graph.routines[key])
 
 
 def _results(routine: Routine, nodes: Sequence[Node]) -> list[Value]:
     """The outputs of a call; one that does not depend on the arguments is known already."""
-    graph = nodes[0].graph
-    call = graph.make(Expression, Op.CALL, *nodes, detail=routine)
+    graph, of = nodes[0].graph, (folding.sine, folding.cosine)
+    needed = {x.detail for x in routine.body if x.op is Op.INPUT}
+    pairs = [(f, nodes[place]) for place in routine.sines for f in of]
+    passed = len(routine.inputs) - 1
+    sines = [f(x) if (passed, k) in needed else 0.0 for k, (f, x) in enumerate(pairs)]
+    call = graph.make(Expression, Op.CALL, *nodes, *sines, detail=routine)
     return [
         graph.make(Node, Op.RESULT, call, detail=place) if isinstance(output, Node) else output
         for place, output in zip(numbered(routine.layout.sizes), routine.outputs, strict=True)

@@ -37,6 +37,20 @@ class Sine(NamedTuple):
         z = r * r
         return r + r * z * polynomial(self.sine, z), (1.0 - 0.5 * z) + z * z * polynomial(self.cosine, z), shifted
 
+    def turned(self, sine: Any, cosine: Any, step: Any) -> tuple[Any, Any]:
+        """Sine and cosine of an angle a `step` (rad, up to `STEP`) farther than that of the sine and cosine given."""
+        z = step * step
+        of_step = step + step * z * polynomial(self.sine[:TERMS], z)
+        less = z * (0.5 - z * polynomial(self.cosine[:TERMS], z))  # 1 less the step's cosine
+        return sine + (cosine * of_step - sine * less), cosine - (sine * of_step + cosine * less)
+
+
+STEP = 2.0**-4
+"""rad; a step in time seldom turns a joint farther"""
+
+TERMS = 3
+"""Coefficients that a step needs, of each polynomial: the next are below 5e-17 there."""
+
 
 DOUBLE = Sine(
     2.0**20,
