@@ -33,12 +33,11 @@ if TYPE_CHECKING:
 class Mechanism:
     """A mechanism made from a `Description`, with its energies, torques, regressors and accelerations on arrays.
 
-    Trailing axes are the mathematics, leading axes are samples: p, v, a, torque are (..., r), regressors (..., P) and
-    (..., r, P). Angles in rad, lengths in m, torques in N m (N for a prismatic joint). The equations run in Python
-    until it pays to compile them (`ArrayEquation` has the rule), then in native code. `out` takes a result in place of
-    a fresh array. Every method on arrays raises `InputError` on a wrong shape and `NonFiniteError` on NaN or infinity;
-    with loops, `LoopError` where they do not fit together and `SingularityError` near a configuration where they lock.
-    """
+    Positions p, velocities v, accelerations a, torques are (..., r), regressors (..., P) and (..., r, P), of r primary
+    joints and P parameters; leading axes are samples. SI units: rad, N m (m, N if prismatic). The equations run in
+    Python for some 50 calls or 25000 samples, then in native code (see `ArrayEquation`). `out` takes a result in place
+    of a fresh array. Methods on arrays raise `InputError` on a wrong shape and `NonFiniteError` on NaN or infinity;
+    with loops, `LoopError` where they do not fit together and `SingularityError` near where they lock."""
 
     def __init__(self, description: Description) -> None:
         self.description = description
@@ -71,8 +70,8 @@ class Mechanism:
 
     @cached_property
     def equations(self) -> Equations:
-        """The equations of motion over scalars of any kind, to trace or to differentiate: see `Equations`. Raises
-        `LoopError` where loops do not fit together."""
+        """The equations of motion, an `Equations`, over scalars of any kind (floats, arrays, dual numbers, traced
+        ones), to trace or to differentiate; they check nothing. Raises `LoopError` where loops do not fit together."""
         if self._looped is None:
             return TreeEquations.of(self.description)
         from adaptctl.dynamics.loops.dyad import rules
@@ -95,8 +94,8 @@ class Mechanism:
 
     @cached_property
     def continuation(self) -> Continuation | None:
-        """The branch of closed configurations through the reference; None for a tree. Raises `LoopError` where loops do
-        not fit together."""
+        """The `Continuation` that follows closed loops from the reference configuration, in which they are known to
+        close, to others on its branch; None for a tree. Raises `LoopError` where loops do not fit together."""
         if self._looped is None:
             return None
         from adaptctl.dynamics.loops.continuation import Continuation
@@ -105,17 +104,17 @@ class Mechanism:
 
     @property
     def home(self) -> Array:
-        """Positions (r,), rad (m for a prismatic joint), at which the loops are known to close, those of the reference;
-        zeros for a tree. Raises `LoopError` where loops do not fit together."""
+        """Primary positions (r,), rad (m for a prismatic joint), of the reference configuration, in which the loops are
+        known to close; zeros for a tree. Raises `LoopError` where loops do not fit together."""
         if self.continuation is None:
             return np.zeros(self.dof)
         return self.continuation.reference[self.continuation.primary]
 
     def configuration(self, p: ArrayLike, start: ArrayLike | None = None) -> Array:
-        """Joint positions q = U(p) (..., n), rad (m), of the tree at primary positions p (..., r), with all loops
-        closed (Sheu and Walker 1991, equation 1); for a tree p itself. They are followed along straight lines from the
-        closed `start` (..., n), None being the reference. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN
-        or infinity, `SingularityError` near locked loops."""
+        """Joint positions q = U(p) (..., n), rad (m), of the tree, one a link, at primary positions p (..., r), with
+        all loops closed (Sheu and Walker 1991, equation 1); for a tree p itself. They are followed along straight lines
+        in p from the closed `start` (..., n), None being the reference, at `home`. Raises `InputError` on a wrong
+        shape, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
         (p,), _ = self._joints(p=p)
         if self.continuation is None:
             return p
@@ -133,17 +132,19 @@ class Mechanism:
 
     @property
     def links(self) -> tuple[Link, ...]:
-        """The links in depth-first order."""
+        """The n links in depth-first order, parents before children, each with the joint that moves it."""
         return self.description.links
 
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the P parameters: ten a body, `link3.I_xx`, then the drives', `joint2.viscous`."""
+        """Names of the P parameters: of each body, as in `link3.I_xx`, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz,
+        I_yz, I_zz, then the drives', `joint2.viscous`, kind by kind, rotors first."""
         return self.description.parameter_names
 
     @cached_property
     def inertial_parameters(self) -> Array:
-        """The inertial parameters D (P,) in SI units (kg, kg m, kg m^2, then the drives'), read-only."""
+        """The inertial parameters D (P,), read-only: of each body m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz,
+        I_zz (kg, kg m, kg m^2) about its link frame's origin, then the drives', rotors first, SI units."""
         return self.description.inertial_parameters
 
     @property
@@ -153,23 +154,23 @@ class Mechanism:
 
     @property
     def unconstrained(self) -> Mechanism:
-        """The same mechanism without constraints on its parameters: itself where there are none."""
+        """The same mechanism with no linear constraints on its parameters: itself where there are none."""
         return self
 
     @property
     def free_directions(self) -> Array:
-        """Derivatives (P, Z) of the P parameters of `unconstrained` by each of this mechanism's Z: the identity without
-        constraints."""
+        """Derivatives (P, Z) of all P parameters by the Z that constraints leave free: the identity without any."""
         return np.eye(len(self.parameter_names))
 
     @property
     def energetic(self) -> int:
-        """Number of parameters that enter the energy: all but friction, which comes last."""
+        """Number of parameters that enter the energy, the first of P: all but friction, which comes last."""
         return self.description.energetic
 
     @property
     def geometry_sha256(self) -> str:
-        """SHA-256 hash (hexadecimal) of gravity and geometry, which decide which parameters matter."""
+        """SHA-256 hash (hexadecimal) of what decides which parameters matter: gravity, joints, frames, link names,
+        loops, drive terms and constraints, but no parameters' values."""
         return self.description.geometry_sha256
 
     @cached_property
@@ -179,40 +180,40 @@ class Mechanism:
 
     @property
     def primary_joints(self) -> tuple[Joint, ...]:
-        """The joints whose coordinates are p, in its order."""
+        """The r primary joints, in the order of their coordinates p; loops move the others."""
         return tuple(self.links[i].joint for i in self.description.primary)
 
     def with_parameters(self, parameters: ArrayLike) -> Mechanism:
-        """The same mechanism with other inertial parameters (P,), SI units. Raises `InputError` for another number of
-        them, and for values not finite, above 1e20, or negative where a term of a drive must not be."""
+        """The same mechanism with other `inertial_parameters` (P,), SI units, in their order. Raises `InputError` for
+        another number, values not finite, a link's above 1e20, and rotors, viscous or Coulomb friction below 0."""
         return Mechanism(self.description.with_parameters(parameters))
 
     def on_columns(self, regressor: str, columns: Sequence[int]) -> ArrayEquation:
-        """The equation on arrays of a regressor, "torque_regressor" or "slotine_li_regressor", with the k `columns`
-        only, indices of parameters: its `call` takes the arguments of the method of that name and returns (..., r, k).
-        Raises `InputError` for an index outside 0..P-1."""
+        """The `ArrayEquation` of a regressor, "torque_regressor" or "slotine_li_regressor", with the k `columns` only,
+        indices of parameters: its `call` takes the arrays of the method of that name and returns (..., r, k). Raises
+        `InputError` for another name and for an index outside 0..P-1."""
         return self._arrays.on_columns(regressor, tuple(self._columns(columns)))
 
     def with_drives(self, drives: Drive | Sequence[Drive]) -> Mechanism:
-        """The same mechanism with other rotors and friction in its tree's joints, one drive for all or one each (n).
-        Each term of a drive is a parameter like the others; `Drive()` has none. Raises `InputError` for another number
-        of drives."""
+        """The same mechanism with other rotors and friction in its tree's n joints, one drive for all or one each, in
+        the order of `links`. Each term of a drive is a parameter like the others; `Drive()` has none. Raises
+        `InputError` for another number of drives and for one that turns with unknown joints."""
         return Mechanism(self.description.with_drives(drives))
 
     def energy_regressor(self, p: ArrayLike, v: ArrayLike, out: Array | None = None) -> Array:
         """The energy regressor E (..., P), J per unit of each parameter, at p (..., r), rad (m), and v (..., r), rad/s
-        (m/s): kinetic plus potential energy is E @ D (Sheu and Walker 1991, section 2.2). `out` is filled and returned,
-        None for a fresh array. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity,
-        `SingularityError` near locked loops."""
+        (m/s): kinetic plus potential energy is E @ D, D (P,) the `inertial_parameters` (Sheu and Walker 1991, section
+        2.2). `out`, float64 of E's shape, is filled and returned, None for a fresh array. Raises `InputError` on a
+        wrong shape, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
         if out is None:
             return self._arrays.energy_regressor.call(p, v)
         return self._arrays.energy_regressor.into(out, p, v)
 
     @finite_results
     def energy(self, p: ArrayLike, v: ArrayLike) -> Array:
-        """Kinetic plus potential energy (...), in J, at positions p (..., r), rad (m), and velocities v (..., r), rad/s
-        (m/s). Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `SingularityError` near locked
-        loops."""
+        """Kinetic plus potential energy (...), in J, the latter 0 at the ground frame's origin, at positions p (...,
+        r), rad (m), and velocities v (..., r), rad/s (m/s). Raises `InputError` on a wrong shape, `NonFiniteError` on
+        NaN or infinity, `SingularityError` near locked loops."""
         return self.energy_regressor(p, v) @ self.inertial_parameters
 
     def torque_regressor(
@@ -223,11 +224,11 @@ class Mechanism:
         columns: Sequence[int] | None = None,
         out: Array | None = None,
     ) -> Array:
-        """The torque regressor Y (..., r, P), N m (N) per unit of each parameter: the equations of motion are tau = Y
-        D. p, v and a are (..., r) in rad, rad/s, rad/s^2 (m for prismatic joints). `columns` are the indices of the k
-        parameters asked for, then Y is (..., r, k); None for all. `out` is filled and returned, None for a fresh array.
-        Raises `InputError` on a wrong shape or index, `NonFiniteError` on NaN or infinity, `SingularityError` near
-        locked loops."""
+        """The torque regressor Y (..., r, P), N m (N) per unit of each of the `inertial_parameters` D (P,): the
+        equations of motion are tau = Y D. p, v and a are (..., r) in rad, rad/s, rad/s^2 (m for prismatic joints).
+        `columns` are the indices of the k parameters asked for, then Y is (..., r, k); None for all. `out`, float64 of
+        Y's shape, is filled and returned, None for a fresh array. Raises `InputError` on a wrong shape or index,
+        `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
         own = self._arrays.torque_regressor
         equation = own if columns is None else self.on_columns("torque_regressor", columns)
         return equation.call(p, v, a) if out is None else equation.into(out, p, v, a)
@@ -241,51 +242,52 @@ class Mechanism:
         columns: Sequence[int] | None = None,
         out: Array | None = None,
     ) -> Array:
-        """The Slotine-Li regressor Y_r (..., r, P), N m (N) per unit of each parameter: Y_r D = M(p) a_r + C(p, v) v_r
-        + g(p) + friction at v_r, C the Christoffel one (Slotine and Li 1987). p, v, v_r, a_r are (..., r) in rad,
-        rad/s, rad/s, rad/s^2 (m if prismatic). `columns` are the indices of the k parameters asked for, then Y_r is
-        (..., r, k); None for all. `out` is filled and returned, None for a fresh array. Raises `InputError` on a wrong
-        shape or index, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
+        """The Slotine-Li regressor Y_r (..., r, P), N m (N) per unit of each of the `inertial_parameters` D (P,): Y_r D
+        = M(p) a_r + C(p, v) v_r + g(p) + friction at v_r, M the mass matrix, C the Christoffel one, g gravity (Slotine
+        and Li 1987). p, v, reference v_r and a_r are (..., r) in rad, rad/s, rad/s, rad/s^2 (m if prismatic). `columns`
+        are the indices of the k parameters asked for, then Y_r is (..., r, k); None for all. `out`, float64 of Y_r's
+        shape, is filled and returned, None for a fresh array. Raises `InputError` on a wrong shape or index,
+        `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
         own = self._arrays.slotine_li_regressor
         equation = own if columns is None else self.on_columns("slotine_li_regressor", columns)
         return equation.call(p, v, v_r, a_r) if out is None else equation.into(out, p, v, v_r, a_r)
 
     def inverse_dynamics(self, p: ArrayLike, v: ArrayLike, a: ArrayLike, out: Array | None = None) -> Array:
         """Torque (..., r), N m (N for a prismatic joint), that gives the accelerations a (..., r), rad/s^2 (m/s^2), at
-        positions p (..., r), rad (m), and velocities v (..., r), rad/s (m/s). `out` is filled and returned, None for a
-        fresh array. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `SingularityError` near
-        locked loops."""
+        positions p (..., r), rad (m), and velocities v (..., r), rad/s (m/s), with gravity and friction. `out`,
+        float64, is filled and returned, None for a fresh array. Raises `InputError` on a wrong shape, `NonFiniteError`
+        on NaN or infinity, `SingularityError` near locked loops."""
         if out is None:
             return self._arrays.inverse_dynamics.call(p, v, a, self.inertial_parameters)
         return self._arrays.inverse_dynamics.into(out, p, v, a, self.inertial_parameters)
 
     def known_torque(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
-        """The part of the torque (..., r), N m (N), due to known parameters, which regressors times parameters leave
-        out: zero without constraints on parameters. p, v, a are (..., r) in rad, rad/s, rad/s^2 (m if prismatic).
-        Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
+        """The part of the torque (..., r), N m (N), due to values that linear constraints on parameters fix, which
+        regressors times free parameters leave out: zero without constraints. p, v, a are (..., r) in rad, rad/s,
+        rad/s^2 (m if prismatic). Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
         _, samples = self._joints(p=p, v=v, a=a)
         return np.zeros((*samples, self.dof))
 
     def forward_dynamics(self, p: ArrayLike, v: ArrayLike, torque: ArrayLike, out: Array | None = None) -> Array:
-        """Accelerations (..., r), rad/s^2 (m/s^2), under a torque (..., r), N m (N), at p (..., r), rad (m), and v
-        (..., r), rad/s (m/s). `out` is filled and returned, None for a fresh array. Raises `InputError` on a wrong
-        shape or links without mass to be accelerated, `NonFiniteError` on NaN or infinity, `SingularityError` near
-        locked loops."""
+        """Accelerations (..., r), rad/s^2 (m/s^2), under joint torques (..., r), N m (N), gravity and friction, at p
+        (..., r), rad (m), and v (..., r), rad/s (m/s). `out`, (..., r) in float64, is filled and returned, None for a
+        fresh array. Raises `InputError` on a wrong shape or a tree's links without mass to be accelerated,
+        `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
         if out is None:
             return self._arrays.forward_dynamics.call(p, v, torque, self.inertial_parameters)
         return self._arrays.forward_dynamics.into(out, p, v, torque, self.inertial_parameters)
 
     def require_mass(self) -> None:
-        """Raise `InputError` for a tree with links that have no mass and carry none, with their names: torques do not
-        determine its accelerations."""
+        """Raise `InputError`, with their names, for links of a tree that have neither inertia nor rotor and carry none:
+        torques do not determine its accelerations. Mechanisms with loops pass."""
         if self.description.weightless:
             names = ", ".join(self.description.weightless)
             raise InputError(f"{self.name}: links move without mass and carry none, give them some: {names}")
 
     def mass_matrix(self, p: ArrayLike, out: Array | None = None) -> Array:
-        """The mass matrix M(p) (..., r, r), kg m^2 (kg between prismatic joints), at p (..., r), rad (m). `out` is
-        filled and returned, None for a fresh array. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or
-        infinity, `SingularityError` near locked loops."""
+        """The mass matrix M(p) (..., r, r), kg m^2 (kg between prismatic joints, kg m mixed), at p (..., r), rad (m).
+        `out`, float64 of M's shape, is filled and returned, None for a fresh array. Raises `InputError` on a wrong
+        shape, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
         if out is None:
             return self._arrays.mass_matrix.call(p, self.inertial_parameters)
         return self._arrays.mass_matrix.into(out, p, self.inertial_parameters)
@@ -294,7 +296,7 @@ class Mechanism:
     def to_pinocchio(self) -> pinocchio.Model:
         """The same mechanism as a Pinocchio model, built depth first; with loops, its tree's, loops left open. Raises
         `InputError` for a first moment without mass and for drives that turn with several joints, `MissingExtraError`
-        without Pinocchio."""
+        without Pinocchio. Warns (`SimplificationWarning`) of friction other than viscous and Coulomb's, left out."""
         from adaptctl.description.readers.pinocchio_model import to_pinocchio
 
         return to_pinocchio(self.description)
@@ -302,8 +304,8 @@ class Mechanism:
     @needed("Mechanism.to_pinocchio_constraints")
     def to_pinocchio_constraints(self) -> list[pinocchio.RigidConstraintModel]:
         """The loops as Pinocchio's constraint models, for `to_pinocchio()`'s model; an empty list for a tree. Raises
-        `InputError` as `to_pinocchio` does and where joints follow others, for which Pinocchio has no such model,
-        `MissingExtraError` without Pinocchio."""
+        `InputError` where joints follow others (couplings), for a first moment without mass and for drives that turn
+        with several joints, `MissingExtraError` without Pinocchio."""
         from adaptctl.description.readers.pinocchio_constraints import to_pinocchio_constraints
 
         return to_pinocchio_constraints(self.description, self.to_pinocchio())
@@ -311,34 +313,34 @@ class Mechanism:
     @classmethod
     @needed("Mechanism.from_pinocchio")
     def from_pinocchio(cls, model: pinocchio.Model) -> Mechanism:
-        """A mechanism from a Pinocchio model, whatever order it was built in. Raises `InputError` for joints that are
-        not revolute or prismatic with one coordinate, `MissingExtraError` without Pinocchio."""
+        """A mechanism from a Pinocchio model, its joints put depth first: find them by name. Raises `InputError` for
+        joints not revolute or prismatic, no joints and angular gravity, `MissingExtraError` without Pinocchio. Warns
+        (`SimplificationWarning`) of limits of zero, taken as none."""
         from adaptctl.description.readers.pinocchio_model import from_pinocchio
 
         return cls(from_pinocchio(model))
 
     def write_into(self, original: str | Path, path: str | Path, root: str | None = None) -> None:
         """Write at `path` the URDF or MJCF file `original` with this mechanism's links' inertias; the rest stays byte
-        for byte, and joints' drives are not written. `root` is the body of an MJCF scene that it begins with, None
-        where one moves. Raises `FileError` for another mechanism's file, inertias without mass and, in MJCF, of no
-        rigid body (see `identifiability.nearest_consistent`), `InputError` for another suffix."""
+        for byte, the joints' drives too. `root` is its first body in an MJCF scene, None for the one that moves. Raises
+        `FileError` for another mechanism's file, one not readable or writable, inertias without mass and, in MJCF, of
+        no rigid body (see `identifiability.nearest_consistent`), `InputError` for another suffix or a URDF's root."""
         from adaptctl.description.writers.robot_file import write_robot
 
         write_robot(path, original, self.description, root)
 
     def in_pinocchio(self, model: pinocchio.Model) -> pinocchio.Model:
-        """A copy of a Pinocchio model of this mechanism with this mechanism's inertias and drives; its frames, limits
-        and all else are as they were. Pinocchio's inverse dynamics has rotors, as armature, and leaves friction out.
-        Raises `InputError` for another number of joints or a first moment without mass, `NotFoundError` for a joint
-        that the model does not have."""
+        """A copy of `model`, with the same joints by name, with this mechanism's inertias, rotors (armature), viscous
+        and Coulomb friction; all else stays. Pinocchio's inverse dynamics leaves friction out. Raises `InputError` for
+        another number of joints or a first moment without mass, `NotFoundError` for a joint that it does not have."""
         from adaptctl.description.readers.pinocchio_model import with_inertias
 
         return with_inertias(model, self.description)
 
     @needed("Mechanism.to_mujoco")
     def to_mujoco(self) -> mujoco.MjModel:
-        """The same tree as a MuJoCo model, a body a link and a motor a joint. Raises `InputError` for what MuJoCo's
-        bodies and joints cannot be: loops, inertias of no rigid body, friction beyond viscous and Coulomb's."""
+        """The same tree as a MuJoCo model, a body a link, a motor (N m, or N) a joint. Raises `InputError` for loops,
+        shared shafts, inertias of no body, friction not viscous or Coulomb's, `MissingExtraError` without MuJoCo."""
         from adaptctl.description.writers.mujoco_model import to_mujoco
 
         return to_mujoco(self.description)
@@ -348,8 +350,8 @@ class Mechanism:
     def from_mujoco(cls, model: mujoco.MjModel, body: str | None = None) -> Mechanism:
         """A mechanism from a MuJoCo model, which may hold a whole scene: the body named `body` and all that hangs on
         it; None for the one root body on which joints turn or slide. Raises `InputError` for ball and free joints,
-        equalities and where not just one root moves, `NotFoundError` for an unknown name. Warns
-        (`SimplificationWarning`) of what is left out."""
+        equalities on it, a body on one that moves and not just one moving root, `NotFoundError` for an unknown name.
+        Warns (`SimplificationWarning`) of springs and gravity compensation, left out, and of actuators not torques."""
         from adaptctl.description.readers.mujoco_model import from_mujoco
 
         return cls(from_mujoco(model, body))
@@ -377,16 +379,14 @@ def load(
     mesh_folders: Sequence[str | Path] = (),
     root: str | None = None,
 ) -> Mechanism:
-    """A mechanism by a built-in's name (`puma560`, ...), from a file (.toml, .urdf, .xml), or from a Pinocchio or
-    MuJoCo model.
-
-    With `floating_base`, a URDF file's root link floats instead of being fixed to the ground; its meshes are shown from
-    its package and from `mesh_folders`. With `snap`, angles between joint axes that are within 1e-3 rad of right ones
-    are made exact. `root` names the body of an MJCF scene, or of a MuJoCo model, that the mechanism begins with; None
-    for the one that moves. Raises `FileError` or `NotFoundError` with what was wrong and what would be right,
-    `InputError` for a floating base of another file or a root of what has none, `LoopError` where loops do not fit
-    together. Warns (`PhysicalConsistencyWarning`) of links that no rigid body can be.
-    """
+    """A mechanism by a built-in's name (`puma560`, ...), from a file (.toml, .urdf, .xml, .mjcf), or from a Pinocchio
+    or MuJoCo model. With `floating_base`, a URDF file's root link floats, not fixed to the ground; its meshes are shown
+    from its package and the folders `mesh_folders`. With `snap`, angles between joint axes within 1e-3 rad of right
+    ones are made exact. `root` names the body of an MJCF scene, or of a MuJoCo model, that the mechanism begins with;
+    None for the one that moves. Raises `NotFoundError` for an unknown name or root of a model, `FileError` for a file
+    that cannot be used, `InputError` for a floating base of no URDF file, a root of what has none, a model with mesh
+    folders and other sources, `LoopError` where loops do not fit together. Warns (`PhysicalConsistencyWarning`) of
+    links that no rigid body can be, and (`SimplificationWarning`) of what is left out."""
     from adaptctl.description.readers.registry import read, read_model
 
     options: dict[str, Any] = {"floating_base": floating_base, "snap": snap, "mesh_folders": mesh_folders, "root": root}
