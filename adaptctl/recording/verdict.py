@@ -9,10 +9,11 @@ from typing import Any
 
 
 class Failure(Enum):
-    """Kinds of a controller's failure, the worst first: STOPPED, the environment ended the run, an error having passed
-    its bound; DIVERGED, it ended with errors that no tracking has; SATURATED, torques were at their limits for seconds;
-    NO_BETTER, the same controller with adaptation off ends with as small an error; DIFFERS, exported code does not
-    repeat what Python did."""
+    """Kinds of a controller's failure, the worst first: STOPPED, the environment ended the run early, a joint's
+    position error having passed its bound, or loops having come near a singularity or left their conditions; DIVERGED,
+    a position error was 1 rad (m) or more in the run's last 2 s; SATURATED, a torque was at its limit for over 2 s in
+    all; NO_BETTER, the RMS position error over the last 2 s is not below 0.9 of that with adaptation off; DIFFERS, a
+    build of exported code does not compile, or does not repeat Python's torques within its tolerance."""
 
     STOPPED = "stopped"
     """the environment ended the run, an error having passed its bound"""
@@ -28,8 +29,9 @@ class Failure(Enum):
 
 @dataclass(frozen=True)
 class Fault:
-    """A controller's failure in a run: its kind, a sentence about it, and why the experiment expected it, None where it
-    did not."""
+    """A failure of a controller in a run: `failure`, its kind; `sentence`, an account of it for readers; `expected`,
+    the reason why the experiment expects it, so that it does not count against the controller, None where it does
+    not."""
 
     failure: Failure
     sentence: str
@@ -40,20 +42,22 @@ class Fault:
 
 @dataclass(frozen=True)
 class Verdict:
-    """The verdict on the controllers that an experiment is about: their faults, none where they did what was asked."""
+    """The verdict on the controllers that an experiment is about: `faults`, their failures in the order found, empty,
+    the default, where they did what was asked."""
 
     faults: tuple[Fault, ...] = ()
 
     @classmethod
     def of(cls, found: Iterable[tuple[Failure, str]], expected: Mapping[Failure, str] | None = None) -> Verdict:
-        """The verdict of failures found, with a sentence each; `expected` has why some of them are expected, None where
-        none is."""
+        """The verdict with a fault for each pair of `found`, a failure and a sentence about it, in their order;
+        `expected` maps failures to the reason why the experiment expects them, None where it expects none."""
         reasons = expected or {}
         return cls(tuple(Fault(failure, sentence, reasons.get(failure)) for failure, sentence in found))
 
     @classmethod
     def together(cls, verdicts: Iterable[Verdict]) -> Verdict:
-        """One verdict of several, for an experiment with several subjects: the faults of all of them."""
+        """One verdict of several, for an experiment with several subjects: the faults of all of them, in their
+        order."""
         return cls(tuple(fault for verdict in verdicts for fault in verdict.faults))
 
     @property
@@ -62,15 +66,15 @@ class Verdict:
         return all(fault.expected is not None for fault in self.faults)
 
     def before(self, answer: str) -> str:
-        """The text of an experiment's answer with its faults: the unexpected ones before it, the expected ones after
-        it."""
+        """The text `answer`, an experiment's result in words, with the faults' sentences: "Failed:" and the unexpected
+        ones before it, each expected one after it with its reason; without faults the answer alone."""
         failed = [fault.sentence for fault in self.faults if fault.expected is None]
         expected = [f"As expected ({fault.expected}): {fault.sentence}" for fault in self.faults if fault.expected]
         return " ".join([*(["Failed:", *failed] if failed else []), answer, *expected])
 
     def as_builtins(self) -> dict[str, Any]:
-        """The verdict in JSON's types: `passed`, a bool, and `faults`, a list of mappings with `failure`, `sentence`
-        and `expected`."""
+        """The verdict in JSON's types: `passed`, a bool, and `faults`, a list of mappings with `failure`, a value of
+        `Failure` such as "diverged", `sentence`, a text, and `expected`, the reason or None."""
         faults = [
             {"failure": fault.failure.value, "sentence": fault.sentence, "expected": fault.expected}
             for fault in self.faults

@@ -11,9 +11,9 @@ from adaptctl.scalars.scalar import Scalar
 
 
 class Column:
-    """A column (n,) of scalars of one kind, such as floats or arrays of samples; `of` is the tuple of them. Arithmetic
-    is elementwise, also with a scalar factor on either side, and `@` is the inner product; columns of other lengths
-    raise `ValueError`."""
+    """A column (n,) of scalars of one kind, such as floats or arrays of samples; `of`, any iterable of them, is kept as
+    a tuple. `+`, `-` and `*` of columns are elementwise, a scalar may be a factor on either side, and `@` is the inner
+    product, a scalar; columns of different lengths raise `ValueError`."""
 
     __slots__ = ("of",)
     __array_ufunc__ = None
@@ -66,8 +66,8 @@ def combined(columns: Sequence[Column], weights: Column) -> Column:
 
 
 def column(array: Any) -> Column:
-    """A column of the entries (n,) along the last axis of an array (..., n): floats for one sample (n,), arrays of
-    samples (...) otherwise. A column is returned as it is."""
+    """A column of the entries (n,) along the last axis of a NumPy array (..., n): floats for one sample (n,), arrays of
+    samples (...) otherwise. A column is returned as it is. Raises `IndexError` for an array without axes."""
     if isinstance(array, Column):
         return array
     if array.ndim == 1:
@@ -76,8 +76,8 @@ def column(array: Any) -> Column:
 
 
 def each(values: Any, n: int) -> Column:
-    """A column (n,) from one scalar for all entries, or from n numbers (n,); a column is returned as it is. Raises
-    `ValueError` for another number of numbers."""
+    """A column (n,) from one scalar of any kind for all entries, or from numbers (n,) or (1,), an array, list or tuple,
+    as floats; a column is returned as it is, not checked. Raises `ValueError` for numbers of another shape."""
     if isinstance(values, Column):
         return values
     if isinstance(values, np.ndarray | list | tuple):
@@ -86,8 +86,9 @@ def each(values: Any, n: int) -> Column:
 
 
 def spread(values: Column, columns: Sequence[int], size: int) -> Column:
-    """Column (size,) with the values (m,) at the indices `columns` (m,) and exact zeros elsewhere, of which a trace
-    computes nothing. Raises `ValueError` for another number of indices."""
+    """Column (size,) with the values (m,) at the indices `columns` (m,), from 0, and exact zeros elsewhere, with which
+    compiled equations do no arithmetic. Raises `ValueError` for another number of indices, `IndexError` for one of
+    `size` or more."""
     entries: list[Any] = [0.0] * size
     for column, value in zip(columns, values, strict=True):
         entries[column] = value

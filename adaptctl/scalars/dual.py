@@ -27,9 +27,10 @@ from adaptctl.scalars.scalar import (
 
 
 class Dual:
-    """A dual number `value + slope eps`, eps^2 = 0: `slope`, zero unless given, is the derivative along the direction
-    of the argument's slopes. Either part is a float or an array of samples. As the condition of an `if` it raises
-    `TypeError`: use `where`."""
+    """A dual number `value + slope eps`, eps^2 = 0, for exact derivatives: where the arguments' slopes are a direction,
+    a result's `slope` is its derivative along it; 0, the default, for a constant. Either part is a float or an array of
+    samples. Raises `TypeError` as the condition of an `if` (use `where`), and in NumPy functions that have no rule for
+    it."""
 
     __slots__ = ("slope", "value")
 

@@ -14,8 +14,8 @@ import numpy as np
 
 
 class Scalar(Protocol):
-    """Protocol of a scalar: the arithmetic (+, -, *, /) that every kind supports: a float, an array of samples, a dual
-    number, a node of an expression graph."""
+    """Protocol of a scalar: the arithmetic that every kind supports, +, -, *, / with numbers on either side, and the
+    sign -x. Kinds are a float, an array of samples, a dual number, a node of an expression graph."""
 
     def __add__(self, other: Any, /) -> Any: ...
     def __radd__(self, other: Any, /) -> Any: ...
@@ -36,17 +36,17 @@ Condition: TypeAlias = Any
 
 
 def sin(x: Any) -> Any:
-    """Sine of an angle in radians, over scalars of any kind."""
+    """Sine of an angle in rad, over scalars of any kind. Raises `ValueError` for an infinite float; NaN in arrays."""
     return math.sin(x) if isinstance(x, float) else np.sin(x)
 
 
 def cos(x: Any) -> Any:
-    """Cosine of an angle in radians, over scalars of any kind."""
+    """Cosine of an angle in rad, over scalars of any kind. Raises `ValueError` for an infinite float; NaN in arrays."""
     return math.cos(x) if isinstance(x, float) else np.cos(x)
 
 
 def sqrt(x: Any) -> Any:
-    """Square root of a scalar of at least 0, of any kind. Raises `ValueError` for a negative float; NaN in arrays."""
+    """Square root of a scalar of any kind. Raises `ValueError` for a negative float; NaN where an array is negative."""
     return math.sqrt(x) if isinstance(x, float) else np.sqrt(x)
 
 
@@ -80,9 +80,10 @@ def nearest_whole(x: Any) -> Any:
 
 
 def angle(sine: Any, cosine: Any, near: Any) -> Any:
-    """Angle with this `sine` and `cosine`, in rad: of all such, whole turns apart, the nearest to `near` (rad).
+    """Angle in rad with this `sine` and `cosine`: of all such, whole turns apart, the nearest to `near` (rad).
 
-    The squares of sine and cosine add up to 1. A traced angle is known to have them: its sine costs nothing.
+    The squares of sine and cosine add up to 1, which is not checked. In compiled equations the sine and cosine of the
+    angle are then those given, and are not computed again.
     """
     least = atan2(sine, cosine)
     whole = least + 2.0 * math.pi * nearest_whole((near - least) * (0.5 / math.pi))
@@ -105,13 +106,15 @@ def maximum(x: Any, y: Any) -> Any:
 
 
 def where(condition: Condition, yes: Any, no: Any) -> Any:
-    """The value `yes` where the `condition`, a comparison of scalars, holds, else `no`, elementwise in arrays: the only
-    branch an equation may take."""
+    """The value `yes` where the `condition` holds, else `no`, elementwise in arrays, all of which broadcast: the only
+    branch an equation may take. The condition is a comparison of scalars: a bool, an array of bools, or a node of an
+    expression graph. Both values are computed."""
     if isinstance(condition, bool | np.bool_):
         return yes if condition else no
     return np.where(condition, yes, no)
 
 
 def clip(x: Any, lower: Any, upper: Any) -> Any:
-    """The scalar x clipped to [lower, upper], to the nearest value within, elementwise in arrays."""
+    """The scalar x clipped to [lower, upper], to the nearest value within, elementwise in arrays; `upper` where `lower`
+    is above it, NaN where any is NaN."""
     return minimum(maximum(x, lower), upper)

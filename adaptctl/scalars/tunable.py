@@ -19,8 +19,8 @@ from adaptctl.scalars.column import Column
 
 
 class Structure:
-    """The structure of an object, all of it but its tunable numbers: objects of equal structure have one equation,
-    whose native code they share. `of` is an object that has it."""
+    """The structure of an object: its class and all its values but its tunable numbers, as a hashable `key`. Objects of
+    equal structure have one equation, whose native code they share. `of` is an object that has it."""
 
     __slots__ = ("_hash", "_key", "of")
 
@@ -35,28 +35,29 @@ class Structure:
 
 
 class Keyed:
-    """Base class of frozen dataclasses none of whose numbers are tunable, and whose structure, by which native code is
-    shared, is found once."""
+    """Base class of frozen dataclasses without tunable numbers, whose `structure`, by which native code is shared, is
+    computed once and kept."""
 
     @cached_property
     def structure(self) -> Structure:
-        """Structure of these settings, all their values: equal ones share an equation and its native code."""
+        """Structure of this object: its class and the values of all its fields, to be compared and hashed. Objects of
+        equal structure share an equation and its native code."""
         return Structure(self, _fields_key(self))
 
 
 class Tunable:
-    """Base class of settings, most often a frozen dataclass, of which some are numbers that an equation takes as
-    arguments.
+    """Base class of settings, most often a frozen dataclass, some of whose numbers are tunable: arguments of the native
+    code of its equations, which settings share that differ in these numbers alone.
 
-    A class names these attributes in `tunable`; each is a number, or an array (n,) or (m, n). Its equations read them
-    with `column` and `each`, or as they are where they are one number: then they may be scalars of any kind. A class
-    that names none has all its numbers compiled in, also where the class it derives from names some, for it may read
-    them in other ways.
+    A class names these attributes in the property `tunable`; each is a number, an array (n,) or (m, n), or None. Its
+    equations read them with `column` and `each`, or as they are where they are one number: then they may be scalars of
+    any kind. A class that names none has all its numbers compiled in, also where the class it derives from names some,
+    for it may read them in other ways.
     """
 
     @property
     def tunable(self) -> tuple[str, ...]:
-        """Names of the attributes that hold tunable numbers; none unless a class names them."""
+        """Names of the attributes that hold tunable numbers; () unless a class names them."""
         return ()
 
     def __init_subclass__(cls, **options: Any) -> None:
@@ -66,13 +67,14 @@ class Tunable:
 
     @property
     def tunable_parts(self) -> Mapping[str, Tunable]:
-        """The attributes that are themselves tunable settings, by name."""
+        """The attributes that are themselves `Tunable` settings, by name."""
         return {name: value for name, value in self._settings() if isinstance(value, Tunable)}
 
     @cached_property
     def numbers(self) -> dict[str, Array]:
-        """The tunable numbers as float arrays (), (n,) or (m, n) by name, its own, then those of parts, as in
-        ``adaptation.gain``; without attributes that are None."""
+        """The tunable numbers by name, as float arrays (), (n,) or (m, n) in the units of their attributes: those named
+        in `tunable`, then those of parts (attributes that are `Tunable` themselves), as in ``adaptation.gain``.
+        Attributes that are None are left out."""
         given = {name: getattr(self, name) for name in self.tunable}
         own = {name: np.asarray(value, dtype=np.float64) for name, value in given.items() if value is not None}
         parts = self.tunable_parts.items()
@@ -80,24 +82,26 @@ class Tunable:
 
     @cached_property
     def packed(self) -> Array:
-        """All tunable numbers (g,), one after the other in the order of `numbers`, matrices row by row."""
+        """All g tunable numbers in one float array (g,), in the order of `numbers`, matrices row by row."""
         return np.concatenate([np.zeros(0), *(array.ravel() for array in self.numbers.values())])
 
     def substituted(self, packed: Column) -> Self:
-        """A copy of these settings with other tunable numbers (g,), in the order of `packed`, scalars of any kind, not
-        checked."""
+        """A copy of these settings whose tunable numbers are those of the column `packed` (g,), in the order of the
+        property `packed`; scalars of any kind. Neither their count nor their values are checked."""
         return self.having(self.unpacked(packed))
 
     def unpacked(self, packed: Column) -> dict[str, Any]:
-        """The tunable numbers of `packed` (g,), by their names in `numbers`: each a scalar, a column (n,), or a tuple
-        of a matrix's rows, m columns (n,)."""
+        """The g tunable numbers of a column `packed` (g,), in the order of the property `packed`, by their names in
+        `numbers`: each a scalar, a column (n,), or a tuple of a matrix's rows, m columns (n,). Their count is not
+        checked."""
         ends = accumulate(array.size for array in self.numbers.values())
         parts = zip(self.numbers.items(), ends, strict=True)
         return {name: _shaped(packed.of[end - array.size : end], array.shape) for (name, array), end in parts}
 
     def having(self, numbers: Mapping[str, Any]) -> Self:
-        """A copy of these settings with other numbers by their names in `numbers`, not checked: scalars of any kind, or
-        arrays of which leading axes are samples. Numbers that are not named stay."""
+        """A copy of these settings with other tunable numbers, given by their names in the property `numbers`, such as
+        "adaptation.gain": scalars of any kind, or arrays of which leading axes are samples. The others stay. Neither
+        names nor values are checked."""
         other = object.__new__(type(self))
         other.__dict__.update(self._settings())
         other.__dict__.update({name: value for name, value in numbers.items() if "." not in name})
@@ -106,10 +110,11 @@ class Tunable:
         return other
 
     def tuned(self, numbers: Mapping[str, ArrayLike]) -> Self:
-        """A copy of these settings with other numbers by their names in `numbers`, checked as new ones are; others
-        stay.
+        """A copy of these settings with other tunable numbers, given by their names in the property `numbers`, such as
+        "adaptation.gain", in the shapes and units of the attributes; the others stay. They are checked as in new
+        settings.
 
-        Raises `NotFoundError` for a name that is none of `numbers`, and what the settings themselves raise.
+        Raises `NotFoundError` for a name that is not there, and what the class itself raises for its attributes.
         """
         for name in numbers:
             if name not in self.numbers:
@@ -122,8 +127,8 @@ class Tunable:
 
     @cached_property
     def structure(self) -> Structure:
-        """Structure of these settings, all that their equation depends on besides the values of the tunable numbers:
-        equal ones share it."""
+        """Structure of these settings, to be compared and hashed: their class, the shapes of the tunable numbers, and
+        all other values. Settings of equal structure share an equation and its native code."""
         parts, shapes = self.tunable_parts, tuple((name, array.shape) for name, array in self.numbers.items())
         fixed = [(name, value) for name, value in self._settings() if name not in parts]
         rest = tuple((name, _key(value)) for name, value in fixed if name not in self.tunable or value is None)

@@ -9,7 +9,8 @@ from adaptctl.scalars.scalar import Scalar
 
 
 class Vec:
-    """A vector (3,) of scalars `x`, `y` and `z` of one kind, in the coordinates of one frame."""
+    """A vector (3,) of scalars `x`, `y` and `z` of one kind, in the coordinates of one frame. `+` and `-` are
+    elementwise, and a scalar may be a factor on the left."""
 
     __slots__ = ("x", "y", "z")
     __array_ufunc__ = None  # lets `array * Vec` reach __rmul__
@@ -44,7 +45,8 @@ def cross(a: Vec, b: Vec) -> Vec:
 
 
 class Mat:
-    """A 3 by 3 matrix of scalars of one kind, as three rows `x`, `y` and `z`; `@` multiplies it with a `Vec`."""
+    """A 3 by 3 matrix of scalars of one kind, given by its rows `x`, `y` and `z`, each a `Vec` (3,). `+` and `-` are
+    elementwise, and `@` multiplies it with a `Vec`; `product` is that of two matrices."""
 
     __slots__ = ("x", "y", "z")
 
@@ -53,7 +55,8 @@ class Mat:
 
     @classmethod
     def of(cls, rows: Sequence[Sequence[float]]) -> Mat:
-        """A matrix of floats from three rows of three numbers, nested sequences or a (3, 3) array."""
+        """A matrix (3, 3) of floats from three rows of three numbers, nested sequences or an array (3, 3). Raises
+        `TypeError` for another number of rows or columns, `ValueError` for a text that is no number."""
         return cls(*(Vec(*(float(entry) for entry in row)) for row in rows))
 
     def __add__(self, other: Mat) -> Mat:
@@ -76,7 +79,7 @@ class Mat:
 
 
 def product(a: Mat, b: Mat) -> Mat:
-    """The matrix product A B (3, 3) of two matrices (3, 3)."""
+    """The matrix product a b (3, 3) of two matrices (3, 3), `a` on the left."""
     columns = b.T
     return Mat(*(columns @ row for row in a))
 

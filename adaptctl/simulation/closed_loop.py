@@ -49,12 +49,12 @@ class Sample(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ClosedLoop:
-    """A closed loop: a controller that ticks on a plant's measured positions and velocities, and the plant under its
-    torque.
+    """A closed loop of a `plant` and a `controller` as one step, a control period: at its beginning the controller
+    ticks on the plant's measured positions and velocities, and the plant holds its torque until the end.
 
-    Its state's columns are those of `Plant.sizes`, what was measured last where there are sensors, and the controller's
-    memory; they come back in this order. Raises `InputError` where plant and controller differ in their number of
-    joints.
+    What passes from one period to the next are columns, in this order: those of `Plant.sizes` (q, v, drives, sensors),
+    the last measurement where there are sensors, and the controller's memory. Loops are equal, and share native code,
+    that differ in tunable gains alone. Raises `InputError` where plant and controller differ in their number of joints.
     """
 
     plant: Plant
@@ -68,32 +68,39 @@ class ClosedLoop:
 
     @cached_property
     def state(self) -> dict[str, int]:
-        """Lengths of the columns that pass from one control period to the next, by name: those of `Plant.sizes`,
-        `measured_p` and `measured_v` (r, or 0 without sensors), and the parts of the controller's memory."""
+        """Lengths of the columns that pass from one control period to the next, by name: "q", "v", "drives" and
+        "sensors" as in `Plant.sizes`, "measured_p" and "measured_v" (r joints, or 0 without sensors), and the arrays of
+        the controller's memory, "memory_0" and so on."""
         measured = dict.fromkeys(("measured_p", "measured_v"), self.controller.dof if self._senses else 0)
         memory = {f"memory_{k}": len(part) for k, part in enumerate(leaves(self._blank))}
         return self.plant.sizes | measured | memory
 
     @property
     def held(self) -> dict[str, int]:
-        """Lengths of the columns that stay the same, by name: the plant's `parameters` (P,) and, where there are any,
-        the controller's `gains` (g,)."""
+        """Lengths of the columns that stay the same in a run, by name: "parameters", the plant's P inertial parameters,
+        and, where there are any, "gains", the controller's g tunable gains."""
         return {"parameters": self.plant.mechanism.equations.parameters} | self.controller.gain_sizes
 
     @property
     def reference(self) -> dict[str, int]:
-        """Lengths of a reference point's parts (positions, velocities, accelerations), by name: r each, or as many as
-        the task space has for a controller there."""
+        """Lengths of a reference point's columns "reference_p", "reference_v" and "reference_a" (positions, velocities,
+        accelerations), by name: the number of joints r each, or that of the task-space coordinates for a controller
+        there."""
         return dict.fromkeys(REFERENCE, self.controller.reference_size)
 
     @property
     def noise(self) -> dict[str, int]:
-        """Length of the column `noise` of the sensors' standard normal numbers, by its name: `Plant.noise_size`."""
+        """Length of the column "noise", the sensors' standard normal numbers (no unit) in a control period, by its
+        name: 2r for r joints, or 0 without sensors."""
         return {"noise": self.plant.noise_size}
 
     def equation(self, **columns: Column) -> tuple[list[Column], Sample]:
-        """The columns (n,) passed on, in the order of `state`, and the `Sample` recorded, of one control period, from
-        the columns, by name, of `state`, `held`, `reference` and `noise`."""
+        """The new columns, in the order of `state`, and the `Sample` recorded (positions, torques, J of energy and so
+        on, in columns), of one control period over scalars of any kind.
+
+        `columns` are, by name, those of `state`, `held`, `reference` and `noise`, of the lengths given there and in SI
+        units; without "gains" the controller's own are taken. Raises `KeyError` where another is missing.
+        """
         q, v = columns["q"], columns["v"]
         measured = columns["measured_p"], columns["measured_v"]
         reference = ReferencePoint(*(columns[name] for name in REFERENCE))
@@ -111,7 +118,9 @@ class ClosedLoop:
 
     @cached_property
     def marks(self) -> tuple[str, ...]:
-        """Names of the marks of a `Sample`, each 1 or 0: `Plant.marks`, then those of the controller's guards."""
+        """Names of the marks in a `Sample`, in their order, each 1 in a period in which that effect or guard acted,
+        else 0: the actuator effects of `Plant.marks`, then the guards of a `Guarded` controller, such as
+        "torque_limited"."""
         return (*self.plant.marks, *getattr(guards(self._blank), "_fields", ()))
 
     def __eq__(self, other: object) -> bool:
@@ -127,20 +136,23 @@ class ClosedLoop:
 
     @lru_cache(maxsize=8)  # noqa: B019  # some code is worth keeping, and its loop with it
     def compiled(self) -> Stepper:
-        """The stepper of one arm: native code of a control period, whose reference and noise come from outside. Those
-        of the 8 latest loops are kept."""
+        """The compiled step of the loop, one control period in native code, one arm at a time: its `ensemble` makes
+        arms, which take reference and noise as signals. The code of the 8 loops used last is kept. Raises `TraceError`
+        where the controller's law cannot be traced."""
         shared, name = self.reference | self.noise, type(self.controller).__name__
         return compile_step(self.step, state=self.state, held=self.held, shared=shared, lanes=1, name=name)
 
     def step(self, **columns: Column) -> tuple[Any, ...]:
-        """The results of `equation` in one tuple, from the same columns: those passed on, then the fields of the
-        `Sample`."""
+        """The results of `equation` in one tuple, from the same `columns` by name: the new ones, in the order of
+        `state`, then the fields of the `Sample`. Raises `KeyError` where one is missing."""
         passed_on, sample = self.equation(**columns)
         return (*passed_on, *sample)
 
     def begin(self, arms: Ensemble, state: PlantState, memory: Any) -> None:
-        """Set the state of `arms`, M copies of the compiled step, to `state`, the plants' (n,) or (M, n), to `memory`,
-        the controller's, one for all or a row each, and their gains, if any, to the controller's."""
+        """Set `arms`, M copies of the compiled step, to the plants' `state` and the controller's `memory`, as `init` of
+        either gives them, arrays (length,) for all arms or (M, length), and their tunable gains, if any, to the
+        controller's. The plants' parameters, `arms.held["parameters"]`, are left alone. Raises `InputError` where
+        arrays do not fit the arms, `ValueError` for a memory of another number of arrays."""
         plant = state.q, state.v, state.drives, state.sensors
         measured = (state.measured_p, state.measured_v) if self._senses else np.zeros((2, 0))
         for name, values in zip(self.state, (*plant, *measured, *leaves(memory)), strict=True):
@@ -149,8 +161,9 @@ class ClosedLoop:
             arms.held[name] = self.controller.packed
 
     def now(self, arms: Ensemble, time: float, member: int = 0) -> tuple[PlantState, Any]:
-        """The plant's state of one of the `arms`, the number `member` from 0, at a `time` (s), with torque and marks
-        zero, and its controller's memory."""
+        """The plant's state and the controller's memory of one of the `arms`, the number `member`, from 0, the default.
+        `time` (s) is put into the state as it is; its `applied`, `clipped` and `marks`, which arms do not keep, are
+        zero. Raises `IndexError` for a number that no arm has."""
         q, v, drives, sensors, *rest = (arms.state[name][member] for name in self.state)
         p = self.plant.positions(q)
         measured, memory = rest[:2] if self._senses else (p, v), like(self._blank, rest[2:])

@@ -18,20 +18,23 @@ from adaptctl.scalars import Column, each, where
 
 @dataclass(frozen=True, eq=False)
 class DeadZone(Descent[NoMemory]):
-    """Gradient adaptation with a dead zone (Peterson and Narendra 1982).
+    """Gradient adaptation of the estimate (k,) with a dead zone for the sliding variable s (Peterson and Narendra
+    1982).
 
         estimate' = -Gamma Y's outside the ellipsoid sum (s_i / width_i)^2 <= 1, and 0 within
 
-    s (r,) is the sliding variable in rad/s (m/s), Y (r, k) the torque regressor; `gain` is Gamma, (k,) its diagonal or
-    (k, k), in units of the parameters squared per J. `width` (r,) is in rad/s (m/s), one number for all joints or one
-    each. Raises `InputError` for a gain that is not positive definite or a width that is not positive.
+    s (r,) is in rad/s (m/s), Y (r, k) the torque regressor; `gain` is Gamma, (k,) its diagonal or (k, k), in units of
+    the parameters squared per J. `width` is the zone's half-width in rad/s (m/s), one number for all joints, as the
+    default is, or (r,). Raises `InputError` for a gain that is not finite, symmetric and positive definite and a width
+    that is not positive and finite.
 
-    Guarantees: within the zone the estimate stands still, so nothing that keeps s there makes it drift. Outside
-    V' = -s'Ks + s'd is not positive where the zone holds {s: s'Ks <= d'K^-1d} for the disturbance d;
-    `DeadZone.against` makes that zone.
+    Guarantees: within the zone the estimate stands still, so nothing that keeps s there makes it drift. Outside,
+    V = s'Ms/2 + error' Gamma^-1 error/2 has V' = -s'Ks + s'd, M the mass matrix, K the control law's damping, d (r,)
+    the disturbance torque: not positive where the zone holds {s: s'Ks <= d'K^-1d}. `DeadZone.against` makes that zone.
 
-    Gives up: tracking better than the zone; and, M varying with p, a bound over infinitely many ways in and
-    out: s may leave the zone with more kinetic energy than it came in with. `Projection` of this law has one.
+    Gives up: tracking better than the zone; and a bound on the estimate where s enters and leaves the zone infinitely
+    often: as M varies with the positions, s may leave with more energy s'Ms/2 than it came in with. `Projection` of
+    this law has that bound.
     """
 
     tunable = ("gain", "width")
@@ -61,18 +64,20 @@ class DeadZone(Descent[NoMemory]):
         """Raise `InputError` unless there is a gain for each of the model's k parameters, and one positive width or one
         for each joint.
 
-        `initial` is the first estimate (k,), `period` the control period T_c in s.
+        `initial`, the first estimate (k,), and `period`, T_c in s, are not looked at.
         """
         super().require(model, initial, period)
         positive_per_joint(self.width, model.mechanism.dof, "dead zone: width")
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
-        """The empty memory: this law remembers nothing, whatever the first estimate `initial` (k,), the configuration
-        q (n,) in rad (m), the velocities v (r,) in rad/s (m/s) and the period T_c (s)."""
+        """The empty memory: this law remembers nothing, whatever the first estimate `initial` (k,), in SI units, the
+        configuration q (n,) of the tree's joints in rad (m), the velocities v (r,) in rad/s (m/s) and the control
+        period T_c (s)."""
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (k,) after a step down the gradient, or unchanged where s is within the zone; and no memory.
+        """The estimate (k,) after a step down the gradient Y's, Y (r, k) the torque regressor and s (r,) the sliding
+        variable, or unchanged where the mean of s over the period is within the zone; and the empty memory.
 
         `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period `period`.
         """

@@ -22,12 +22,12 @@ class NoMemory(NamedTuple):
 class Period(NamedTuple):
     """One control period as a control law hands it to an adaptation law.
 
-    `gradient` gives Y's (k,) for any sliding variable s (r,), Y (r, k) the torque regressor at the start of the period;
-    `before` and `after` are s (r,) at its start and its end, in rad/s (m/s); `torque` (r,) was held over it, in N m (N
-    for a prismatic joint); `q` (n,) is the configuration of the tree's joints at its end, in rad (m), `v` (r,) the
-    velocities, in rad/s (m/s). `length` is T_c in s, `elapsed` the same, or 0 where nothing is to be learned: before
-    the first tick, and while adaptation is frozen. `damping` is K (r,) in N m s/rad (N s/m), where the control law's V
-    falls as -s'Ks.
+    `gradient` gives Y's (k,), in W per unit of each parameter, for any sliding variable s (r,), Y (r, k) the torque
+    regressor at the start of the period; `before` and `after` are s (r,) at its start and its end, in rad/s (m/s);
+    `torque` (r,) was held over it, in N m (N for a prismatic joint); `q` (n,) is the configuration of the tree's joints
+    at its end, in rad (m), `v` (r,) the velocities then, in rad/s (m/s). `length` is its length T_c in s, `elapsed` the
+    same, or 0 where nothing is to be learned: before the first tick, and while adaptation is frozen. `damping` is
+    K (r,) in N m s/rad (N s/m), by which the control law's Lyapunov function falls as -s'Ks.
     """
 
     gradient: Callable[[Column], Column]
@@ -51,18 +51,19 @@ class Period(NamedTuple):
 
     @property
     def share(self) -> Any:
-        """Share of the period to learn from, without a unit: 1, or 0 where nothing is to be learned."""
+        """Share of the control period to learn from, without a unit: 1, or 0 where nothing is to be learned, before the
+        first tick and while adaptation is frozen."""
         return self.elapsed * (1.0 / self.length)
 
     @property
     def mean(self) -> Column:
-        """The mean (r,) of s at the start and at the end of the period, in rad/s (m/s)."""
+        """The mean (r,) of the sliding variable s at the start and at the end of the period, in rad/s (m/s)."""
         return 0.5 * (self.before + self.after)
 
     @property
     def integral(self) -> Column:
-        """The integral (r,) of s over the period by the trapezium rule, in rad (m); 0 where nothing is to be
-        learned."""
+        """The integral (r,) of the sliding variable s over the period by the trapezium rule, in rad (m); 0 where
+        nothing is to be learned, before the first tick and while adaptation is frozen."""
         return (0.5 * self.elapsed) * (self.before + self.after)
 
 
@@ -70,10 +71,12 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
     """Base class of adaptation laws, which move the estimate (k,) of a model's k parameters from one control period to
     the next, whatever control law uses it.
 
-    A subclass is a frozen dataclass of configuration. `law` is an equation over scalars of any kind, traced into the
-    control law's own native code, to which the numbers that the class names in `tunable` are arguments. What changes
-    over time, besides the estimate, is the memory, of which runs keep its property `recorded`, if it has one.
-    `needs_double` is true for a law whose memory is a matrix that single precision spoils.
+    A subclass is a frozen dataclass of configuration; a field of type float that is given no number raises
+    `InputError`. `law` is an equation over scalars of any kind (floats, arrays of samples, symbols of a trace), traced
+    into the control law's own native code. The attributes that the class names in `tunable` are arguments of that code,
+    all its other numbers are compiled in. What changes over time, besides the estimate, is the memory, a NamedTuple of
+    columns; runs keep its property `recorded`, if it has one. `needs_double` is true for a law whose memory is a matrix
+    that single precision spoils, false unless a subclass says so.
     """
 
     needs_double: ClassVar[bool] = False
@@ -86,32 +89,38 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
 
     @abstractmethod
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Raise `InputError` where the law does not fit a model, a first estimate `initial` (k,) or a period T_c
-        (s)."""
+        """Raise `InputError` where the law does not fit a model, as with a gain for another number of parameters, a
+        first estimate `initial` (k,), in SI units, or the control period `period`, T_c in s."""
 
     @abstractmethod
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Memory:
-        """The memory before the first tick, for a first estimate `initial` (k,), at configuration q (n,), in rad (m),
-        and velocities v (r,), in rad/s (m/s), and a period T_c (s)."""
+        """The law's memory before the first tick, for a first estimate `initial` (k,), in SI units, at configuration
+        q (n,) of the tree's joints, in rad (m), and velocities v (r,), in rad/s (m/s), and a control period T_c (s)."""
 
     @abstractmethod
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Memory) -> tuple[Column, Memory]:
-        """The estimate (k,) and the memory after a control period, from those before it, over scalars of any kind."""
+        """The estimate (k,), in the parameters' SI units, and the memory after a control period, over scalars of any
+        kind: floats, arrays of samples, symbols of a trace.
+
+        `estimate` and `memory` are those before it; `period` holds what was measured over it.
+        """
 
     @property
     def by_parameter(self) -> bool:
-        """True if the law measures each parameter's error by itself, so that a bound on one moves no other; False
-        unless a law overrides it."""
+        """True if the law measures each parameter's error by itself, as with a diagonal gain, so that clipping one to a
+        bound need not move any other; False unless a law overrides it."""
         return False
 
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar | None:
         """The parameters' term, in J, of the law's Lyapunov function at an estimate (k,) where the true parameters are
-        (k,); over scalars of any kind. None, as here, where it depends on more than the estimate."""
+        `true` (k,), both in SI units; over scalars of any kind: floats, arrays of samples, symbols of a trace. None, as
+        here unless a law overrides it, where it depends on more than the estimate."""
         return None
 
     def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array | None:
-        """The Lyapunov function's term of the parameters (...), in J, at estimates (..., k) where the true parameters
-        are (k,) or (..., k): `lyapunov_term` on arrays. None where it depends on more than the estimate."""
+        """The parameters' term (...), in J, of the law's Lyapunov function at estimates (..., k) where the true
+        parameters are `true`, (k,) or (..., k), in SI units: `lyapunov_term` on arrays. None where it depends on more
+        than the estimate."""
         rows = (np.asarray(x, dtype=np.float64)[..., None] for x in (estimate, true))
         found = self.lyapunov_term(model, *(Column(np.moveaxis(x, -2, 0)) for x in rows))
         return None if found is None else np.asarray(found)[..., 0]

@@ -43,19 +43,21 @@ class _Leaking(Descent[NoMemory]):
 
 @dataclass(frozen=True, eq=False)
 class SigmaModification(_Leaking):
-    """Gradient adaptation with sigma-modification, a constant leak back to the prior (Ioannou and Kokotovic 1984).
+    """Gradient adaptation of the estimate (k,) with sigma-modification, a constant leak back to the prior (Ioannou and
+    Kokotovic 1984).
 
-        estimate' = -Gamma Y's - sigma (estimate - prior),  `rate` is sigma, in 1/s
+        estimate' = -Gamma Y's - sigma (estimate - prior),  `rate` is sigma, in 1/s, 0.1 by default
 
     s (r,) is the sliding variable in rad/s (m/s), Y (r, k) the torque regressor; `gain` is Gamma, (k,) its diagonal or
     (k, k), in units of the parameters squared per J; `prior` (k,) is in the parameters' SI units, zero when None.
-    Raises `InputError` for a gain that is not positive definite, a rate that is not positive and a prior of another
-    size or not finite. The leak is Gamma times sigma Gamma^-1 (estimate - prior), so that parameters of different units
-    leak alike.
+    Raises `InputError` for a gain that is not finite, symmetric and positive definite, a rate that is not positive and
+    finite, and a prior of another size or not finite. The leak is Gamma times sigma Gamma^-1 (estimate - prior), so
+    that parameters of different units leak alike.
 
-    Guarantees: under any bounded disturbance s and the estimate stay bounded, without excitation: with
+    Guarantees: under any bounded disturbance s and the estimate stay bounded, without excitation: with the mass matrix
+    M, the control law's damping K, V = s'Ms/2 + (estimate - true)' Gamma^-1 (estimate - true)/2 and
     c = min(sigma, 2 min lambda(M^-1 K)), V' <= -c V + sigma V_prior, V_prior = (prior - true)' Gamma^-1
-    (prior - true)/2; with a disturbance d, c is half as large and d'K^-1d/2 is added.
+    (prior - true)/2; with a disturbance torque d (r,), c is half as large and d'K^-1d/2 is added.
 
     Gives up: convergence of the tracking error, even without disturbance, unless the prior is true: the leak
     goes on when s is zero, and bursts may follow (Hsu and Costa 1987).
@@ -64,7 +66,8 @@ class SigmaModification(_Leaking):
     tunable = ("gain", "rate", "prior")
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (k,) after a step down the gradient that leaks to the prior at sigma (1/s), and no memory.
+        """The estimate (k,) after a step down the gradient Y's, Y (r, k) the torque regressor and s (r,) the sliding
+        variable, that leaks to the prior at the rate sigma (1/s); and the empty memory.
 
         `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period `period`.
         """
@@ -73,14 +76,15 @@ class SigmaModification(_Leaking):
 
 @dataclass(frozen=True, eq=False)
 class EModification(_Leaking):
-    """Gradient adaptation with e-modification, a leak that stops with s (Narendra and Annaswamy 1987).
+    """Gradient adaptation of the estimate (k,) with e-modification, a leak to the prior that stops with the sliding
+    variable s (Narendra and Annaswamy 1987).
 
-        estimate' = -Gamma Y's - nu |s| (estimate - prior),  `rate` is nu, in 1/rad
+        estimate' = -Gamma Y's - nu |s| (estimate - prior),  `rate` is nu, in 1/rad (1/m), 0.1 by default
 
-    s (r,) is the sliding variable in rad/s (m/s), Y (r, k) the torque regressor; `gain` is Gamma, (k,) its diagonal or
-    (k, k), in units of the parameters squared per J; `prior` (k,) is in the parameters' SI units, zero when None.
-    Raises `InputError` for a gain that is not positive definite, a rate that is not positive and a prior of another
-    size or not finite. |s| is the Euclidean norm.
+    s (r,) is in rad/s (m/s), |s| its Euclidean norm, Y (r, k) the torque regressor; `gain` is Gamma, (k,) its diagonal
+    or (k, k), in units of the parameters squared per J; `prior` (k,) is in the parameters' SI units, zero when None.
+    Raises `InputError` for a gain that is not finite, symmetric and positive definite, a rate that is not positive and
+    finite, and a prior of another size or not finite.
 
     Guarantees: under any bounded disturbance s and the estimate stay bounded, without excitation. The leak
     stops with s, so true estimates on the trajectory stay where they are.
@@ -92,8 +96,8 @@ class EModification(_Leaking):
     tunable = ("gain", "rate", "prior")
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (k,) after a step down the gradient that leaks to the prior at nu |s| (1/s), s the mean over the
-        period; and no memory.
+        """The estimate (k,) after a step down the gradient Y's, Y (r, k) the torque regressor, that leaks to the prior
+        at `rate` |s| (1/s), s (r,) the mean of the sliding variable over the period; and the empty memory.
 
         `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period `period`.
         """

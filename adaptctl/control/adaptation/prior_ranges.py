@@ -47,11 +47,12 @@ class PriorRanges:
 
     @lru_cache(maxsize=64)  # noqa: B019  # a few numbers each, asked for by every controller of a sweep
     def of(self, names: tuple[str, ...]) -> Array:
-        """The ranges (k,), in the parameters' SI units, of parameters by their full names, such as `link1.m`: what
-        follows the last dot counts; read-only.
+        """The ranges (k,), in the parameters' SI units, of the k parameters with these full names, such as `link1.m`,
+        in their order; read-only.
 
-        `m` is a mass, `mc_...` a first moment; `viscous` and `square_root` have the range `viscous`, `coulomb`,
-        `stribeck` and `offset` the range `coulomb`, and all others the range `inertia`.
+        What follows the last dot counts: `m` has the range `mass`, `mc_...` the range `first_moment`, `viscous` and
+        `square_root` the range `viscous`, `coulomb`, `stribeck` and `offset` the range `coulomb`, and all others, also
+        unknown ones, the range `inertia`.
         """
         return frozen(np.array([self._range(name.rsplit(".", 1)[-1]) for name in names]))
 
@@ -75,15 +76,16 @@ def adaptation_gain(
     workspace: Workspace | None = None,
 ) -> Array:
     """The diagonal (k,) of the adaptation gain Gamma, in units of the parameters squared per J: `rate`, in 1/J, times
-    the square of each kept parameter's prior range, `PriorRanges()` where `ranges` is None.
+    the square of each kept parameter's prior range, that of `PriorRanges()` where `ranges` is None.
 
-    1/Gamma then weighs every parameter's error by its range in the Lyapunov function. With the `gains` of a control law
-    and its `period` (s), which has no part where `gains` is None, no range is taken greater than HOLD_SHARE of what the
-    gains leave of the hold number, 2 - h, over the hold number that a unit of the parameter causes (`parameter_holds`),
-    both over a `workspace`, all that the joints' limits allow where None; h is without a unit, HOLD_SHARE is 0.2: a
-    light wrist whose inertia is learned a hundred times too large would ring, and its prior range allows that. Raises
-    `GainError` where the period carries no adaptation with these gains, and `InputError` for a rate
-    that is not positive and, with gains, for such a period.
+    In the Lyapunov function an error of a whole range then weighs 1/(2 rate), 0.83 J by default, whatever the
+    parameter. With the `gains` of a control law and its control period `period`, T_c in s, no range is taken greater
+    than 0.2 (2 - h)/u, h = T_c max lambda(M^-1 (K + M Lambda)) the hold number of the gains K and Lambda with the mass
+    matrix M, without a unit and stable below 2, and u what an error of 1 SI unit in the parameter adds to it
+    (`parameter_holds`), both over a `workspace`, all that the joints' limits allow where None: a light wrist whose
+    inertia is learned a hundred times too large would ring, and its prior range allows that. `period` and `workspace`
+    have no part where `gains` is None. Raises `GainError` where h is 2 or more, and `InputError` for a rate that is not
+    positive and finite and, with gains, for such a period and for gains of another number of joints.
     """
     reach = (ranges or PriorRanges()).of(model.names)
     if gains is not None:
@@ -99,9 +101,9 @@ def mapped_gain(model: ReducedModel, gain: ArrayLike) -> Array:
     """The adaptation gain Gamma_beta = K_r Gamma_D K_r' (k, k) of the fundamental parameters, for a diagonal gain
     Gamma_D (P,) on all P parameters; both in units of the parameters squared per J.
 
-    K_r (k, P) is the model's `regrouping`. With it, adapting the k fundamental parameters is the same controller as
-    adapting all P, to round-off. It is symmetric to the last bit. Raises `InputError` unless the gain is P finite
-    numbers.
+    K_r (k, P) is the model's `regrouping`: K_r times all P parameters gives the k fundamental ones. With this gain,
+    adapting the k fundamental parameters is the same controller as adapting all P, to round-off. It is symmetric to the
+    last bit. Raises `InputError` unless the gain is P finite numbers.
     """
     full = frozen_array(gain, (model.regrouping.shape[1],), "gain on all parameters")
     mapped = (model.regrouping * full) @ model.regrouping.T

@@ -23,11 +23,11 @@ class Projection(AdaptationLaw[Memory]):
     each period.
 
     `of` is that law; `lower` and `upper` (k,), in the parameters' SI units, may be infinite; `limits` makes them from
-    parameters' names. Raises `InputError` unless lower < upper everywhere, and for a law that weighs parameters
-    together (`by_parameter` false), as one with a gain (k, k).
+    parameters' names. Raises `InputError` for bounds that are NaN or of different shapes, unless lower < upper
+    everywhere, and for a law that weighs parameters together (`by_parameter` false), as one with a gain (k, k).
 
     Guarantees, where the truth is within: the estimate stays within, whatever disturbs; and what the law
-    itself guarantees, because with a diagonal Gamma clipping is the projection in the law's own distance, which
+    itself guarantees, because with a diagonal gain clipping is the projection in the law's own distance, which
     brings the estimate no farther from anything within (Goodwin and Mayne 1987).
 
     Gives up: nothing that is within the bounds. Bounds on minimal parameters are no guarantee of a positive
@@ -56,10 +56,10 @@ class Projection(AdaptationLaw[Memory]):
             )
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Raise `InputError` where the wrapped law does, unless there are two bounds for each of the model's k
-        parameters, and for a first estimate outside them.
+        """Raise `InputError` where the wrapped law does, for bounds of another number than the model's k parameters,
+        and for a first estimate outside them.
 
-        `initial` is the first estimate (k,), `period` the control period T_c in s.
+        `initial` is the first estimate (k,), in SI units, `period` the control period T_c in s.
         """
         self.of.require(model, initial, period)
         require_size(self.lower, model, "projection: bounds")
@@ -73,14 +73,14 @@ class Projection(AdaptationLaw[Memory]):
 
     @property
     def by_parameter(self) -> bool:
-        """True, since each parameter is clipped by itself."""
+        """True: the law measures each parameter's error by itself, for it wraps no other, and clips each by itself."""
         return True
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Memory:
         """The wrapped law's memory before the first tick.
 
-        `initial` is the first estimate (k,), q (n,) the configuration of the tree's joints in rad (m), v (r,) the
-        velocities in rad/s (m/s), `period` T_c in s.
+        `initial` is the first estimate (k,), in SI units, q (n,) the configuration of the tree's joints in rad (m),
+        v (r,) the velocities in rad/s (m/s), `period` the control period T_c in s.
         """
         return self.of.start(model, initial, q, v, period)
 
@@ -94,15 +94,16 @@ class Projection(AdaptationLaw[Memory]):
 
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar | None:
         """The parameters' term, in J, of the wrapped law's Lyapunov function at an estimate (k,) where the true
-        parameters are (k,); None where that law has none."""
+        parameters are `true` (k,), both in SI units; None where that law has none."""
         return self.of.lyapunov_term(model, estimate, true)
 
 
 def limits(model: ReducedModel, bounds: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:
     """Lower and upper bounds, (k,) each, of a model's parameters, from those named: infinite for the others.
 
-    `bounds` gives (lower, upper) by a parameter's full name, such as `link1.m`, in its SI unit. Raises `NotFoundError`
-    for a parameter that the model does not have.
+    `bounds` gives (lower, upper) by a parameter's full name, such as `link1.m`; all are in the parameters' SI units.
+    Raises `NotFoundError` for a parameter that is not one of the model's k, also where its basis regroups it into
+    others.
     """
     lower, upper = np.full(len(model.names), -np.inf), np.full(len(model.names), np.inf)
     for name, (low, high) in bounds.items():
