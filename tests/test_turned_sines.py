@@ -94,11 +94,18 @@ def test_a_called_function_is_passed_the_sines_of_its_arguments() -> None:
 
 
 def test_sines_go_down_as_many_calls_as_there_are() -> None:
-    deepest = outlined(lambda x: Column((sin(x[0]), cos(x[0]))))
-    middle = outlined(lambda x: deepest(x))
-    routine = trace(lambda x: middle(x), {"x": 1})
+    @outlined
+    def deepest(x: Column) -> Column:
+        return Column((sin(x[0]), cos(x[0])))
+
+    @outlined
+    def middle(x: Column) -> Column:
+        return deepest(x)
+
+    def whole(x: Column) -> Column:
+        return middle(x)
+
+    routine = trace(whole, {"x": 1})
     assert routine.operations[Op.SIN] == routine.operations[Op.COS] == 1
     assert not any(x.op is Op.SIN for called in routine.calls for x in called.body)
-    np.testing.assert_array_equal(
-        compile_function(lambda x: middle(x), {"x": 1})(np.array([0.5])), np.sin([0.5, 0.5 + np.pi / 2])
-    )
+    np.testing.assert_array_equal(compile_function(whole, {"x": 1})(np.array([0.5])), np.sin([0.5, 0.5 + np.pi / 2]))

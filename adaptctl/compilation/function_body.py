@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence, Set
-from itertools import islice
 from typing import Any
 
 from adaptctl.compilation.graph import Expression, Op
+from adaptctl.compilation.invariants import NONE, Invariants, arguments
 from adaptctl.compilation.lanes import Lanes
 from adaptctl.compilation.routine import Routine
 from adaptctl.compilation.sine import STEP
@@ -20,23 +20,31 @@ _INTRINSICS = {Op.SQRT: "sqrt", Op.ROUND: "rint", Op.ABSOLUTE: "fabs", Op.MINIMU
 
 
 class FunctionBody:
-    """LLVM instructions of one function's body: `memory` for the calls it makes is set aside first."""
+    """LLVM instructions of one function's body: `memory` for the calls it makes is set aside first.
 
-    def __init__(self, symbols: Mapping[Routine, str], lanes: Lanes, found: Mapping[int, int]) -> None:
+    What it finds in memory it is passed two pointers to: %passed by other pieces, %same by what ran before all steps.
+    """
+
+    def __init__(
+        self, symbols: Mapping[Routine, str], lanes: Lanes, found: Mapping[int, int], same: Invariants = NONE
+    ) -> None:
         self.memory: list[str] = []
         self.lines: list[str] = []
-        self._symbols, self._lanes, self._found = symbols, lanes, found
+        self._symbols, self._lanes, self._found, self._same = symbols, lanes, found, same
         self._loaded: set[str] = set()
+        self._together: dict[tuple[Any, ...], str] = {}
 
     def compute(self, expression: Expression) -> None:
         """Write one expression into its register; what is in memory is loaded where it is first used."""
         if expression.op is Op.CALL:
-            self._call(f"%x{expression.index}", expression.detail, expression.operands)
+            self._call(f"%x{expression.index}", expression.detail, arguments(expression))
+        elif self._place(expression) is not None:
+            return
         elif expression.op in ANGLES:
             pair = f"{{{self._lanes.value}, {self._lanes.value}}}"
             turned = self._sincos(expression.operands[0])
             self._add(f"%x{expression.index} = extractvalue {pair} {turned}, {ANGLES[expression.op]}")
-        elif self._place(expression) is None:
+        else:
             self._evaluate(f"%x{expression.index}", expression.op, [self._operand(y) for y in expression.operands])
 
     def turn(self, angles: Sequence[Expression], wide: Lanes) -> None:
@@ -91,9 +99,7 @@ class FunctionBody:
             self._add(f"{name} = load {self._lanes.value}, ptr {name}.at, align {self._lanes.size}")
         return name
 
-    def _call(self, x: str, routine: Routine, operands: Iterable[Expression | float]) -> None:
-        rest = iter(operands)
-        groups = [list(islice(rest, size)) for size in routine.inputs]
+    def _call(self, x: str, routine: Routine, groups: Iterable[Sequence[Expression | float]]) -> None:
         pointers = [self._gathered(f"{x}.in{part}", group) for part, group in enumerate(groups)]
         for part, size in enumerate(routine.layout.sizes):
             pointers.append(self._reserve(f"{x}.out{part}", size))
@@ -101,14 +107,26 @@ class FunctionBody:
 
     def _gathered(self, name: str, group: Sequence[Expression | float]) -> str:
         """A pointer to these numbers side by side: where they already are so, or a copy."""
+        key = tuple(x.index if isinstance(x, Expression) else x for x in group)
+        if key not in self._together:
+            first = self._side_by_side(key, group)
+            if first is None:
+                self._reserve(name, len(group))
+                for k, x in enumerate(group):
+                    self.store(name, k, x)
+            else:
+                self._add(f"{name} = getelementptr {self._lanes.value}, ptr {first[0]}, i64 {first[1]}")
+            self._together[key] = name
+        return self._together[key]
+
+    def _side_by_side(self, key: tuple[Any, ...], group: Sequence[Expression | float]) -> tuple[str, int] | None:
+        """The place of the first of numbers that are in memory one after the other; None for others."""
+        if key in self._same.groups:
+            return "%same", self._same.groups[key]
         places = [self._place(x) if isinstance(x, Expression) else None for x in group]
         if places and places[0] and places == [(places[0][0], places[0][1] + k) for k in range(len(places))]:
-            self._add(f"{name} = getelementptr {self._lanes.value}, ptr {places[0][0]}, i64 {places[0][1]}")
-            return name
-        self._reserve(name, len(group))
-        for k, x in enumerate(group):
-            self.store(name, k, x)
-        return name
+            return places[0]
+        return None
 
     def _reserve(self, name: str, size: int) -> str:
         self.memory.append(f"{name} = alloca [{size} x {self._lanes.value}], align {self._lanes.alignment}")
@@ -143,6 +161,8 @@ class FunctionBody:
         others."""
         if x.index in self._found:
             return "%passed", self._found[x.index]
+        if x.index in self._same.places:
+            return "%same", self._same.places[x.index]
         if x.op is Op.INPUT:
             return f"%in{x.detail[0]}", x.detail[1]
         if x.op is Op.RESULT:

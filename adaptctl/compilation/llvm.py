@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 
 from adaptctl.compilation.function_body import ANGLES, FunctionBody
 from adaptctl.compilation.graph import Expression, Op
+from adaptctl.compilation.invariants import NONE, Invariants
 from adaptctl.compilation.lanes import Lanes
 from adaptctl.compilation.layout import numbered
 from adaptctl.compilation.pieces import Piece, pieces
@@ -22,11 +23,22 @@ _WIDE = (2, 4, 8)
 """Numbers of arguments whose sines are computed at once, where numbers are not side by side anyway."""
 
 
-def program(routine: Routine, lanes: Lanes) -> tuple[str, str]:
-    """The IR of a routine and of all it calls, and the name of the routine in it."""
+BEFORE = ".before"
+"""After a step's name, the name of what runs before all steps."""
+
+
+def program(routine: Routine, lanes: Lanes, same: Invariants = NONE) -> tuple[str, str]:
+    """The IR of a routine and of all it calls, and the name of the routine in it, which finds in memory what is the
+    same in all steps; that is computed by another function, of this name and `BEFORE`."""
     symbols = _symbols(routine)
     parts = {r: pieces(r.body) for r in symbols}
-    functions = [_function(r, parts[r], symbols, lanes) for r in symbols]
+    functions = [_function(r, parts[r], symbols, lanes) for r in symbols if r is not routine]
+    if same.stored:
+        before = same.before(routine)
+        symbols[before], parts[before] = f"{symbols[routine]}{BEFORE}", pieces(before.body)
+        functions.append(_function(before, parts[before], symbols, lanes))
+        parts[routine] = pieces(same.left(routine), same.places)
+    functions.append(_function(routine, parts[routine], symbols, lanes, same))
     if any(x.op in ANGLES for r in symbols for x in r.body):
         functions.append(_sincos(lanes))
     widths = {wide for r in symbols for piece in parts[r] for _, wide in _turned_together(piece, lanes)}
@@ -46,15 +58,17 @@ def _symbols(routine: Routine) -> dict[Routine, str]:
     return found
 
 
-def _function(routine: Routine, parts: Sequence[Piece], symbols: Mapping[Routine, str], lanes: Lanes) -> str:
+def _function(
+    routine: Routine, parts: Sequence[Piece], symbols: Mapping[Routine, str], lanes: Lanes, same: Invariants = NONE
+) -> str:
     """A routine's function; where it has several pieces, it calls one after the other."""
     symbol = symbols[routine]
     if len(parts) == 1:
-        return _piece(routine, parts[0], symbol, symbols, lanes)
+        return _piece(routine, parts[0], symbol, symbols, lanes, same)
     inner = {f"{symbol}.piece{k}": part for k, part in enumerate(parts)}
-    functions = [_piece(routine, part, name, symbols, lanes, shared=True) for name, part in inner.items()]
+    functions = [_piece(routine, part, name, symbols, lanes, same, shared=True) for name, part in inner.items()]
     passed = 1 + max((place for part in parts for place in part.kept.values()), default=0)
-    pointers = [*_pointers(routine), "ptr %passed"]
+    pointers = [*_pointers(routine, same), "ptr %passed"]
     head = f"define internal void @{symbol}({', '.join(pointers[:-1])}) noinline {lanes.attributes} {{"
     memory = f"%passed = alloca [{passed} x {lanes.value}], align {lanes.alignment}"
     calls = [f"call void @{name}({', '.join(pointers)})" for name in inner]
@@ -67,12 +81,13 @@ def _piece(
     symbol: str,
     symbols: Mapping[Routine, str],
     lanes: Lanes,
+    same: Invariants = NONE,
     *,
     shared: bool = False,
     inlining: str = "noinline",
 ) -> str:
     """The function of a piece, which shares memory with others, or of a whole routine."""
-    body = FunctionBody(symbols, lanes, piece.found)
+    body = FunctionBody(symbols, lanes, piece.found, same)
     wanted: dict[int, list[tuple[str, int]]] = {i: [("%passed", place)] for i, place in piece.kept.items()}
     for (part, k), value in zip(numbered(routine.layout.sizes), routine.outputs, strict=True):
         if isinstance(value, Expression):
@@ -85,16 +100,17 @@ def _piece(
         body.compute(expression)
         for pointer, k in wanted.get(expression.index, ()):  # at once: registers are few
             body.store(pointer, k, expression)
-    pointers = [*_pointers(routine, " noalias"), *(["ptr noalias %passed"] if shared else [])]
+    pointers = [*_pointers(routine, same, " noalias"), *(["ptr noalias %passed"] if shared else [])]
     head = f"define internal void @{symbol}({', '.join(pointers)}) {inlining} {lanes.attributes} {{"
     return "\n".join([head, *body.memory, *body.lines, "ret void\n}"])
 
 
-def _pointers(routine: Routine, promise: str = "") -> list[str]:
+def _pointers(routine: Routine, same: Invariants, promise: str = "") -> list[str]:
     """The arguments of a routine's function, with what is promised of them."""
     read = f"{promise} readonly" if promise else ""
     inputs = [f"ptr{read} %in{part}" for part in range(len(routine.inputs))]
-    return inputs + [f"ptr{promise} %out{part}" for part in range(len(routine.layout.sizes))]
+    outputs = [f"ptr{promise} %out{part}" for part in range(len(routine.layout.sizes))]
+    return inputs + outputs + ([f"ptr{read} %same"] if same.stored else [])
 
 
 def _turned_together(piece: Piece, lanes: Lanes) -> list[tuple[list[Expression], Lanes]]:

@@ -1,12 +1,14 @@
 ; All steps of one block of lanes after the other.
 ;
 ; A block goes through all its steps before the next begins, so that its state stays in the nearest memory: there and
-; in a spare place by turns, since a step reads one while it writes the other.
+; in a spare place by turns, since a step reads one while it writes the other. What is the same in all of them is
+; computed before the first.
 
 define void @run(i64 %first, i64 %end, i64 %count, i64 %shared.stride, i64 %driven.stride, i64 %out.stride,
                  ptr %state, ptr %held, ptr %shared, ptr %driven, ptr %out) $attributes {
 start:
   %spare = alloca [$state x $value], align $alignment
+  %same = alloca [$same x $value], align $alignment
   br label %blocks
 
 blocks:
@@ -19,6 +21,8 @@ begin:
   %held.at = getelementptr [$held x $value], ptr %held, i64 %block
   %driven.first = getelementptr [$driven x $value], ptr %driven, i64 %block
   %out.first = getelementptr [$outputs x $value], ptr %out, i64 %block
+  $held_places
+  $before
   br label %steps
 
 steps:

@@ -8,6 +8,7 @@ from enum import StrEnum
 from itertools import accumulate
 
 from adaptctl.compilation.lanes import Lanes
+from adaptctl.compilation.llvm import BEFORE
 from adaptctl.compilation.routine import Routine
 
 ENTRY = "run"
@@ -35,29 +36,45 @@ class Source(StrEnum):
     """one a lane, another in each step"""
 
 
-def loop(routine: Routine, symbol: str, lanes: Lanes, columns: Mapping[Source, Sequence[int]]) -> str:
+def loop(routine: Routine, symbol: str, lanes: Lanes, columns: Mapping[Source, Sequence[int]], same: int = 0) -> str:
     """LLVM IR of the function ENTRY, the loop over steps of a routine whose arguments come source by source, with these
-    lengths."""
+    lengths. `same` is the number of scalars that another function computes before the steps of each block."""
     results, states = routine.layout.sizes, len(columns[Source.STATE])
     count = {str(source): sum(lengths) for source, lengths in columns.items()}
-    parts = {f"%{source}.at": lengths for source, lengths in columns.items()}
-    pointers, places = _places(parts | {"%next": results[:states], "%out.at": results[states:]}, lanes)
+    inputs = {f"%{source}.at": lengths for source, lengths in columns.items()}
+    pointers = _pointers(inputs | {"%next": results[:states], "%out.at": results[states:]})
+    held = _pointers({_HELD: inputs[_HELD]})
+    unread = [name if name in held else "ptr null" for name in _pointers(inputs)]
+    before = f"call void @{symbol}{BEFORE}({', '.join([*unread, 'ptr %same'])})" if same else ""
     return lanes.filled(
         "loop",
         **count,
         outputs=sum(results[states:]),
         bytes=lanes.alignment * count["state"],
-        places=places,
+        same=max(same, 1),
+        held_places=_places(_HELD, inputs.pop(_HELD), lanes),
+        before=before,
+        places="\n".join(
+            _places(base, lengths, lanes)
+            for base, lengths in (inputs | {"%next": results[:states], "%out.at": results[states:]}).items()
+        ),
         routine=symbol,
-        pointers=pointers,
+        pointers=", ".join([*pointers, *(["ptr %same"] if same else [])]),
     )
 
 
-def _places(parts: Mapping[str, Sequence[int]], lanes: Lanes) -> tuple[str, str]:
-    """Arguments that point to each column after the pointers given, and the instructions that make them."""
-    names, lines = [], []
-    for base, lengths in parts.items():
-        for k, (end, length) in enumerate(zip(accumulate(lengths), lengths, strict=True)):
-            names.append(f"ptr {base}.{k}")
-            lines.append(f"  {base}.{k} = getelementptr {lanes.value}, ptr {base}, i64 {end - length}")
-    return ", ".join(names), "\n".join(lines)
+_HELD = f"%{Source.HELD}.at"
+
+
+def _pointers(parts: Mapping[str, Sequence[int]]) -> list[str]:
+    """Arguments that point to each column after the pointers given."""
+    return [f"ptr {base}.{k}" for base, lengths in parts.items() for k in range(len(lengths))]
+
+
+def _places(base: str, lengths: Sequence[int], lanes: Lanes) -> str:
+    """The instructions that make the pointers to each column after one."""
+    starts = zip(accumulate(lengths), lengths, strict=True)
+    return "\n".join(
+        f"  {base}.{k} = getelementptr {lanes.value}, ptr {base}, i64 {end - length}"
+        for k, (end, length) in enumerate(starts)
+    )

@@ -6,7 +6,7 @@ piece computes and a later one needs passes through memory, where most of so man
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 from adaptctl.compilation.graph import Expression, Op
@@ -14,7 +14,7 @@ from adaptctl.compilation.graph import Expression, Op
 LONGEST = 6000
 """Expressions in a routine that is left whole."""
 
-PIECE = 1000
+PIECE = 1500
 """Expressions in a piece of a longer one, about."""
 
 _TRUTHS = (Op.LESS, Op.LESS_EQUAL)
@@ -29,14 +29,15 @@ class Piece(NamedTuple):
     found: dict[int, int]
 
 
-def pieces(body: Sequence[Expression]) -> list[Piece]:
-    """The pieces of a routine's expressions, all in one where they are few.
+def pieces(body: Sequence[Expression], given: Container[int] = ()) -> list[Piece]:
+    """The pieces of a routine's expressions, all in one where they are few; those of the indices `given` are in memory.
 
     Comparisons are made again where they are used, for memory holds numbers only.
     """
     parts = [_with_truths(part) for part in _parts(body)]
     homes = {x.index: k for k, part in reversed(list(enumerate(parts))) for x in part}
-    needed = [{y.index for y in _operands(part) if homes[y.index] < k} for k, part in enumerate(parts)]
+    used = [_operands(x for x in part if x.index not in given) for part in parts]
+    needed = [{y.index for y in ys if y.index not in given and homes[y.index] < k} for k, ys in enumerate(used)]
     places = _places(homes, needed)
     made = []
     for k, part in enumerate(parts):

@@ -10,13 +10,14 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
+from adaptctl.compilation.invariants import Invariants
 from adaptctl.compilation.lane_array import Array, LaneArray
 from adaptctl.compilation.lanes import Lanes, Precision
 from adaptctl.compilation.llvm import program
 from adaptctl.compilation.loop import ENTRY, NativeLoop, Source, loop
 from adaptctl.compilation.native import load
 from adaptctl.compilation.processor import Processor
-from adaptctl.compilation.routine import Routine, trace
+from adaptctl.compilation.routine import Operations, Routine, trace
 from adaptctl.errors import InputError
 
 Columns = Mapping[str, int]
@@ -66,7 +67,7 @@ class Stepper:
     """
 
     def __init__(self, routine: Routine, columns: Mapping[Source, Columns], lanes: Lanes, processor: Processor) -> None:
-        self.name, self.operations, self.lanes = routine.name, routine.operations, lanes.count
+        self.name, self.lanes = routine.name, lanes.count
         self.precision, self.dtype = lanes.precision, lanes.dtype
         self.columns = MappingProxyType({source: MappingProxyType(dict(part)) for source, part in columns.items()})
         state = columns[Source.STATE]
@@ -76,9 +77,12 @@ class Stepper:
         ):
             expected = ", ".join(f"{name} ({length})" for name, length in state.items())
             raise InputError(f"{self.name}: expected a tuple as result that begins with the new state: {expected}")
-        text, symbol = program(routine, lanes)
+        same = Invariants.of(routine, range(len(state), len(state) + len(columns[Source.HELD])))
+        self.operations = Operations(routine.operations)
+        self.operations.subtract(x.op for x in same.computed)
+        text, symbol = program(routine, lanes, same)
         lengths = {source: tuple(part.values()) for source, part in columns.items()}
-        self._code = load(f"{text}\n{loop(routine, symbol, lanes, lengths)}", processor)
+        self._code = load(f"{text}\n{loop(routine, symbol, lanes, lengths, len(same.stored))}", processor)
         self.native = NativeLoop(self._code.address(ENTRY))
 
     def ensemble(self, members: int) -> Ensemble:

@@ -23,7 +23,7 @@ LLVM would."""
 
 LONGEST_MATRIX, LONGEST_REGRESSOR = 48, 24
 """Links up to which mass matrices and whole regressors are compiled, whose operations grow with the square of the
-links: LLVM takes 1 s and 4 s for these. What grows with the links alone it compiles in 1.5 s for a hundred."""
+links: LLVM takes 1 s and 4 s for these. What grows with the links alone it compiles in 1.7 s for a hundred."""
 
 
 class ArrayEquation:

@@ -9,8 +9,10 @@ import numpy as np
 
 from adaptctl.compilation import outlined
 from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.equations import Equations
 from adaptctl.scalars import Column, absolute, where
 from adaptctl.simulation.effects import JointEffect
+from adaptctl.simulation.fundamental_motion import fundamental_motion
 from adaptctl.simulation.integrator import Integrator
 from adaptctl.simulation.transmission import Motors, Transmission
 
@@ -49,7 +51,8 @@ def held_motion(
     joints are integrated too, and projected back in every substep.
     """
     dt, several = control_period / substeps, integrator.stages > 1
-    bodies = _rigid(mechanism, integrator, friction, dt)
+    fewer = fundamental_motion(mechanism) if transmission is None else None
+    bodies = _rigid(mechanism.equations if fewer is None else fewer.equations, integrator, friction, dt)
     if transmission is not None:
         bodies = behind_springs(bodies, transmission, dt if integrator.implicit else 0.0)
 
@@ -61,16 +64,16 @@ def held_motion(
     repeated = outlined(substep) if substeps > 1 else substep
 
     def advanced(q: Column, v: Column, torque: Column, parameters: Column) -> tuple[Column, Column]:
+        known = parameters if fewer is None else fewer.parameters(parameters)
         for _ in range(substeps):
-            q, v = repeated(q, v, torque, parameters)
+            q, v = repeated(q, v, torque, known)
         return q, v
 
     return advanced
 
 
-def _rigid(mechanism: Mechanism, integrator: Integrator, friction: Sequence[JointEffect], dt: float) -> Bodies:
+def _rigid(equations: Equations, integrator: Integrator, friction: Sequence[JointEffect], dt: float) -> Bodies:
     """The links, with what brakes the joints."""
-    equations = mechanism.equations
 
     def explicit(q: Column, v: Column, torque: Column, parameters: Column) -> tuple[Column, Column]:
         """Rates of the configuration and of the velocities: together, for loops need their Jacobian for both."""
