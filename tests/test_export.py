@@ -305,7 +305,7 @@ def test_what_is_no_controller_or_steps_otherwise_is_refused(tmp_path: Path) -> 
 
 
 def test_much_stack_is_refused_unless_asked_for(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"about 3\d kB of stack, at most 16 kB"):
+    with pytest.raises(InputError, match=r"about 2\d kB of stack, at most 16 kB"):
         exported(tmp_path, LAWS["forgetting"])
     assert exported(tmp_path, LAWS["forgetting"], large_stack=True).manifest["stack_bytes_about"] > 16384
 
