@@ -7,42 +7,56 @@ LONGEST_MESSAGE = 2_000
 
 
 class AdaptctlError(Exception):
-    """Base class of every error that this package raises on purpose. Control characters in its message are written out,
-    so that no terminal obeys them, and a message over LONGEST_MESSAGE (2000) characters is cut."""
+    """Base class of every error that this package raises on purpose, made of its `message`, empty unless given: the
+    control characters in it are written out, so that no terminal obeys them, and a message that then has more than
+    LONGEST_MESSAGE (2000) characters is cut to these in its middle."""
 
     def __init__(self, message: object = "") -> None:
         super().__init__(printable(str(message), LONGEST_MESSAGE))
 
 
 def printable(text: str, most: int = 80) -> str:
-    """The `text` with control characters written out, such as \\x1b, and cut in its middle above `most` characters.
+    """The `text` with control characters and others that do not print written out, such as \\x1b, and then cut in its
+    middle to `most` characters (a whole number of at least 0), where it has more.
 
-    Names come from files of strangers, and a terminal would obey what is in them. Spaces and line breaks stay.
+    Names come from files of strangers, and a terminal would obey what is in them. Spaces and line breaks stay. Raises
+    no `InputError`: nothing is checked.
     """
+    if len(text) > 2 * most:
+        text = text[:most] + text[len(text) - most :]  # what lies between is cut below, and need not be written out
+    text = "".join(c if c.isprintable() or c in " \n" else c.encode("unicode_escape").decode() for c in text)
     if len(text) > most:
-        text = f"{text[: most // 2]}...{text[-(most // 2) :]}"
-    return "".join(c if c.isprintable() or c in " \n" else c.encode("unicode_escape").decode() for c in text)
+        kept = max(most - 3, 0)
+        text = f"{text[: kept - kept // 2]}...{text[len(text) - kept // 2 :]}"[:most]
+    return text
 
 
 class InputError(AdaptctlError, ValueError):
-    """Error of a caller's input: the message names the element, what it was, and what would be right."""
+    """Error of a caller's input, such as a wrong shape, kind or range: the message names the element, what it was, and
+    what would be right. It is a `ValueError` too."""
 
 
 class FileError(InputError):
-    """Error of a file that cannot be used: the message names the file, the element in it, and what would be right."""
+    """Error of a file or folder that cannot be read, written or used: the message names the file, the element in it,
+    and what would be right."""
 
 
 class NotFoundError(InputError, LookupError):
-    """Error of an unknown name: the message lists the names that exist."""
+    """Error of an unknown name, such as of a robot, link, parameter or run: the message lists the names that exist, or
+    the nearest of them. It is a `LookupError` too."""
 
 
 class NonFiniteError(InputError):
-    """Error of a number that is NaN or infinite where a finite one is needed."""
+    """Error of a number that is NaN or infinite where a finite one is needed: in a function's input, or in its result
+    though all input is finite, as where a simulated motion runs away. Constructors may raise a plain `InputError` for
+    such input instead."""
 
 
 class RankError(AdaptctlError):
-    """Error of an energy matrix whose rank cannot be certified; `singular_values` holds its spectrum, empty where that
-    has no part in it."""
+    """Error of a rank k, the number of identifiable parameters, that cannot be certified. `singular_values`, a tuple of
+    floats that falls, no unit, holds those of the scaled energy differences, P of P parameters, or the 11 of the worst
+    joint where a tree's rank was found joint by joint; it is empty, the default, where the cause is another, such as a
+    basis or angles near to special ones."""
 
     def __init__(self, message: str, singular_values: tuple[float, ...] = ()) -> None:
         super().__init__(message)
@@ -50,53 +64,68 @@ class RankError(AdaptctlError):
 
 
 class GainError(InputError):
-    """Error of feedback gains that are too large for the control period: the sampled loop could ring or be unstable."""
+    """Error of feedback gains that are too large for the control period: the sampled loop could ring (oscillate) or be
+    unstable. Torque laws raise it, for example, where T_c lambda_max(M^-1 K), no unit, with the period T_c (s), the
+    mass matrix M and the velocity gains K, is above 1.5, or where M is not positive definite; the message says what is
+    allowed."""
 
 
 class PhysicalConsistencyWarning(UserWarning):
-    """Warning of links with inertial parameters that no rigid body can have."""
+    """Warning, on loading a robot, of links whose ten inertial parameters (mass, first moments, inertia) no rigid body
+    can have: their pseudo-inertia matrix (4, 4) has a negative eigenvalue, beyond 1e-12 of the largest. The message
+    names the links."""
 
 
 class StabilityWarning(UserWarning):
-    """Warning of a cause, such as estimates far off, that may make a control loop ring (oscillate) whose gains alone
-    would not."""
+    """Warning that parameter estimates on their way may make an adaptive control loop ring (oscillate) whose gains
+    alone would not. Laws such as `SlotineLi` give it at construction where estimates within the stated `prior` could
+    bring the hold number, no unit, to 2 or more."""
 
 
 class ReferenceWarning(UserWarning):
-    """Warning of a reference whose velocities or accelerations are not derivatives of its positions."""
+    """Warning of a reference motion that an arm cannot follow as stated: its velocities or accelerations are not the
+    derivatives of its positions and velocities, or, in MuJoCo, an arm that is on it touches itself or the scene."""
 
 
 class TraceError(AdaptctlError, TypeError):
-    """Error of an equation that cannot be traced into an expression graph: it asks for a number that is not known yet,
-    or does what no symbolic scalar can."""
+    """Error of an equation, such as a control law, that cannot be traced into an expression graph for compilation: it
+    asks for a number that is not known yet, or does what no symbolic scalar can. The message says what was done and,
+    where it is found, in which file and line."""
 
 
 class NotCompiledWarning(UserWarning):
-    """Warning that a run which could have been one call of native code goes step by step in Python, which is slower:
-    the message says why."""
+    """Warning of `simulate` that a run which could have been one call of native code goes step by step in Python, which
+    is slower: the message says why."""
 
 
 class SimplificationWarning(UserWarning):
-    """Warning that a part of a file or a model is left out or simplified."""
+    """Warning that a part of a robot's file or model is left out or simplified on reading it, such as springs of
+    joints, or that self-collision is not checked; the message says what and of which elements."""
 
 
 class LoopError(InputError):
-    """Error of kinematic loops that do not close, are redundant or lock the mechanism, or of primary joints that do not
-    determine them."""
+    """Error of a mechanism's closed kinematic loops that do not close at the reference configuration, are redundant or
+    lock the mechanism, or of primary joints that do not determine the others. It is raised on loading, or when the
+    mechanism first computes; the message names the closure or the joints."""
 
 
 class SingularityError(AdaptctlError):
-    """Error of a kinematic loop at or near a configuration where its primary joints no longer determine the others."""
+    """Error of a kinematic loop at or near a configuration where its primary joints no longer determine the others: the
+    smallest singular value of the closures' Jacobian by the dependent joints is below 0.05 of that at the reference
+    configuration, the singularity was passed, or loops did not close. The message has the primary positions p (r,), rad
+    (m)."""
 
 
 class MissingExtraError(AdaptctlError, ImportError):
-    """Error of a function that needs packages which are not installed: the message has the command that installs
-    them."""
+    """Error of a function that needs packages which are not installed: the message has the command that installs them.
+    It is an `ImportError` too."""
 
 
 class LostSamplesWarning(UserWarning):
-    """Warning that a log has not kept all samples it was given; the message has their number."""
+    """Warning of a `RunLogger`, when its `with` block ends, that its log has not kept all samples it was given; the
+    message has the numbers of those overwritten and of those left out for a wrong length, NaN or infinity."""
 
 
 class LiveViewWarning(UserWarning):
-    """Warning that a live view cannot be shown, or no longer; the control loop that it shows goes on."""
+    """Warning that a live view (`Live`) cannot be shown, its viewer being out of reach, or that it has ended; the
+    control loop that it shows goes on."""

@@ -20,13 +20,17 @@ BANDWIDTH, HOLD = 8.0, 1.0
 
 
 def baselines(env: Any, *, episodes: int = 1, seed: int = 0) -> dict[str, float]:
-    """Mean returns (sums of an episode's rewards), by name, of controllers that drive a tracking environment, whatever
-    wraps it, or one arm of many.
+    """Mean returns (sums of an episode's rewards, no unit), by name, of five controllers that drive the arm of a
+    tracking environment.
 
-    "zero torque"; "PD"; "PD with gravity", the true one; "Slotine-Li from nothing", Slotine and Li's law that begins
-    knowing nothing; "computed torque" with the true parameters: all with the gains of `tune`. The mean is over
-    `episodes`; episode k, from 0, begins from the `seed` plus k. Raises `InputError` for environments that are no
-    tracking environments of ours and for less than one episode, and what `tune` raises.
+    `env` is a `TrackingEnv`, one within wrappers, or a vector environment of ours, of whose arms one is taken; a copy
+    is driven, without the wrappers, and `env` stays as it is. The names are "zero torque"; "PD", without gravity
+    compensation; "PD with gravity", compensated with the true parameters; "Slotine-Li from nothing", Slotine and Li's
+    adaptive law from an estimate of zero; and "computed torque" with the true parameters. Their gains are those of
+    `tune` with `bandwidth` 8/s and `hold` 1. The mean is over `episodes`; episode k, from 0, has the seed `seed` + k.
+
+    Raises `InputError` for another environment, and for `episodes` that are no whole number of at least 1, Gymnasium's
+    `Error` for a negative seed, and what `tune` and the environment raise.
     """
     if not isinstance(episodes, int) or episodes < 1:
         raise InputError(f"episodes: expected a whole number of at least 1, got {episodes!r}")

@@ -93,8 +93,8 @@ class TuningEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.R
     """
     ## Description
 
-    A wrapper of a tracking environment that a controller drives, some of whose gains the action moves at each control
-    period: a schedule of gains is left to be learned. An action of zero is the controller as it is.
+    A wrapper of a tracking environment that a `controller` drives, some of whose `gains` the action scales at each
+    control period, so that a schedule of gains can be learned. An action of zero leaves the gains as they are.
 
     ```python
     env = TuningEnv(gymnasium.make("adaptctl.envs:adaptctl/Tracking-v0", ...), controller, ["damping", "adaptation.gain"])
@@ -102,23 +102,24 @@ class TuningEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.R
 
     ## Action space
 
-    `Box(-1, 1, (a,), float32)`: -1 is a gain over `span` (4), 0 as it is, 1 `span` times it, in between exponentially.
-    Gains of one number a joint, such as `bandwidth` and `damping`, have an action each; others, such as
-    `adaptation.gain`, one for all their numbers. `gains` are names in `controller.numbers`. What is out of bounds is
-    clipped; a wrong shape raises `InputError`, NaN and infinity `NonFiniteError`.
+    `Box(-1, 1, (a,), float32)`, no unit: an action x scales a gain by `span`^x, so that -1 divides it by `span` (4), 0
+    leaves it and 1 multiplies it. `gains` is one name in `controller.numbers` or several. Those of one number a joint,
+    such as `bandwidth` and `damping`, have an action a joint; others, such as `adaptation.gain`, one for all their
+    numbers. What is out of bounds is clipped; a wrong shape raises `InputError`, NaN and infinity `NonFiniteError`.
 
-    The largest gains together are checked as those of a new controller are: where the control period cannot carry
-    them, 1 stands for the largest factor that it can, `env.range.highest`.
+    The largest gains together are checked as those of a new controller are: where the control period cannot carry them,
+    an action of 1 stands for the largest factor that it can, `env.range.highest`, at least 1.
 
     ## Observation space
 
-    That of the environment. `info` has, besides the environment's, `gains`: a mapping from names to numbers (n,), each
-    in its gain's own unit.
+    That of the environment, (n,), n = 5r + r L, in its units. `info` has, besides the environment's, `gains`: a mapping
+    from the names to the m numbers (m,) of each gain in the control period that is over, in the gain's own unit.
 
     ## Errors
 
-    `InputError` for what is no controller or not for the environment's joints, an environment whose observations or
-    actions a wrapper has changed, and a `span` that is not above 1; `NotFoundError` for unknown gains, and for none.
+    `InputError` for a `controller` that is none or not for the environment's joints, an environment without the
+    `observation_slices` and the `control_period` of ours, or whose observations or actions a wrapper has changed, and a
+    `span` that is not a finite number above 1; `NotFoundError` for unknown gains, and for none.
     """  # noqa: E501  # an example
 
     def __init__(
@@ -135,17 +136,19 @@ class TuningEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.R
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """The first observation (n,), as in the class's card, and `info` of an episode, which begins; the controller
-        begins with an empty memory. `seed` is that of the random numbers, None to go on with them; `options` are those
-        of `TrackingEnv`, None for none. Raises `InputError` for bad options, `NotFoundError` for unknown ones."""
+        begins with an empty memory, and `info` has its `gains` as they are. `seed` is that of the random numbers, None
+        to go on with them; `options` are those of `TrackingEnv`, None for none. Raises what `TrackingEnv.reset` raises:
+        `InputError` for bad options, `NotFoundError` for unknown ones, Gymnasium's `Error` for a bad seed."""
         observation, info = self.env.reset(seed=seed, options=options)
         self._look(observation)
         self._memory = self.controller.init(*self._seen[:2])
         return observation, info | {"gains": self.range.gains(np.zeros(self.range.space.shape))}
 
     def step(self, action: Any) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
-        """Observation (n,) as in the class's card, reward, `terminated`, `truncated` and `info` after one control
-        period under the controller, with its gains scaled by the action (a,), clipped to [-1, 1]. Raises `InputError`
-        on a wrong shape, `NonFiniteError` on NaN and infinity, `ResetNeeded` without a running episode."""
+        """Observation (n,) as in the class's card, reward (no unit), `terminated`, `truncated` and `info` after one
+        control period under the controller, its gains scaled by the action (a,), no unit, clipped to [-1, 1]. Raises
+        `InputError` on a wrong shape, `NonFiniteError` on NaN and infinity and where the motion runs away, Gymnasium's
+        `ResetNeeded` before the first reset and after the episode's end."""
         if self._memory is None:
             raise gymnasium.error.ResetNeeded("there is no episode yet: call env.reset() first")
         chosen = finite_actions(action, self.range.space)
@@ -161,11 +164,13 @@ class TuningEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.R
 
 
 class TuningVectorEnv(ControlledVectorEnv):
-    """`TuningEnv` for many arms, around a `VectorTrackingEnv`, each with gains of its own: actions are (N, a) in [-1,
-    1], and `info` has `gains`, (N, n) each by name, in the gain's own unit.
+    """Vector environment of N arms, each as in `TuningEnv`, around a `VectorTrackingEnv`: actions (N, a), no unit,
+    clipped to [-1, 1], scale some gains of each arm's own controller. Observations (N, n) are the environment's, in its
+    units. After a step `info` has `gains`: a mapping from the names of `gains` to the m numbers (N, m) of each, in the
+    gain's own unit.
 
-    Raises `InputError` for another environment, what is no controller or not for its joints, and a `span` that is not
-    above 1; `NotFoundError` for unknown gains, and for none.
+    Raises `InputError` for another environment or one in wrappers, a `controller` that is none or not for its joints,
+    and a `span` that is not a finite number above 1; `NotFoundError` for unknown gains, and for none.
     """
 
     def __init__(

@@ -69,10 +69,10 @@ class LearningEnv(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     """
     ## Description
 
-    A wrapper of `TrackingEnv` for reinforcement learning: observations and actions are scaled to [-1, 1]. Rewards,
-    episodes, options and `info` are the environment's own, so that returns compare with those of controllers that
-    drive it: `adaptctl.envs.baselines` computes them. Raises `InputError` for an environment that is none of ours, or
-    whose observations a wrapper has changed.
+    A wrapper of `TrackingEnv` for reinforcement learning: observations and actions are scaled to [-1, 1], no unit.
+    Rewards, episodes, options and `info` are the environment's own, so that returns compare with those of controllers
+    that drive it: `adaptctl.envs.baselines` computes them. `env` may be a `TuningEnv` or a `ResidualEnv` too. Raises
+    `InputError` for an environment that is none of ours, or whose observations a wrapper has changed.
 
     ```python
     env = gymnasium.make("adaptctl.envs:adaptctl/Puma560Learning-v0")     # or Learning-v0, robot=...
@@ -84,12 +84,14 @@ class LearningEnv(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
 
     ## Action space
 
-    `Box(-1, 1, (r,), float32)`: shares of the torque limits; or the actions of `ResidualEnv` or `TuningEnv`, as they
-    are, where one of those is wrapped.
+    `Box(-1, 1, (r,), float32)`: shares of the torque limits; or the actions of `ResidualEnv` (r,) or `TuningEnv` (a,),
+    as they are, where one of those is wrapped. What is out of bounds is clipped as there. A wrong shape raises
+    `InputError`, NaN and infinity `NonFiniteError`.
 
     ## Observation space
 
-    `Box(-1, 1, (5r + r L,), float32)` for L look-ahead times: each number x is seen as x / (|x| + s).
+    `Box(-1, 1, (5r + r L,), float32)` for r joints and L look-ahead times: each number x, in rad (m) and s, is seen as
+    x / (|x| + s), with a scale s in the unit of x.
 
     | Places      | Number x                                             | s                                   |
     |-------------|------------------------------------------------------|-------------------------------------|
@@ -115,24 +117,27 @@ class LearningEnv(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """The first observation (n,), in [-1, 1] as in the class's card, and `info` of an episode, which begins. `seed`
-        is that of the random numbers, None to go on with them; `options` are those of `TrackingEnv`, None for none.
-        Raises `InputError` for bad options, `NotFoundError` for unknown ones."""
+        """The first observation (n,), n = 5r + r L, float32 in [-1, 1] as in the class's card, and `info` of an
+        episode, which begins. `seed` is that of the random numbers, None to go on with them; `options` are those of
+        `TrackingEnv`, None for none. Raises what `TrackingEnv.reset` raises: `InputError` for bad options,
+        `NotFoundError` for unknown ones, Gymnasium's `Error` for a bad seed."""
         observation, info = self.env.reset(seed=seed, options=options)
         return self._view(observation), info
 
     def step(self, action: Any) -> tuple[Observation, Any, bool, bool, dict[str, Any]]:
-        """Observation (n,) in [-1, 1], reward, `terminated`, `truncated` and `info` after one control period under an
-        action (r,) in [-1, 1], a share of the largest; (a,) around a `TuningEnv`. Raises `InputError` for what is no
-        such numbers, `NonFiniteError` on NaN and infinity, `ResetNeeded` without a running episode."""
+        """Observation (n,), n = 5r + r L, float32 in [-1, 1], reward (no unit), `terminated`, `truncated` and `info`
+        after one control period under an action (r,) in [-1, 1], shares of the largest torques; (a,) around a
+        `TuningEnv`. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN and infinity and where the motion
+        runs away, Gymnasium's `ResetNeeded` before the first reset and after the episode's end."""
         share = finite_actions(action, self.action_space)
         observation, reward, terminated, truncated, info = self.env.step(share * self._scale)
         return self._view(observation), reward, terminated, truncated, info
 
 
 class LearningVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any]):
-    """`LearningEnv` for many arms: around a `VectorTrackingEnv`, a `ResidualVectorEnv` or a `TuningVectorEnv`.
-    Observations (N, n) and actions (N, a) are in [-1, 1]. Raises `InputError` for another environment, and one whose
+    """Vector environment of N arms, each as in `LearningEnv`, around a `VectorTrackingEnv`, a `ResidualVectorEnv` or a
+    `TuningVectorEnv`: observations (N, n), n = 5r + r L, float32, and actions (N, a), a = r but around a
+    `TuningVectorEnv`, are in [-1, 1], no unit. Raises `InputError` for another vector environment, and one whose
     observations a wrapper has changed."""
 
     def __init__(self, env: gymnasium.vector.VectorEnv[Any, Any, Any]) -> None:
@@ -146,18 +151,21 @@ class LearningVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any])
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Observations (N, n) in [-1, 1] and `info` of all arms, after an episode of every arm has begun, or of those
-        in the option `reset_mask` (N,). `seed` s gives arm i s + i, a list each its own, None lets them go on;
-        `options` are those of `VectorTrackingEnv`, None for none. Raises `InputError` for bad options, `NotFoundError`
-        for unknown ones."""
+        """Observations (N, n), n = 5r + r L, float32 in [-1, 1], and `info` of all arms, after an episode of every arm
+        has begun, or, with `autoreset_mode` "Disabled", of those in the option `reset_mask`, bools (N,). `seed` s gives
+        arm i s + i, a list each its own, None lets the random numbers go on; `options` are those of
+        `VectorTrackingEnv`, None for none. Raises what `VectorTrackingEnv.reset` raises: `InputError` for bad seeds and
+        options, `NotFoundError` for unknown ones, Gymnasium's `ResetNeeded` for a part of the arms before the first
+        reset of all."""
         observations, info = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]  # ours take more
         return self._view(observations), info
 
     def step(self, actions: Any) -> tuple[Observation, Any, Any, Any, dict[str, Any]]:
-        """Observations (N, n) in [-1, 1], rewards, `terminated` and `truncated` (N,), and `info` after one control
-        period of all arms under actions (N, r) in [-1, 1], shares of the largest; (N, a) around a `TuningVectorEnv`.
-        Raises `InputError` for what is no such numbers, `NonFiniteError` on NaN and infinity, `ResetNeeded` before the
-        first reset."""
+        """Observations (N, n), n = 5r + r L, float32 in [-1, 1], rewards (no unit), `terminated` and `truncated`, (N,)
+        each, and `info` after one control period of all arms under actions (N, r) in [-1, 1], shares of the largest
+        torques; (N, a) around a `TuningVectorEnv`. `final_obs` in `info` is scaled likewise. Raises `InputError` on a
+        wrong shape, `NonFiniteError` on NaN and infinity and where a motion runs away, Gymnasium's `ResetNeeded` before
+        the first reset, and with `autoreset_mode` "Disabled" where an arm's episode is over."""
         shares = finite_actions(actions, self.action_space)
         observations, rewards, terminated, truncated, info = self.env.step(shares * self._scale)
         if "final_obs" in info:

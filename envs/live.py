@@ -12,8 +12,13 @@ from adaptctl.recording.live import Live
 
 
 class LiveView(gymnasium.Wrapper[Array, Array, Array, Array]):
-    """A wrapper that shows each control period of an environment of ours, or of one whose `env.unwrapped` has
-    `observation_slices` and a `control_period` (s), in a `Live` view, `live`."""
+    """A wrapper of a single-arm environment that shows each of its control periods in a live view, `live`, and changes
+    nothing else.
+
+    `env` is one of ours, or one whose `env.unwrapped` has a `control_period` (s) and `observation_slices`, a mapping
+    from `p` and `reference_p` to their slices (r,) of the observation; one without raises `AttributeError`. Wrappers
+    within it that scale observations are not noticed, and their numbers are shown as rad (m): put them around this one.
+    """
 
     def __init__(self, env: gymnasium.Env[Any, Any], live: Live) -> None:
         super().__init__(env)
@@ -22,15 +27,16 @@ class LiveView(gymnasium.Wrapper[Array, Array, Array, Array]):
         self._steps = 0
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """The environment's first observation (n,) and `info` of an episode, which begins; `seed` and `options`, None
-        for none, are passed to it."""
+        """The environment's first observation (n,) and `info` of an episode, which begins; nothing is shown yet. `seed`
+        and `options`, None for none, are passed to the environment, and what it raises passes."""
         self._steps = 0
         return self.env.reset(seed=seed, options=options)
 
     def step(self, action: Array) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
         """The environment's observation (n,), reward, `terminated`, `truncated` and `info` after one control period
-        under the `action`, which is shown: with the torque that `info` has as `applied_torque` (r,), N m (N), or else
-        the action."""
+        under the `action` (a,). What is shown is the time, `time` of `info` or else the periods counted, s, the
+        positions and the reference's (r,), rad (m), and the torque that `info` has as `applied_torque` (r,), N m (N),
+        or else the action. Raises what the environment raises; a failure of the view is a `LiveViewWarning`."""
         observation, reward, terminated, truncated, info = self.env.step(action)
         self._steps += 1
         p, desired = (np.asarray(observation)[self._slices[name]] for name in ("p", "reference_p"))

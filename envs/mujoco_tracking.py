@@ -36,9 +36,8 @@ class MuJoCoTrackingEnv(TrackingEnv):
     env = gymnasium.make("adaptctl.envs:adaptctl/MuJoCoTracking-v0", robot="scene.xml", body="arm_base")
     ```
 
-    Torques act at the arm's joints, clipped to the limits of its motors, which get no control themselves. Actuators
-    of the arm that are no torques, such as position servos, are refused by name, or switched off with `servos_off`.
-    Raises `InputError` for bad values, `FileError` for a bad file, `MissingExtraError` without MuJoCo.
+    Torques act at the arm's joints, clipped to the limits of its motors, which get no control themselves. Actuators of
+    the arm that are no torques, such as position servos, are refused by name, or switched off with `servos_off`.
 
     ## Arguments
 
@@ -50,6 +49,13 @@ class MuJoCoTrackingEnv(TrackingEnv):
     | `servos_off`     | `False`              | switch off the arm's actuators that are no torques             |
     | `duration`, `look_ahead`, `error_bound`, `reward_weights`, `initial_error`, `torque_limits`, `render_mode` | | as in `TrackingEnv` |
     | `control_period` | 0.001                | s a torque is held; MuJoCo takes steps no longer than its model's own in it |
+
+    ## Errors
+
+    `InputError` for bad values, actuators that are refused, an arm with ball or free joints or with equalities, and
+    several root bodies that move with none named; `NotFoundError` for an unknown built-in, `body` or mode; `FileError`
+    for a bad file; `MissingExtraError` without MuJoCo. Warns (`ReferenceWarning`) of a `Reference` on which the arm
+    touches itself or the scene.
 
     ## Version history
 

@@ -39,7 +39,7 @@ class Puma560TrackingEnv(TrackingEnv):
 
     ## Action space
 
-    `Box(-limit, limit, (6,), float64)`, torque in N m.
+    `Box(-limit, limit, (6,), float64)`, torques in N m, as are the limits; others are clipped.
 
     | Num | Joint    | Limit |
     |-----|----------|-------|
@@ -52,7 +52,8 @@ class Puma560TrackingEnv(TrackingEnv):
 
     ## Observation space
 
-    `Box(-1e6, 1e6, (42,), float64)`, rad and s; `observation_slices` has the places.
+    `Box(-1e6, 1e6, (42,), float64)`: positions in rad, velocities in rad/s, accelerations in rad/s^2;
+    `observation_slices` has the places.
 
     | Num   | Observation                                       |
     |-------|---------------------------------------------------|
@@ -66,7 +67,8 @@ class Puma560TrackingEnv(TrackingEnv):
 
     ## Reward
 
-    *r = -(sum(e^2) + 0.1 sum(e'^2) + 0.001 sum((applied torque / limit)^2))*, and 1000 less when terminated.
+    *r = -(sum(e^2) + 0.1 sum(e'^2) + 0.001 sum((applied torque / limit)^2))*, no unit, with the errors e of positions
+    (rad) and e' of velocities (rad/s), and 1000 less when terminated.
 
     ## Starting state
 
@@ -78,16 +80,17 @@ class Puma560TrackingEnv(TrackingEnv):
 
     ## Arguments
 
-    Those of `TrackingEnv`. `robot="puma560"` has the inertial parameters of Sheu and Walker (1991), Table 6. No
-    rigid bodies have them (five of six links violate the pseudo-inertia condition), yet the mass matrix they give
-    is positive definite (eigenvalues above 0.06 kg m^2 in 2,000 random configurations), so the motion is well
-    defined. Because this is stated here, loading them for this environment does not warn.
-    `robot="puma560_measured"` has consistent values measured by Armstrong, Khatib and Burdick (1986), without
-    motor inertias: choose it when the physics matter.
+    Those of `TrackingEnv`, and its errors. `robot="puma560"` has the inertial parameters of Sheu and Walker (1991),
+    Table 6. No rigid bodies have them (five of six links violate the pseudo-inertia condition), yet the mass matrix
+    they give is positive definite (eigenvalues above 0.06 kg m^2 in 2,000 random configurations), so the motion is well
+    defined. Because this is stated here, loading them for this environment does not warn. `robot="puma560_measured"`
+    has consistent values measured by Armstrong, Khatib and Burdick (1986), without motor inertias: choose it when the
+    physics matter. Another number of joints than six needs a `reference` of its own, else `reset` raises `InputError`.
 
     ## Options at reset
 
-    `payload`, `trajectory`, `initial_error`, `parameters`: see `TrackingEnv`. The last link's frame is the flange.
+    `payload` (kg), `trajectory`, `initial_error` (rad), `parameters` (P,): see `TrackingEnv`. The last link's frame is
+    the flange.
 
     ## Version history
 

@@ -59,11 +59,13 @@ def all_drawn(
 
 
 def random_sinusoids(mechanism: Mechanism, rng: np.random.Generator) -> Sinusoids:
-    """A random reference, drawn from `rng`, of one sinusoid a joint about a random centre, within the position and
-    velocity limits: of 0.1 to 0.25 Hz and up to 0.5 rad (m), faded in over 2 s.
+    """A random reference for a mechanism of r joints, drawn from `rng`: one sinusoid a joint about a random centre, of
+    0.1 to 0.25 Hz and up to 0.5 rad (m), faded in over 2 s, within 80 % of the position ranges and of the velocity
+    limits. Its `center` is (r,), `amplitude` and `frequency` are (1, r).
 
-    An unlimited joint moves within 1 rad (m) of zero, or of its only bound. A mechanism with loops stays where they can
-    be followed and within its conditions; raises `InputError` where none such is found.
+    An unlimited joint moves within 1 rad (m) of zero, one with a single bound within 2 rad (m) of that. A mechanism
+    with loops stays where they can be followed and within its conditions; raises `InputError` where no such reference
+    is found.
     """
     return many_random_sinusoids(mechanism, [rng])[0]
 

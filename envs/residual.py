@@ -19,8 +19,8 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
     """
     ## Description
 
-    A wrapper of a tracking environment that a controller drives, to whose torque the action is added: what the
-    controller's model does not have is left to be learned. An action of zero is the controller alone.
+    A wrapper of a tracking environment that a `controller` drives, to whose torques the action adds others, so that
+    what the controller's model does not have can be learned. An action of zero leaves the controller alone.
 
     ```python
     env = ResidualEnv(gymnasium.make("adaptctl.envs:adaptctl/Tracking-v0", ...), controller, share=0.2)
@@ -28,16 +28,20 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
 
     ## Action space
 
-    `Box(-1, 1, (r,), float32)`: shares of `share` (0.2) times the torque limits.
+    `Box(-1, 1, (r,), float32)`: shares of `share` (0.2) times the torque limits, N m (N). What is out of bounds is not
+    clipped; the sum of both torques is, to the torque limits. A wrong shape raises `InputError`, NaN and infinity
+    `NonFiniteError`.
 
     ## Observation space
 
-    That of the environment. `info` has, besides the environment's, `base_torque` (r,), the controller's, N m (N).
+    That of the environment, (n,), n = 5r + r L, in its units. `info` has, besides the environment's, `base_torque`
+    (r,), N m (N): the controller's torque in the control period that is over, after a reset in the first one to come.
 
     ## Errors
 
-    `InputError` for what is no controller or not for the environment's joints, an environment whose observations or
-    actions a wrapper has changed, and a `share` that is not above 0 and at most 1.
+    `InputError` for a `controller` that is none or not for the environment's joints, an environment without the
+    `observation_slices` and the `control_period` of ours, or whose observations or actions a wrapper has changed, and a
+    `share` that is not above 0 and at most 1.
     """
 
     def __init__(self, env: gymnasium.Env[Any, Any], controller: Controller[Any], share: float = 0.2) -> None:
@@ -53,7 +57,8 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """The first observation (n,), as in the class's card, and `info` of an episode, which begins; the controller
         begins with an empty memory. `seed` is that of the random numbers, None to go on with them; `options` are those
-        of `TrackingEnv`, None for none. Raises `InputError` for bad options, `NotFoundError` for unknown ones."""
+        of `TrackingEnv`, None for none. Raises what `TrackingEnv.reset` raises: `InputError` for bad options,
+        `NotFoundError` for unknown ones, Gymnasium's `Error` for a bad seed."""
         observation, info = self.env.reset(seed=seed, options=options)
         p, v, _ = self._read(observation)
         self._memory = self.controller.init(p, v)
@@ -61,10 +66,10 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
         return observation, info | {"base_torque": self._base.copy()}
 
     def step(self, action: Array) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
-        """Observation (n,) as in the class's card, reward, `terminated`, `truncated` and `info` after one control
-        period under the controller's torque plus `share` times the torque limits times the action (r,), in [-1, 1].
-        Raises `InputError` for another shape, `NonFiniteError` on NaN and infinity, `ResetNeeded` without a running
-        episode."""
+        """Observation (n,) as in the class's card, reward (no unit), `terminated`, `truncated` and `info` after one
+        control period under the controller's torque plus `share` times the torque limits, N m (N), times the action
+        (r,), in [-1, 1]. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN and infinity and where the
+        motion runs away, Gymnasium's `ResetNeeded` before the environment's first reset and after the episode's end."""
         torque = self._base + self._scale * finite_actions(action, self.action_space)
         observation, reward, terminated, truncated, info = self.env.step(torque)
         info = info | {"base_torque": self._base.copy()}
@@ -83,12 +88,13 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
 
 
 class ResidualVectorEnv(ControlledVectorEnv):
-    """`ResidualEnv` for many arms, around a `VectorTrackingEnv`: actions (N, r) in [-1, 1] are shares of `share` (0.2)
-    times the torque limits, added to the controller's torques, which `info` has as `base_torque` (N, r), N m (N), after
-    a step.
+    """Vector environment of N arms, each as in `ResidualEnv`, around a `VectorTrackingEnv`: actions (N, r) in [-1, 1],
+    not clipped, are shares of `share` (0.2) times the torque limits, added to the torques of each arm's own controller,
+    which `info` has as `base_torque` (N, r), N m (N), after a step. Observations (N, n) are the environment's, in its
+    units.
 
-    Raises `InputError` for another environment, what is no controller or not for its joints, and a `share` that is not
-    above 0 and at most 1.
+    Raises `InputError` for another environment or one in wrappers, a `controller` that is not for its joints, and a
+    `share` that is not above 0 and at most 1.
     """
 
     def __init__(self, env: VectorTrackingEnv, controller: Controller[Any], share: float = 0.2) -> None:

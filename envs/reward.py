@@ -15,12 +15,13 @@ from adaptctl.errors import InputError
 
 @dataclass(frozen=True)
 class RewardWeights:
-    """Weights of the reward: those of the squares, summed over the joints, that are subtracted at each control period.
+    """Weights of the reward of tracking: those of the squared errors and torques, summed over the joints, that are
+    subtracted at each control period.
 
-    `position`, per rad^2 (m^2) of tracking error; `velocity`, per (rad/s)^2 ((m/s)^2) of velocity error; `torque`, per
-    square of torque over its limit, no unit. `termination` is subtracted once when an error passes its bound. Without
-    it a learner whose every reward is negative would do best by ending the episode at once. Raises `InputError` for a
-    weight that is negative or not finite.
+    `position`, per rad^2 (m^2) of tracking error; `velocity`, per (rad/s)^2 ((m/s)^2) of velocity error; `torque`, no
+    unit, per square of torque over its limit; `termination`, no unit, is subtracted once when an error passes its
+    bound. Without it a learner whose every reward is negative would do best by ending the episode at once. Raises
+    `InputError` for a weight that is negative or not finite, `TypeError` for one that is no number.
     """
 
     position: float = 1.0
@@ -28,8 +29,9 @@ class RewardWeights:
     velocity: float = 0.1
     """per (rad/s)^2 ((m/s)^2) of velocity error"""
     torque: float = 0.001
-    """per square of torque over its limit"""
+    """no unit, per square of torque over its limit"""
     termination: float = 1000.0
+    """no unit, once where an episode is terminated"""
 
     def __post_init__(self) -> None:
         for name in (field.name for field in fields(self)):
@@ -38,15 +40,17 @@ class RewardWeights:
                 raise InputError(f"reward weight of {name}: expected a number of at least 0, got {value}")
 
     def cost(self, position: Any, velocity: Any, torque: Any) -> Any:
-        """The weighted sum of three sums of squares over the joints, scalars or arrays of any kind: of position errors,
-        rad^2 (m^2), of velocity errors, (rad/s)^2 ((m/s)^2), and of torques over their limits, no unit."""
+        """The cost, no unit, without `termination`: the weighted sum of three sums of squares over the joints, scalars
+        or arrays that broadcast, of any kind of number: `position`, that of squared position errors, rad^2 (m^2),
+        `velocity`, of squared velocity errors, (rad/s)^2 ((m/s)^2), and `torque`, of squared torques over their limits,
+        no unit. Nothing is checked."""
         return self.position * position + self.velocity * velocity + self.torque * torque
 
     def reward(
         self, error: Array, velocity_error: Array, relative_torque: Array, terminated: NDArray[np.bool_]
     ) -> Array:
-        """The reward (...): minus the weighted squares of errors (..., r), rad (m), velocity errors (..., r), rad/s
-        (m/s), and torques over their limits (..., r), no unit; and minus `termination` where `terminated` (...), the
-        episode having ended there."""
+        """The reward (...), no unit: minus the weighted squares, summed over the joints, of errors (..., r), rad (m),
+        velocity errors (..., r), rad/s (m/s), and torques over their limits (..., r), no unit; and minus `termination`
+        where `terminated`, bools (...), the episode having ended there. Nothing is checked: NaN gives NaN."""
         squares = (np.vecdot(x, x) for x in (error, velocity_error, relative_torque))
         return np.asarray(-self.cost(*squares) - self.termination * terminated)

@@ -37,7 +37,7 @@ class SemiDirectDriveTrackingEnv(TrackingEnv):
 
     ## Action space
 
-    `Box(-limit, limit, (3,), float64)`, torque in N m.
+    `Box(-limit, limit, (3,), float64)`, torques in N m, as are the limits; others are clipped.
 
     | Num | Joint                         | Limit |
     |-----|-------------------------------|-------|
@@ -47,7 +47,8 @@ class SemiDirectDriveTrackingEnv(TrackingEnv):
 
     ## Observation space
 
-    `Box(-1e6, 1e6, (21,), float64)`, rad and s; `observation_slices` has the places.
+    `Box(-1e6, 1e6, (21,), float64)`: positions in rad, velocities in rad/s, accelerations in rad/s^2;
+    `observation_slices` has the places.
 
     | Num   | Observation                                       |
     |-------|---------------------------------------------------|
@@ -61,7 +62,8 @@ class SemiDirectDriveTrackingEnv(TrackingEnv):
 
     ## Reward
 
-    *r = -(sum(e^2) + 0.1 sum(e'^2) + 0.001 sum((applied torque / limit)^2))*, and 1000 less when terminated.
+    *r = -(sum(e^2) + 0.1 sum(e'^2) + 0.001 sum((applied torque / limit)^2))*, no unit, with the errors e of positions
+    (rad) and e' of velocities (rad/s), and 1000 less when terminated.
 
     ## Starting state
 
@@ -69,17 +71,18 @@ class SemiDirectDriveTrackingEnv(TrackingEnv):
 
     ## Episode end
 
-    Terminated when a joint's error passes 1 rad, when p2 - p3 leaves 0.5236 to 2.618 rad (Sheu and Walker 1991,
-    Table 9), or near a singularity of the loop. Truncated at 20 s, which is 20,000 steps.
+    Terminated when a joint's error passes 1 rad, when p2 - p3 leaves 0.5236 to 2.618 rad (Sheu and Walker 1991, Table
+    9), or near a singularity of the loop. Truncated at 20 s, which is 20,000 steps.
 
     ## Arguments
 
-    Those of `TrackingEnv`. Lengths and inertias are assigned (the papers print none):
-    `robot="semi_direct_drive"` has generic lengths, `"semi_direct_drive_parallelogram"` equal opposite sides.
+    Those of `TrackingEnv`, and its errors. Lengths and inertias are assigned (the papers print none):
+    `robot="semi_direct_drive"` has generic lengths, `"semi_direct_drive_parallelogram"` equal opposite sides. Another
+    number of joints than three needs a `reference` of its own, else `reset` raises `InputError`.
 
     ## Options at reset
 
-    `payload`, `trajectory`, `initial_error`, `parameters`: see `TrackingEnv`.
+    `payload` (kg), `trajectory`, `initial_error` (rad), `parameters` (P,): see `TrackingEnv`.
 
     ## Version history
 

@@ -60,8 +60,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     A tracking environment: a mechanism of r joints, driven by joint torques, is to follow a reference trajectory in
     joint space. The physics are the equations of motion of rigid links, with the rotors and the friction that the
     mechanism's drives have, without joint stops, integrated under a torque that is held over each control period. What
-    real plants have besides, such as delay, encoders or a payload that is dropped, is switched on by `effects`. The
-    true inertial parameters are known and are in `info`, so that an estimate can be judged.
+    real plants have besides, such as delay, encoders or a payload that is dropped, is switched on by `effects`.
 
     ```python
     import gymnasium
@@ -71,11 +70,10 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     ## Action space
 
     `Box(-limit, limit, (r,), float64)`: the torque of every joint in N m (the force in N of a prismatic one). The
-    limits are the mechanism's own. A joint without one gets four times the largest torque that inverse dynamics
-    asks of it in 200 random states at up to 2 rad/s and 10 rad/s^2 (m/s, m/s^2), and at least 1: see
+    limits are the mechanism's own. A joint without one gets four times the largest torque that inverse dynamics asks of
+    it in 200 random states at up to 2 rad/s and 10 rad/s^2 (m/s, m/s^2), and at least 1: see
     `adaptctl.control.gains.torque_limits`. What is out of bounds is clipped and counted; NaN and infinity raise
-    `NonFiniteError`, a wrong shape `InputError`. Actions are in physical units, so that a control law can be used as it
-    is. Learning algorithms expect [-1, 1]: `gymnasium.wrappers.RescaleAction(env, -1.0, 1.0)`.
+    `NonFiniteError`, a wrong shape `InputError`. For learners: `gymnasium.wrappers.RescaleAction(env, -1.0, 1.0)`.
 
     ## Observation space
 
@@ -97,7 +95,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     *r = -(position sum(e^2) + velocity sum(e'^2) + torque sum((applied torque / limit)^2))*
 
     with `RewardWeights(position=1, velocity=0.1, torque=0.001, termination=1000)`. `termination` is subtracted
-    once when an episode is terminated: all rewards are negative, and without it giving up at once would pay.
+    once when an episode is terminated: without it giving up at once would pay. Rewards have no unit.
 
     ## Starting state
 
@@ -125,13 +123,13 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     | Argument         | Default              | Meaning                                                        |
     |------------------|----------------------|----------------------------------------------------------------|
     | `robot`          | `"puma560_measured"` | a built-in's name, a file (`.urdf`, `.xml`, `.toml`), or a `Mechanism` |
-    | `reference`      | `None`               | a `Reference`, the seed of a random one, or `None` or `"random"` for a new one at each reset: one sinusoid a joint of 0.1 to 0.25 Hz and up to 0.5 rad (m), faded in over 2 s, within the position and velocity limits |
+    | `reference`      | `None`               | a `Reference`, the seed of a random one (at least 0; others are refused at the reset), or `None` or `"random"` for a new one at each reset: one sinusoid a joint of 0.1 to 0.25 Hz and up to 0.5 rad (m), faded in over 2 s, within the position and velocity limits. Warns (`ReferenceWarning`) where velocities or accelerations of a `Reference` are no derivatives |
     | `duration`       | 20.0                 | s                                                              |
     | `control_period` | 0.001                | s a torque is held                                             |
     | `substeps`       | `None`               | integration steps a control period; `None` for as many as friction needs, else 1 |
     | `integrator`     | `None`               | `None` for `RungeKutta4()`, or `LinearlyImplicitEuler()` where friction is stiff |
-    | `look_ahead`     | (0.05, 0.2)          | s; may be empty                                                |
-    | `error_bound`    | 1.0                  | rad (m), one number or one a joint                             |
+    | `look_ahead`     | (0.05, 0.2)          | (L,), s; may be empty                                          |
+    | `error_bound`    | 1.0                  | rad (m), one positive number or one a joint; NaN raises `NonFiniteError`, here and below |
     | `reward_weights` | `RewardWeights()`    | the weights of the reward above                                |
     | `initial_error`  | 0.0                  | rad (m), one number or one a joint                             |
     | `torque_limits`  | `None`               | N m (N), one number or one a joint; `None` for those of the action space above |
@@ -142,7 +140,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     ## Options at reset
 
-    For the episode that begins; what is not given is as it was constructed.
+    For the episode that begins, else as constructed. Equal seeds, options and actions give equal episodes, bit for bit.
 
     | Option          | Value                                                                                 |
     |-----------------|---------------------------------------------------------------------------------------|
@@ -150,8 +148,6 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     | `trajectory`    | a `Reference`, the seed of a random one, or `"random"`                                |
     | `initial_error` | rad (m), one number or one a joint                                                    |
     | `parameters`    | (P,) true inertial parameters, SI units, to which the payload is added                |
-
-    Equal seeds, options and actions give equal episodes, bit for bit.
 
     ## Version history
 
@@ -218,13 +214,14 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     @property
     def reference(self) -> Reference:
-        """The reference trajectory of the running episode. Raises `ResetNeeded` before the first reset."""
+        """The running episode's reference, a function of times (s). Raises `ResetNeeded` before the first reset."""
         return self._running("reference").preview.reference
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """The first observation (5r + r L,) and `info` of an episode, which begins. `seed` None lets the random numbers
-        go on. Raises `NotFoundError` on an option (see the class) that does not exist, `InputError` on a bad one,
-        `SingularityError` where loops cannot be followed to the start."""
+        """The first observation (5r + r L,), in units as in the class's card, and `info` of an episode, which begins.
+        `seed` is that of the random numbers, None to go on with them; `options` are those of the class, None for none.
+        Raises `InputError` for a bad option, `NotFoundError` for an unknown one, `SingularityError` where loops cannot
+        be followed to the start, Gymnasium's `Error` for a seed that is no whole number of at least 0."""
         super().reset(seed=seed)
         given = options if options is not None else {}
         if not isinstance(given, Mapping):
@@ -243,9 +240,10 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return self._observation(self._episode), self._info(self._episode, np.zeros(r))
 
     def step(self, action: ArrayLike) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """Observation (5r + r L,), reward, `terminated`, `truncated` and `info` after one control period under a torque
-        (r,), N m (N), held. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN and infinity and where the
-        motion runs away, `ResetNeeded` without a running episode."""
+        """Observation (5r + r L,), units as in the class's card, reward (no unit), `terminated`, `truncated` and `info`
+        after one control period under a torque (r,), N m (N), held. Raises `InputError` on a wrong shape,
+        `NonFiniteError` on NaN, infinity and a motion that runs away, Gymnasium's `ResetNeeded` without a running
+        episode."""
         episode = self._running("step")
         if episode.over:
             raise ResetNeeded("the episode is over: call env.reset() before the next env.step(action)")
@@ -260,8 +258,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return self._observation(episode), reward, terminated, truncated, self._info(episode, state.applied)
 
     def render(self) -> NDArray[np.uint8] | None:
-        """The image (height, width, 3) of the arm and, as a ghost, of where it should be; None without a render mode.
-        Raises `ResetNeeded` before the first reset."""
+        """The RGB image (480, 640, 3), uint8, of the arm and a translucent ghost of it on the reference; None, with a
+        warning in Gymnasium's log, without a render mode. Raises `ResetNeeded` before the first reset."""
         episode = self._running("render")
         if self.render_mode is None:
             gymnasium.logger.warn("render: choose a mode when making the environment: render_mode='rgb_array'")
@@ -274,8 +272,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return self._renderer.image(episode.state.p, goal, episode.step * self.control_period)
 
     def hand_over(self) -> Episode:
-        """The running episode as an `Episode`, its parts, for `simulate`, which computes it in native code. Raises
-        `ResetNeeded` before the first reset."""
+        """The running episode as an `Episode`: its plant, state, reference and the rest that `simulate` takes to
+        compute it in native code, with 0 steps left where it is over. Raises `ResetNeeded` before the first reset."""
         episode = self._running("hand_over")
         return Episode(
             self.plant,
@@ -288,8 +286,9 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         )
 
     def take_back(self, state: PlantState, steps: int, clipped: int, terminated: bool) -> dict[str, Any]:
-        """Continue from the `state` to which `steps` control periods, `clipped` of them with a clipped torque, brought
-        an episode that was handed over. Returns the info there. Raises `ResetNeeded` before the first reset."""
+        """The `info` at the `state` from which an episode that was handed over goes on: `steps` control periods,
+        `clipped` of them with a clipped torque, brought it there; `terminated` is True if it ended. Nothing of these is
+        checked. Raises `ResetNeeded` before the first reset."""
         episode = self._running("take_back")
         episode.state, episode.step, episode.clipped = state, episode.step + steps, episode.clipped + clipped
         episode.over = terminated or episode.step >= self.steps
@@ -351,7 +350,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     def true_parameters(self, options: Mapping[str, Any]) -> Array:
         """The true inertial parameters (P,), SI units, of an episode with these options of `reset`, payload included.
-        Raises `InputError` for a payload or parameters that no links have."""
+        Raises `InputError` for bad ones: another shape, numbers not finite, a payload that no body has or the links
+        cannot add."""
         own = options.get("parameters", self.mechanism.inertial_parameters)
         parameters = frozen_array(own, self.mechanism.inertial_parameters.shape, "parameters")
         if "payload" in options:

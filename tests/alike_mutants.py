@@ -30,7 +30,7 @@ ALIKE = {
     "adaptctl/control/excitation/exciting_reference.py::_gram 1 -> 2 (again 2)": "NumPy takes -2 for -1 in a shape",
     "adaptctl/control/excitation/exciting_reference.py::_gram "
     "SMALL_PRODUCT // (rows * k * k) -> SMALL_PRODUCT * (rows * k * k)": "one product instead of many: slower alone",
-    "adaptctl/control/adaptation/prior_ranges.py::PriorRanges.of -1 -> +1": (
+    "adaptctl/control/adaptation/prior_ranges.py::PriorRanges._range -1 -> +1": (
         "a name has a dot, and of the two parts about its last dot the last is the second"
     ),
     "adaptctl/control/guards.py::Guarded.law stopped > 0.5 -> stopped >= 0.5": "a mark is 0 or 1",

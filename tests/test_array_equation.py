@@ -148,6 +148,17 @@ def is_native(mechanism: Mechanism, name: str, *arguments: Array) -> bool:
     return equation._kernel is not None
 
 
+@pytest.mark.parametrize("wrong", [1.0, "m", None, 60, -1, np.float64(2.0)])
+def test_columns_are_whole_numbers(wrong: object) -> None:
+    """A regressor that was made for a column 1.0 would be found for column 1 again."""
+    arm, p = load("puma560_measured"), np.ones(6)
+    for ask in (lambda c: arm.torque_regressor(p, p, p, columns=c), lambda c: arm.on_columns("torque_regressor", c)):
+        with pytest.raises(InputError, match=r"puma560_measured: columns: expected whole numbers from 0 to 59, got "):
+            ask([1, wrong])
+    both = arm.torque_regressor(p, p, p)[:, [12, 12, 3]]
+    np.testing.assert_allclose(arm.torque_regressor(p, p, p, columns=[12, np.int64(12), 3]), both, rtol=1e-13)
+
+
 def test_columns_and_reduced_models() -> None:
     arm = load("puma560_measured")
     model = ReducedModel(arm, fundamental_basis(essential_space(arm)))

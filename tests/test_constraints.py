@@ -322,6 +322,11 @@ def test_wrong_constraints() -> None:
         Constraints.of(np.ones((3, 49)), mechanism.parameter_names)
     with pytest.raises(InputError, match="relation 1 a = inf: expected finite weights"):
         Relation({"a": 1.0}, np.inf)
+    for known in ("a", None, [1.0]):
+        with pytest.raises(InputError, match=r"known: 'link1\.m': expected a number, got "):
+            Constraints({"link1.m": known})  # type: ignore[dict-item]
+    with pytest.raises(InputError, match="relations: expected Relations, got 'link1'"):
+        Constraints(relations=("link1",))  # type: ignore[arg-type]
 
 
 def test_a_relation_is_with_zero_unless_a_value_is_given() -> None:

@@ -120,6 +120,17 @@ def test_negative_friction_is_refused(bad: dict[str, float]) -> None:
         Drive(**bad)
 
 
+@pytest.mark.parametrize("kind", list(DriveParameter))
+def test_terms_of_drives_are_bounded_as_links_parameters_are(kind: DriveParameter) -> None:
+    """Energies and torques of larger ones overflow."""
+    mechanism = random_tree(2, 1).with_drives(Drive(**{kind.value: 1e20}))
+    for wrong in (1e21, np.inf, np.nan, -1e21):
+        with pytest.raises(InputError, match=rf"{kind.value}: expected a finite number|parameters: expected finite"):
+            mechanism.with_parameters([*mechanism.inertial_parameters[:-1], wrong])
+    with pytest.raises(InputError, match=f"{kind.value}: expected a number, got 'much'"):
+        Drive(**{kind.value: "much"})  # type: ignore[arg-type]
+
+
 BENT = Drive(0.2, 1.0, 2.0, 1.5, 0.7, -0.3)
 
 
@@ -191,6 +202,11 @@ def test_shafts_speak_of_other_joints_once() -> None:
         coupled(tree).to_pinocchio()
     with pytest.warns(SimplificationWarning, match="friction other than viscous and Coulomb"):
         tree.with_drives(BENT).to_pinocchio()
+    with pytest.raises(InputError, match="no drives that turn with several joints"):
+        coupled(tree).in_pinocchio(tree.to_pinocchio())
+    with pytest.warns(SimplificationWarning, match="friction other than viscous .*: joint0, joint1, joint2"):
+        changed = tree.with_drives(BENT).in_pinocchio(tree.to_pinocchio())
+    np.testing.assert_array_equal(changed.damping, np.full(3, BENT.viscous))
 
 
 def test_coulomb_friction_fades_below_the_speed_that_the_docs_name() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
 import pytest
 
 from adaptctl.dynamics import load
@@ -14,9 +15,11 @@ from adaptctl.simulation.effects import (
     ActuatorLag,
     ControlDelay,
     Effect,
+    ElasticJoints,
     Encoder,
     FilteredDifferences,
     Friction,
+    Payload,
     PayloadHeld,
     PlantEffects,
     TorqueLimit,
@@ -30,11 +33,17 @@ from adaptctl.simulation.effects import (
         (lambda: ControlDelay(65), InputError, "65 control periods are longer than the buffer, which holds 64"),
         (lambda: ControlDelay(-1), InputError, "control delay: expected a whole number"),
         (lambda: ControlDelay(1.5), InputError, "expected a whole number of control periods, got 1.5"),
+        (lambda: ControlDelay(True), InputError, "expected a whole number of control periods, got True"),
+        (lambda: ActuatorLag(True), InputError, "actuator lag: expected a positive number of s, got True"),
         (lambda: ActuatorLag(0.0), InputError, "actuator lag: expected a positive number of s, got 0"),
         (lambda: FilteredDifferences(-3.0), InputError, "cutoff: expected a positive number of Hz"),
         (lambda: Friction(speed=0.0), InputError, "friction: speed: expected a positive number"),
         (lambda: PayloadHeld(1.0, 2.0, 1.0), InputError, "expected a start before its stop, got 2.0 and 1.0 s"),
         (lambda: PayloadHeld(-1.0), InputError, "expected a mass of at least 0 kg"),
+        (lambda: Payload(1.0, inertia=np.array([[1, 1e-3, 0], [0, 1, 0], [0, 0, 1]])), InputError, "symmetric tensor"),
+        (lambda: Payload(1.0, [1e300, 0.0, 0.0]), InputError, "payload: expected inertial parameters of at most 1e.20"),
+        (lambda: Payload(1.0, inertia=1e308 * np.eye(3)), InputError, "inertial parameters of at most 1e.20"),
+        (lambda: ElasticJoints(1.0, encoders=np.array(["link"])), InputError, "expected 'link' or 'motor', got array"),
         (lambda: PlantEffects.of([ControlDelay(1), ControlDelay(2)]), InputError, "ControlDelay is given 2 times"),
         (lambda: PlantEffects.of([0.1]), InputError, r"expected plant effects, such as ControlDelay\(2\), got 0.1"),
     ],
@@ -57,6 +66,7 @@ def test_what_cannot_be_is_refused(make: Any, error: type[Exception], message: s
         (TorqueRateLimit(math.nan), InputError, "torque rate limit: expected numbers of at least 0"),
         (TorqueLimit([-1.0] * 6), InputError, "torque limit: expected numbers of at least 0"),
         (Encoder(resolution=math.inf), InputError, "encoder: resolution: expected finite numbers"),
+        (Encoder([1e-3] * 5 + [1e-310]), InputError, "encoder: resolution: expected 0 or at least 1e-12"),
         (Encoder(noise=-1e-3), InputError, "encoder: noise: expected numbers of at least 0"),
         (FilteredDifferences(500.0), InputError, "500 Hz is not below half the sampling rate, 500 Hz"),
         (PayloadHeld(1.0, link="hand"), NotFoundError, "there is no link 'hand'; links: link1, link2"),
@@ -65,3 +75,12 @@ def test_what_cannot_be_is_refused(make: Any, error: type[Exception], message: s
 def test_what_does_not_fit_an_arm_is_refused(effect: Effect, error: type[Exception], message: str) -> None:
     with pytest.raises(error, match=message):
         TrackingEnv(load("puma560_measured"), effects=[effect])
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_an_inertia_turned_in_floating_point_is_one(seed: int) -> None:
+    turn, _ = np.linalg.qr(np.random.default_rng(seed).standard_normal((3, 3)))
+    moments = np.diag([1.0, 2.0, 2.5])
+    kept = Payload(1.0, inertia=turn @ moments @ turn.T).inertia
+    np.testing.assert_array_equal(kept, kept.T)
+    np.testing.assert_allclose(turn.T @ kept @ turn, moments, atol=1e-14)

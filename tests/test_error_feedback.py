@@ -156,6 +156,19 @@ def test_a_loop_without_memory_turns_at_minus_one(gain: float, more: float, less
     assert (found.gain, found.gain_reduction) == (more, less)
 
 
+@pytest.mark.parametrize("period", [0, None, True])
+def test_a_loop_without_a_sampling_time_has_no_margins_in_seconds(period: float | None) -> None:
+    with pytest.raises(InputError, match="margins: expected a sampled loop with its sampling time in s, got dt ="):
+        margins(control.ss([[-0.5]], [[1.0]], [[1.0]], [[0.0]], period))
+
+
+@pytest.mark.parametrize(("inputs", "outputs"), [(2, 2), (1, 2), (2, 1)])
+def test_a_loop_of_several_signals_has_no_margins(inputs: int, outputs: int) -> None:
+    loop = control.ss([[0.5]], np.ones((1, inputs)), np.ones((outputs, 1)), np.zeros((outputs, inputs)), 0.01)
+    with pytest.raises(InputError, match=f"margins: expected one input and one output, got {inputs} and {outputs}"):
+        margins(loop)
+
+
 @pytest.mark.parametrize(("delay", "last"), [(3, 1.0), (5, 1.0), (48, 47.5 / 48.5)])
 def test_of_many_crossings_the_last_counts_that_comes_before_half_the_sampling_rate(delay: int, last: float) -> None:
     """A late difference, g z^-d (1 - z^-1), is 2 g sin(x/2) at an angle x and turns by (d + 1/2) x - pi/2: it grows

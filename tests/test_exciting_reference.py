@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from sampled_loops import reduced
 
 from adaptctl.arrays import Array
 from adaptctl.control import PriorRanges
-from adaptctl.control.excitation.exciting_reference import FourierSearch, MotionLimits, _checked
+from adaptctl.control.excitation.exciting_reference import FourierSearch, MotionLimits, _checked, exciting_reference
 from adaptctl.errors import InputError
 
 MODEL = reduced("puma560_arm3")
@@ -34,6 +36,41 @@ def test_ranges_of_another_shape_are_refused(scale: Array) -> None:
 def test_harmonics_are_whole_and_at_least_one_and_shares_at_most_all(harmonics: float, share: float) -> None:
     with pytest.raises(InputError, match="harmonics" if share == 0.5 else "share"):
         _checked(MODEL, 0.2, harmonics, share, None, None)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("wrong", [0, -1, np.nan, np.inf, "a", None, 2.0])
+@pytest.mark.parametrize("name", ["harmonics", "iterations"])
+def test_counts_are_whole_numbers(name: str, wrong: Any) -> None:
+    with pytest.raises(InputError, match=f"{name}: expected a whole number of at least 1, got"):
+        exciting_reference(MODEL, **{name: wrong})
+
+
+@pytest.mark.parametrize("share", [0.0, -1.0, 1.1, np.nan, np.inf, "a", None])
+def test_limits_are_a_share_of_the_joints_own(share: Any) -> None:
+    with pytest.raises(InputError, match="share: expected a"):
+        MotionLimits.of(MODEL, share)
+
+
+ONES, GONE = np.ones(3), np.full(3, np.nan)
+
+
+@pytest.mark.parametrize(
+    ("limits", "says"),
+    [
+        ((-np.ones(2), ONES, ONES, ONES), r"limits: lower: expected shape \(3,\), got \(2,\)"),
+        ((-ONES, GONE, ONES, ONES), "limits: upper: expected finite"),
+        ((-np.inf * ONES, ONES, ONES, ONES), "limits: lower: expected finite"),
+        ((ONES, -ONES, ONES, ONES), "limits: expected lower <= upper for every joint"),
+        ((-ONES, ONES, GONE, ONES), "limits: velocity: expected numbers"),
+        ((-ONES, ONES, -ONES, ONES), "limits: velocity: expected numbers of at least 0"),
+        ((-ONES, ONES, ONES, np.ones(4)), "limits: torque: expected a number or 3"),
+        ((-ONES, ONES, ONES, GONE), "limits: torque: expected numbers"),
+        ((-ONES, ONES, ONES, 0.0 * ONES), "limits: torque: expected positive numbers"),
+    ],
+)
+def test_limits_that_no_reference_keeps_are_refused(limits: tuple[Array, Array, Array, Array], says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        exciting_reference(MODEL, limits=MotionLimits(*limits))
 
 
 def searched(torque: float) -> FourierSearch:

@@ -96,7 +96,7 @@ def test_a_massless_arm_has_no_gains() -> None:
 
 
 def test_a_delay_is_a_whole_number(puma: Mechanism) -> None:
-    with pytest.raises(InputError, match="delay: expected a whole number of control periods of at least 0, got -1"):
+    with pytest.raises(InputError, match="delay: expected a whole number from 0 to 1000, got -1"):
         GainDesign.from_bandwidth(puma, 8.0, delay=-1)
 
 

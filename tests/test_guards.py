@@ -198,6 +198,14 @@ def test_the_law_runs_on_arrays_of_samples(held: Guarded) -> None:
         ({"stop_damping": -1.0}, "stop_damping: expected finite numbers of at least 0"),
         ({"estimate_bounds": (1.0, 2.0)}, r"first estimate of parameter 0 is 0, outside \[1, 2\]: start within"),
         ({"estimate_bounds": (1.0, -1.0)}, "estimate_bounds: expected lower < upper"),
+        ({"estimate_bounds": (-np.ones(3), 1.0)}, "estimate_bounds: expected a number or 66 of them, got shape"),
+        ({"estimate_bounds": (-np.ones(1), 1.0)}, "estimate_bounds: expected a number or 66 of them, got shape"),
+        ({"estimate_bounds": (-1.0, np.ones((2, 66)))}, "estimate_bounds: expected a number or 66 of them, got shape"),
+        ({"estimate_bounds": (np.nan, 1.0)}, "estimate_bounds: expected numbers, got nan"),
+        ({"estimate_bounds": ("a", 1.0)}, "estimate_bounds: expected numbers"),
+        ({"estimate_bounds": (-1.0,)}, "estimate_bounds: expected two bounds, lower and upper"),
+        ({"estimate_bounds": 1.0}, "estimate_bounds: expected two bounds, lower and upper"),
+        ({"position_limits": 1.0}, "position_limits: expected two bounds, lower and upper"),
     ],
 )
 def test_guards_that_cannot_be_are_refused(law: SlotineLi, settings: dict[str, Any], message: str) -> None:

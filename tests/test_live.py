@@ -6,6 +6,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 import warnings
 from pathlib import Path
@@ -18,9 +19,10 @@ from rerun.chunk import RrdReader
 
 import adaptctl
 from adaptctl.envs import LiveView
-from adaptctl.errors import InputError, LiveViewWarning, MissingExtraError
+from adaptctl.errors import FileError, InputError, LiveViewWarning, MissingExtraError
 from adaptctl.experiments.contest import Contender, contest
 from adaptctl.recording.live import reachable, streaming
+from adaptctl.recording.live_process import _Rows
 
 
 @pytest.fixture(scope="module")
@@ -113,6 +115,56 @@ def test_experiments_stream_while_they_run(arm: adaptctl.Mechanism, tmp_path: Pa
         streamed = contest(env, arm, [contender], 0, lambda *_: None)
     np.testing.assert_allclose(streamed.runs[0].rollout.p, plain.runs[0].rollout.p, atol=1e-12)
     assert shown(tmp_path / "live.rrd", "/torque", "Scalars:scalars") == 20
+
+
+def test_samples_of_a_burst_are_drawn_before_the_next() -> None:
+    here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    found: list[Any] = []
+    with there, here:
+        reader = threading.Thread(target=lambda: found.append(_Rows(there, 3).next()), daemon=True)
+        for k in range(3):
+            here.send(np.full(3 if k else 2, float(k)).tobytes())
+        reader.start()
+        reader.join(20.0)
+        assert len(found) == 1
+        np.testing.assert_array_equal(found[0], [[1.0] * 3, [2.0] * 3])  # the first is of another length
+
+
+Z = [0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("sample", "why"),
+    [
+        (("a", Z, Z, Z), "TypeError"),
+        ((None, Z, Z, Z), "TypeError"),
+        ((10**400, Z, Z, Z), "OverflowError"),
+        ((np.nan, Z, Z, Z), "NonFiniteError: expected finite numbers, got nan"),
+        ((1.0, [np.nan, 0.0], Z, Z), "NonFiniteError: expected finite numbers, got nan"),
+        ((1.0, Z, Z, [0.0, np.inf]), "NonFiniteError: expected finite numbers, got inf"),
+        ((1.0, [0.0] * 3, [0.0], Z), r"InputError: expected arrays of shape \(2,\), got \[\(3,\), \(1,\), \(2,\)\]"),
+        ((1.0, Z, Z, 0.0), r"InputError: expected arrays of shape \(2,\)"),
+    ],
+)
+def test_what_cannot_be_drawn_ends_the_view_and_not_the_loop(
+    arm: adaptctl.Mechanism, tmp_path: Path, sample: Any, why: str
+) -> None:
+    path = tmp_path / "live.rrd"
+    with adaptctl.Live(arm, str(path)) as live:
+        live.show(0.0, Z, Z, Z)
+        with pytest.warns(LiveViewWarning, match=f"it has ended \\({why}"):
+            live.show(*sample)
+        assert not live.is_seen
+        live.show(2.0, Z, Z, Z)
+    assert shown(path, "/error", "Scalars:scalars") == live.sent == 1
+
+
+def test_places_that_no_view_can_be_written_to_are_refused(arm: adaptctl.Mechanism, tmp_path: Path) -> None:
+    with pytest.raises(FileError, match=r"none/b\.rrd: the folder .* does not exist"):
+        adaptctl.Live(arm, str(tmp_path / "none" / "b.rrd"))
+    wrong: Any = 5
+    with pytest.raises(InputError, match=r"to: expected the text 127\.0\.0\.1:PORT or a file's .* got 5"):
+        adaptctl.Live(arm, wrong)
 
 
 def test_a_rate_is_a_positive_number(arm: adaptctl.Mechanism, tmp_path: Path) -> None:

@@ -79,6 +79,15 @@ def test_following_there_and_back_ends_where_it_began(name: str, seed: int) -> N
     np.testing.assert_allclose(mechanism.configuration(np.stack([p, p])), np.stack([q, q]), rtol=0, atol=1e-12)
 
 
+def test_where_a_configuration_is_followed_from_is_checked_of_trees_too() -> None:
+    arm = load("puma560_measured")
+    np.testing.assert_array_equal(arm.configuration(np.ones(6), start=np.zeros(6)), np.ones(6))
+    for mechanism, r in ((arm, 6), (load("semi_direct_drive"), 3)):
+        for start in ("nowhere", np.zeros(4)):
+            with pytest.raises(InputError, match=f"{mechanism.name}: start: expected "):
+                mechanism.configuration(np.zeros(r), start=start)
+
+
 @every_kind
 @settings(max_examples=5, deadline=None)
 @given(seed=seeds)

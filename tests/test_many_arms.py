@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -209,8 +210,10 @@ def test_arms_can_start_anew(name: str) -> None:
         np.testing.assert_array_equal(leaf[again], new[again])
         np.testing.assert_array_equal(leaf[~again], old[~again])
     assert law.restart(state, ~(again | True), p1, v1) is state
-    with pytest.raises(InputError, match=r"restart: expected a mask of bools for arms \(5,\), got int64 \(2,\)"):
-        law.restart(state, np.array([1, 3]), p1, v1)
+    for mask, p, v in ((np.array([1, 3]), p1, v1), (again, p1, v1[:3]), (again & False, p1[:, :1], v1)):
+        got = f"got p {p.shape}, v {v.shape} and a mask of {mask.dtype} {mask.shape}"
+        with pytest.raises(InputError, match=re.escape(got)):
+            law.restart(state, mask, p, v)
 
 
 def test_one_bad_arm_is_named_and_the_state_given_is_kept(controller: SlotineLi) -> None:

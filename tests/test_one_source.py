@@ -16,7 +16,7 @@ from adaptctl.control import PriorRanges, ReferencePoint, SlotineLi, Subspace, a
 from adaptctl.control.memory import leaves, like
 from adaptctl.dynamics import equation_costs, load
 from adaptctl.dynamics.recursion.momentum import momentum_terms
-from adaptctl.errors import TraceError
+from adaptctl.errors import InputError, TraceError
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.scalars import Column, Dual, column
 
@@ -197,6 +197,14 @@ def test_a_joint_without_inertia_has_no_forward_dynamics() -> None:
     costs = equation_costs(mechanism, [mechanism.parameter_names.index("link2.I_zz")])
     assert costs.forward_dynamics is None
     assert costs.regressor > 0
+
+
+@pytest.mark.parametrize("wrong", [60, -1, 1.0, True, "link2.m"])
+def test_columns_without_a_price_are_refused(wrong: Any) -> None:
+    mechanism = reduced("puma560_measured").mechanism
+    with pytest.raises(InputError, match=f"columns: expected whole numbers from 0 to 59, got {wrong!r}"):
+        equation_costs(mechanism, [0, wrong])
+    assert equation_costs(mechanism, [15, 12, 15]) == equation_costs(mechanism, np.array([12, 15]))
 
 
 def test_what_is_not_learned_costs_less() -> None:

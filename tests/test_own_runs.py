@@ -224,3 +224,21 @@ def test_runs_that_are_refused(arm: adaptctl.Mechanism) -> None:
         compared_runs(arm, runs_of(arm, 0), adaptation_off="none")
     with pytest.raises(InputError, match="expected 6 joints, got"):
         compared_runs(adaptctl.load("puma560_measured"), runs_of(arm, 0))
+
+
+@pytest.mark.parametrize(
+    ("limits", "error", "message"),
+    [
+        (-1.0, InputError, "torque_limits: expected 2 positive numbers, got"),
+        ([1.0, 0.0], InputError, "torque_limits: expected 2 positive numbers, got"),
+        (np.inf, NonFiniteError, "torque_limits: expected finite numbers, got inf"),
+        (np.nan, NonFiniteError, "torque_limits"),
+        (np.ones(5), InputError, "torque_limits: expected a number or 2 of them"),
+        ([[1.0], [1.0, 2.0]], InputError, "torque_limits: expected numbers"),
+    ],
+)
+def test_torque_limits_that_are_refused(
+    arm: adaptctl.Mechanism, limits: Any, error: type[Exception], message: str
+) -> None:
+    with pytest.raises(error, match=message):
+        compared_runs(arm, runs_of(arm, 0), torque_limits=limits)

@@ -321,7 +321,8 @@ def test_no_file_is_left_half_written(tmp_path: Path, shown: Comparison) -> None
     from adaptctl.recording.rerun_recording import write_recording
 
     (tmp_path / "recording.rrd").write_text("the old one")
-    broken = replace(shown, torque_limits=np.ones(3))
+    rollout = replace(shown.subject.rollout, applied=np.ones((len(shown.subject.rollout.time), 3)))
+    broken = replace(shown, runs=(replace(shown.subject, rollout=rollout), shown.runs[1]))
     with pytest.raises(ValueError, match="broadcast"):
         write_recording(tmp_path / "recording.rrd", broken)
     assert [path.name for path in tmp_path.iterdir()] == ["recording.rrd"]

@@ -122,6 +122,23 @@ def test_what_makes_another_geometry(puma: Mechanism, basis: FundamentalBasis, w
         assert ReducedModel(other, basis).columns == basis.columns
 
 
+@pytest.mark.parametrize(("off", "matters"), [(1e-15, False), (1e-6, True)])
+def test_round_off_in_loops_makes_no_other_geometry(off: float, matters: bool) -> None:
+    arm = load("semi_direct_drive").description
+    loops = arm.loops
+    assert loops is not None
+    frame = loops.closures[0].first_frame
+    closure = replace(loops.closures[0], first_frame=Pose(frame.rotation, frame.translation + off))
+    others = (
+        replace(loops, closures=(closure, *loops.closures[1:])),
+        replace(loops, reference={name: q + off for name, q in loops.reference.items()}),
+        replace(loops, conditions=tuple(replace(c, lower=c.lower + off) for c in loops.conditions)),
+    )
+    for other in (replace(arm, loops=loops) for loops in others):
+        assert other.sha256 != arm.sha256
+        assert (other.geometry_sha256 != arm.geometry_sha256) == matters
+
+
 @pytest.mark.filterwarnings("ignore::adaptctl.errors.SimplificationWarning")
 def test_a_basis_of_another_robot_is_refused(basis: FundamentalBasis) -> None:
     ur5 = Mechanism.from_pinocchio(pinocchio.buildModelFromUrdf(str(urdf("ur5_robot.urdf"))))

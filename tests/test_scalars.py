@@ -10,7 +10,27 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from adaptctl.compilation import Op, trace
-from adaptctl.scalars import Column, Dual, Mat, Vec, absolute, clip, cos, cross, dot, maximum, minimum, sin, sqrt, where
+from adaptctl.errors import InputError, NonFiniteError
+from adaptctl.scalars import (
+    Column,
+    Dual,
+    Mat,
+    Vec,
+    absolute,
+    clip,
+    column,
+    cos,
+    cross,
+    dot,
+    log,
+    maximum,
+    minimum,
+    product,
+    sin,
+    spread,
+    sqrt,
+    where,
+)
 
 reals = st.floats(-3.0, 3.0)
 vectors = st.builds(Vec, reals, reals, reals)
@@ -25,6 +45,21 @@ def test_triple_product_is_cyclic(a: Vec, b: Vec, c: Vec) -> None:
 def test_transpose_moves_across_the_inner_product(a: Vec, b: Vec) -> None:
     m = Mat(Vec(1.0, 2.0, 3.0), Vec(-4.0, 5.0, 6.0), Vec(7.0, 8.0, -9.0))
     assert dot(a, m @ b) == pytest.approx(dot(m.T @ a, b), abs=1e-10)
+
+
+def test_the_product_of_matrices_is_a_matrix() -> None:
+    a, b = np.random.default_rng(0).normal(size=(2, 3, 3))
+    for both in (Mat.of(a) @ Mat.of(b), product(Mat.of(a), Mat.of(b))):
+        assert isinstance(both, Mat)
+        np.testing.assert_allclose([list(row) for row in both], a @ b, rtol=1e-13)
+
+
+@pytest.mark.parametrize("rows", [np.ones((2, 3)), np.ones((3, 2)), [[1.0], [1.0, 2.0], [3.0]], 3.0, [["a", 0, 0]] * 3])
+def test_a_matrix_of_another_shape_is_refused(rows: object) -> None:
+    with pytest.raises(InputError, match=r"matrix: expected"):
+        Mat.of(rows)  # type: ignore[arg-type]
+    with pytest.raises(NonFiniteError, match="matrix: expected finite numbers, got nan"):
+        Mat.of(np.full((3, 3), np.nan))
 
 
 def test_arrays_of_samples_multiply_vectors_and_columns() -> None:
@@ -44,6 +79,20 @@ def test_a_scalar_multiplies_a_column_from_either_side() -> None:
 def test_columns_of_different_lengths_do_not_add() -> None:
     with pytest.raises(ValueError, match="longer"):
         Column((1.0,)) + Column((1.0, 2.0))
+
+
+@pytest.mark.parametrize("places", [(-1, 0), (0, 3), (1, 1), (0,), (0, 1, 2)])
+def test_entries_are_spread_over_places_that_there_are_once_each(places: tuple[int, ...]) -> None:
+    assert spread(Column((1.0, 2.0)), (2, 0), 3).of == (2.0, 0.0, 1.0)
+    with pytest.raises(InputError, match=r"spread: expected 2 different indices from 0 to 2, got \[.*\]"):
+        spread(Column((1.0, 2.0)), places, 3)
+
+
+def test_lists_make_columns_and_a_number_makes_none() -> None:
+    assert column([1, 2.5]).of == column((1.0, 2.5)).of == column(np.array([1.0, 2.5])).of == (1.0, 2.5)
+    for wrong in (1.0, np.array(1.0), "ab", None):
+        with pytest.raises(InputError, match="column: expected"):
+            column(wrong)
 
 
 def everything(x: object) -> object:
@@ -73,6 +122,14 @@ def test_dual_numbers_of_arrays_are_dual_numbers_of_their_entries() -> None:
 def test_a_dual_number_may_not_steer_an_if() -> None:
     with pytest.raises(TypeError, match="where"):
         bool(Dual(1.0))
+
+
+def test_a_derivative_that_there_is_not_is_an_error_of_floats_and_not_finite_in_arrays() -> None:
+    for function in (sqrt, log):
+        with pytest.raises(ZeroDivisionError):
+            function(Dual(0.0, 1.0))
+        with np.errstate(divide="ignore"):
+            assert np.isinf(function(Dual(np.zeros(2), np.ones(2))).slope).all()
 
 
 def test_functions_numpy_has_and_dual_numbers_have_not_are_refused() -> None:

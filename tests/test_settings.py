@@ -18,16 +18,19 @@ from adaptctl.control import (
     CompositeLearning,
     ConcurrentLearning,
     DeadZone,
+    GainDesign,
     Gradient,
     LinearController,
     Natural,
     PriorRanges,
     Projection,
+    ReleasedGradient,
     SigmaModification,
     Spline,
     adaptation_gain,
     hold_number,
     least_definite,
+    limits,
 )
 from adaptctl.control.excitation.measure import persistent_excitation
 from adaptctl.control.gains.error_feedback import ErrorFeedback
@@ -36,7 +39,7 @@ from adaptctl.design import DesignTask, PlaceBounds
 from adaptctl.design.bodies import box, cylinder
 from adaptctl.design.removals import removals
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import FileError, InputError, NonFiniteError
+from adaptctl.errors import FileError, InputError, NonFiniteError, NotFoundError
 from adaptctl.identifiability import Constraints, ReducedModel
 from adaptctl.identifiability.sampling import States
 from adaptctl.simulation import Plant
@@ -79,6 +82,30 @@ def task() -> DesignTask:
         (lambda: parameter_holds(model(), 8.0, -1e-3), "period: expected a positive time"),
         (lambda: estimate_hold(model(), ONES, [1.0], 8.0, 1e-3), "prior: expected shape"),
         (lambda: estimate_hold(model(), [1.0], ONES, 8.0, 1e-3), "gain: expected shape"),
+        (lambda: estimate_hold(model(), np.zeros(15), ONES, 8.0, 1e-3), "gain: expected a positive diagonal"),
+        (lambda: estimate_hold(model(), np.zeros((15, 15)), ONES, 8.0, 1e-3), "symmetric positive definite matrix"),
+        (lambda: estimate_hold(model(), np.triu(np.ones((15, 15))), ONES, 8.0, 1e-3), "symmetric positive definite"),
+        (lambda: estimate_hold(model(), ONES, -ONES, 8.0, 1e-3), "prior: expected numbers of at least 0"),
+        (
+            lambda: estimate_hold(model(), ONES, ONES, 8.0, 1e-3, kinetic=-1.0),
+            "kinetic: expected an energy",
+        ),
+        (lambda: estimate_hold(model(), ONES, ONES, 8.0, 1e-3, kinetic=np.nan), "kinetic: expected .*, got nan"),
+        (lambda: estimate_hold(model(), ONES, ONES, 8.0, 1e-3, kinetic=np.inf), "kinetic: expected .*, got inf"),
+        (lambda: estimate_hold(model(), ONES, ONES, 8.0, 1e-3, kinetic=cast(Any, [1.0])), "kinetic: expected a number"),
+        (lambda: parameter_holds(model(), -8.0, 1e-3), "bandwidth: expected finite numbers of at least 0"),
+        (
+            lambda: parameter_holds(model(), [8.0, np.inf, 8.0], 1e-3),
+            "bandwidth: expected finite numbers of at least 0",
+        ),
+        (
+            lambda: GainDesign.from_bandwidth(arm("puma560_arm3"), 8.0, delay=cast(Any, np.nan)),
+            "delay: expected a whole",
+        ),
+        (lambda: GainDesign.from_bandwidth(arm("puma560_arm3"), 8.0, delay=cast(Any, 2.0)), "delay: expected a whole"),
+        (lambda: GainDesign.from_bandwidth(arm("puma560_arm3"), 8.0, delay=TEXT), "delay: expected a whole number"),
+        (lambda: GainDesign.from_bandwidth(arm("puma560_arm3"), 8.0, delay=1001), "delay: expected a whole number"),
+        (lambda: ReleasedGradient.certified(model(), np.ones(16), 5.0, 1e-3), "adaptation gain: expected 15 numbers"),
         (lambda: ErrorFeedback(100.0, 20.0, 1e-3).loop(-1), "delay in periods: expected a whole number from 0"),
         (lambda: ErrorFeedback(100.0, 20.0, 1e-3).loop(cast(Any, 0.5)), "delay in periods"),
         (lambda: removals(task(), [], density=0.0), "density: expected a positive number"),
@@ -94,6 +121,40 @@ def task() -> DesignTask:
 def test_settings_that_cannot_be_are_refused(make: Callable[[], object], says: str) -> None:
     with pytest.raises(InputError, match=says):
         make()
+
+
+@pytest.mark.parametrize("off", [(np.nan, 1.0), (1.0, np.nan)])
+def test_bounds_that_are_no_numbers_are_refused(off: tuple[float, float]) -> None:
+    with pytest.raises(NonFiniteError, match=r"bounds: link1.I_yy: expected numbers, got \["):
+        limits(model(), {"link1.I_yy": off})
+
+
+@pytest.mark.parametrize("off", [(1.0, -1.0), (1.0, 1.0), (1.0,), 1.0, (1.0, 2.0, 3.0), ("a", "b")])
+def test_bounds_that_leave_nothing_or_are_no_pair_are_refused(off: Any) -> None:
+    with pytest.raises(InputError, match=r"bounds: link1.I_yy: expected .*, got"):
+        limits(model(), {"link1.I_yy": off})
+
+
+def test_a_prior_range_is_that_of_a_known_kind_of_parameter() -> None:
+    arm_with_drives = arm("puma560_geared")
+    assert np.all(PriorRanges().of(arm_with_drives.parameter_names) > 0.0)
+    with pytest.raises(NotFoundError, match=r"'link1.I_yyy': expected one .* \(did you mean 'I_yy'\?\)"):
+        PriorRanges().of(("link1.m", "link1.I_yyy"))
+
+
+@pytest.mark.parametrize(
+    ("estimate", "true", "says"),
+    [
+        (np.ones(16), ONES, r"estimate: expected shape \(..., 15\), got \(16,\)"),
+        (ONES, np.ones(16), r"true: expected shape \(..., 15\), got \(16,\)"),
+        (1.0, ONES, r"estimate: expected shape \(..., 15\), got \(\)"),
+        (np.ones((5, 15)), np.ones((4, 15)), r"sample axes do not fit together: estimate \(5, 15\), true \(4, 15\)"),
+        (TEXT, ONES, "estimate: expected numbers"),
+    ],
+)
+def test_the_distance_of_what_are_not_the_parameters_is_refused(estimate: Any, true: Any, says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        Gradient(ONES).distance(model(), estimate, true)
 
 
 def test_one_torque_serves_all_joints_of_a_dead_zone() -> None:

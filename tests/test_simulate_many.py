@@ -14,7 +14,7 @@ from sampled_loops import arm, gains, posture, reduced, swinging
 from adaptctl.arrays import Array
 from adaptctl.compilation import compile_step
 from adaptctl.compilation.limits import LARGEST_COMPILED
-from adaptctl.control import ComputedTorque, MinimumJerk, Sinusoids, SlotineLi
+from adaptctl.control import ComputedTorque, MinimumJerk, PDGravity, Sinusoids, SlotineLi
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.dynamics import Mechanism
 from adaptctl.envs import TrackingEnv
@@ -101,6 +101,22 @@ def test_each_arm_runs_as_it_does_alone(name: str, effects: list[Effect], kind: 
         np.testing.assert_allclose(together.rms_error[k], np.sqrt((run.error**2).mean(axis=0)), rtol=1e-9)
         np.testing.assert_allclose(together.largest_error[k], np.abs(run.error).max(axis=0), rtol=1e-9)
     np.testing.assert_array_equal(together.time, alone[0].time)
+
+
+def test_arms_of_another_loop_and_those_there_are_not_are_refused() -> None:
+    own, other = (
+        ClosedLoop(Plant(arm(SMALL), PERIOD), law) for law in (PDGravity(arm(SMALL), 9.0, 9.0), learning(SMALL))
+    )
+    arms, others = own.compiled().ensemble(2), other.compiled().ensemble(2)
+    state = own.plant.init(np.zeros(3), np.zeros(3))
+    says = "closed loop: arms of this loop have memory_0 of length 3, these have 15"
+    with pytest.raises(InputError, match=says):
+        own.begin(others, state, own.controller.init(state.p, state.v))
+    with pytest.raises(InputError, match=says):
+        own.now(others, 0.0)
+    for wrong in (-1, 2, 0.5):
+        with pytest.raises(InputError, match="closed loop: member: expected a whole number from 0 to 1"):
+            own.now(arms, 0.0, wrong)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("name", [SMALL, LOOP])

@@ -101,6 +101,23 @@ def test_gains_are_checked_as_those_of_a_new_law() -> None:
         law.tuned({"dampin": 3.0})
 
 
+@pytest.mark.parametrize("name", ["dampin", "adaptation.gian", "adaptaton.gain", "damping.gain"])
+def test_numbers_that_a_law_has_not_are_not_put_into_a_copy(name: str) -> None:
+    law = LAWS["gradient"]
+    with pytest.raises(NotFoundError, match=rf"SlotineLi has no number '{name}' to tune \(did you mean '.*'\?\)"):
+        law.having({name: 3.0})
+    assert law.having({"damping": 3.0}).damping == 3.0
+
+
+@pytest.mark.parametrize("count", [-1, 1])
+def test_packed_numbers_are_as_many_as_a_law_has(count: int) -> None:
+    law = LAWS["gradient"]
+    packed = Column(np.resize(law.packed, law.packed.size + count).tolist())
+    for method in (law.substituted, law.unpacked):
+        with pytest.raises(InputError, match=rf"packed: expected {law.packed.size} numbers, got {len(packed)}"):
+            method(packed)
+
+
 def test_what_is_not_a_gain_is_compiled_in() -> None:
     longer = slotine_li(GAIN, period=2e-3)
     assert longer.structure != LAWS["gradient"].structure

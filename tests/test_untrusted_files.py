@@ -185,8 +185,12 @@ def test_what_is_printed_is_printable_and_short() -> None:
     assert printable("a\x1b[2Jb") == "a\\x1b[2Jb"
     assert printable("\u202e") == "\\u202e"
     assert printable("joint_θ") == "joint_θ"
-    assert printable("x" * 1000) == "x" * 40 + "..." + "x" * 40
-    assert len(str(AdaptctlError("x" * 10**6))) < 2100
+    assert printable("x" * 1000) == "x" * 39 + "..." + "x" * 38
+    assert [printable("abcdef", most) for most in (0, 1, 5, 6)] == ["", ".", "a...f", "abcdef"]
+    assert printable("a" + "\x1b" * 1000 + "b", 9) == "a\\x...1bb"
+    for text in ("x" * 10**6, "\x1b" * 5000, "\x1b" * 1999):
+        assert len(str(AdaptctlError(text))) == 2000
+    assert str(AdaptctlError(AdaptctlError("x" * 3000))) == str(AdaptctlError("x" * 3000))
 
 
 def test_mutants_do_no_harm(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from adaptctl.recording import Comparison, Failure, judged
 from adaptctl.recording.fact import answers
 from adaptctl.recording.overview import summary_markdown
 from adaptctl.recording.summary import summary
+from adaptctl.recording.verdict import Fault, Verdict
 from adaptctl.recording.wording import facts, outcome_words
 from tests.comparisons import PERIOD, comparison
 
@@ -115,6 +116,12 @@ def test_a_failure_that_is_the_question_passes_and_is_told_last() -> None:
     assert summary(expected)["verdict"]["faults"][0]["expected"] == "its motors are weak"
     stopped = changed(expected, terminated=True)
     assert not judged(stopped).passed  # another failure is not excused by it
+
+
+def test_a_failure_that_is_expected_without_a_reason_is_told_too() -> None:
+    verdict = Verdict((Fault(Failure.SATURATED, "It clips.", ""), Fault(Failure.DIVERGED, "It falls.", "no gravity")))
+    assert verdict.passed
+    assert verdict.before("It learns.") == "It learns. As expected: It clips. As expected (no gravity): It falls."
 
 
 def test_what_an_experiment_compares_with_is_not_judged() -> None:

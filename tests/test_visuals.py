@@ -18,7 +18,7 @@ from adaptctl.description.readers import urdf_visuals as reader
 from adaptctl.description.transforms.floating_base import with_floating_base
 from adaptctl.description.transforms.joined import joined
 from adaptctl.description.visual import Box, Cylinder, Mesh, Sphere, Visual
-from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError
 from adaptctl.recording import visuals as recorded
 from adaptctl.recording.rerun_recording import write_recording
@@ -140,6 +140,14 @@ def test_meshes_outside_the_package_are_not_read_unless_their_folder_is_named(fo
     (visual,) = read_urdf(tmp_path / "arm" / "robot.urdf", mesh_folders=[tmp_path / "elsewhere"]).visuals
     assert isinstance(visual.solid, Mesh)
     assert visual.solid.path.resolve() == path
+
+
+@pytest.mark.parametrize("source", ["puma560_measured", "arm.toml", "arm.xml"])
+def test_folders_of_meshes_are_for_urdf_files(source: str) -> None:
+    with pytest.raises(InputError, match=rf"{source}: mesh_folders: only a URDF file's meshes .*, got \['meshes'\]"):
+        load(source, mesh_folders=["meshes"])
+    with pytest.raises(InputError, match="mesh_folders: expected a list of folders, got 'meshes'"):
+        load("arm.urdf", mesh_folders="meshes")
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from adaptctl.control import Workspace
 from adaptctl.control.gains.workspace import STARTS, Worst, position_range, sampled_configurations
 from adaptctl.description import Description, JointKind, Limits
 from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
 
 LOW, HIGH = np.array([0.2, 0.2, 0.2]), np.array([0.9, 0.8, 0.9])
 
@@ -83,3 +85,15 @@ def test_limits_of_two_turns_are_kept_and_those_farther_apart_are_none(
     joint = replace(link.joint, kind=JointKind.REVOLUTE, limits=Limits(lower, upper))
     found = position_range(Mechanism(Description("one", (replace(link, joint=joint),))))
     np.testing.assert_array_equal(np.concatenate(found), expected)
+
+
+@pytest.mark.parametrize("wrong", [0, -1, 1.5, np.nan, "a", None])
+def test_a_workspace_has_a_whole_number_of_samples_and_at_least_one(wrong: Any) -> None:
+    with pytest.raises(InputError, match="workspace: samples: expected a whole number from 1"):
+        Workspace.within_limits(random_chain(0, 3), wrong)
+
+
+@pytest.mark.parametrize("wrong", [-1, 1.5, "a"])
+def test_samples_of_a_workspace_are_drawn_by_a_whole_seed(wrong: Any) -> None:
+    with pytest.raises(InputError, match="workspace: seed: expected a whole number from 0"):
+        Workspace.within_limits(random_chain(0, 3), 5, wrong)

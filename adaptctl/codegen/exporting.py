@@ -97,8 +97,9 @@ LONGEST_NAME = 40
 
 @dataclass(frozen=True)
 class Exported:
-    """An exported controller: its folder, `directory`, the `name` that begins its code's names, the names of its
-    `files` in the folder, and the contents of its `manifest` in JSON's types."""
+    """An exported controller: the absolute path of its folder, `directory`; the `name` that begins its code's names;
+    the names of the `files` in the folder, the manifest's last; and the contents of its `manifest` in JSON's types,
+    None for null."""
 
     directory: Path
     name: str
@@ -118,19 +119,23 @@ def export(
     reference: Reference | None = None,
     large_stack: bool = False,
 ) -> Exported:
-    """Write a controller as a folder of C99 or WebAssembly that needs no Python; returns what was written.
+    """Write a controller's tick as C99 source or a WebAssembly module, in a folder that needs no Python; returns the
+    `Exported`, with its manifest.
 
-    `name` begins all names in the code, made of the mechanism's own unless given. `scalar` is the kind of number,
-    "double" or in C "float", and `language` "c" or "wasm". The folder `directory` must not exist, and is there whole or
-    not at all. With `check` the controller is simulated for 600 s on `reference`, unless given sinusoids of 0.1 rad or
-    m (0.05 m in the world) about home, or as near to it as joint limits allow, and the outcome is in the manifest;
-    recorded ticks in C's tests are on it too. A controller should be `Guarded`; `unguarded` lets one go without.
-    `large_stack` allows more than about 16 kB of stack a tick in C.
+    `directory` must not exist; folders above it are made, and it is there whole or not at all. `name` begins all names
+    in the code, a C identifier of at most 40 characters, a letter first and no keyword: the mechanism's in lower case
+    unless given. `language` is "c" or "wasm", `scalar` the kind of number, "double" or in C "float". With `check` the
+    closed loop is simulated for 600 s along `reference`, and its root mean square errors in joints, rad (m), go into
+    the manifest; in C, ticks recorded near it go into the code's tests. `reference` is a function of time (s), unless
+    given one of sinusoids of 0.1 rad or m (0.05 m in a task space) about home, or as near to it as joint limits allow.
+    A controller should be `Guarded`: `unguarded` lets one without guards go. `large_stack` allows more than about 16 kB
+    of stack a tick in C.
 
-    Raises `InputError` for what is no controller, or one with a step of its own or not guarded, one whose check is not
-    finite, stopped by guards or cannot be run, a name that is no C identifier, an unknown kind or language, float in
-    WebAssembly, a stack too large, loops that single precision cannot keep closed; `FileError` for a folder that exists
-    or cannot be written.
+    Raises `InputError` for what is no controller or has a step of its own, one without guards, another name, scalar or
+    language than these, float in WebAssembly, too large a stack, loops that single precision leaves open, and a check
+    that becomes not finite, is stopped by guards or has no mechanism to run on; `NonFiniteError` for a reference that
+    is not finite; `TraceError` for a law that cannot be traced; `FileError` for a folder that exists or cannot be
+    written.
     """
     require_controller(controller)
     _require_choice("scalar", scalar, get_args(Kind))

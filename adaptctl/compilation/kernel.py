@@ -33,14 +33,15 @@ def compile_function(
     form: Form | None = None,
 ) -> Kernel:
     """A `Kernel`, native code for `function`, which is called once, by keyword, with Columns (vectors of scalars);
-    `arguments` maps their names to their lengths.
+    `arguments` maps their names to their lengths n.
 
     The function returns a scalar, a Column, a list of Columns (the rows of a matrix), or a tuple or NamedTuple of
-    these; the kernel returns the same with numbers and arrays in their place. `name` is the kernel's in messages, the
-    function's own where empty. If `finite`, it refuses NaN and infinity, in what it is given and in what it computes;
-    if "results", only in the latter; if False, nowhere. `form` says which of the arguments of the function that
-    `Kernel.otherwise` makes each column comes from; None for an argument each. Raises `InputError` without an argument
-    and for lengths that are no whole numbers, `TraceError` for a function that cannot be traced.
+    these; the kernel returns the same with floats, arrays (n,) and (rows, n) in their place. `name` is the kernel's in
+    messages, the function's own where empty. `finite` is True for a kernel that refuses NaN and infinity in what it is
+    given and in what it computes, "results" for one that does so only in the latter, False for one that never does.
+    `form`, a `Form`, says which argument of the function that `Kernel.otherwise` makes each column comes from; None
+    where each is an argument. Raises `InputError` for no arguments at all and for lengths below 0 or with a fraction,
+    `TraceError` for a function that cannot be traced; what the function itself raises goes through.
     """
     if not arguments:
         raise InputError(f"{name or function}: expected at least one argument")
@@ -48,17 +49,17 @@ def compile_function(
 
 
 class Kernel:
-    """A compiled function of vectors, made by `compile_function`.
+    """A compiled function of vectors, in native code, made by `compile_function`.
 
-    `kernel(*arguments)` evaluates at array-likes by position, each (n,) of its own length. The results, floats and
-    arrays, are nobody else's: an array is returned again only once nothing refers to it. It raises `InputError` for
-    arguments of another number, shape or kind, and `NonFiniteError` for NaN and infinity if that was asked for. Any
-    number of threads may call it at once.
+    `kernel(*arguments)` evaluates one sample, from array-likes by position, (n,) each. The results, floats and float64
+    arrays, are the caller's own: the memory of an array is used again only once nothing refers to it. Raises
+    `InputError` for another number of arguments, another shape and what holds no real numbers, and `NonFiniteError` for
+    NaN and infinity if that was asked for. Any number of threads may call it at once.
 
-    `name` is the function's; `arguments` maps their names to their lengths; `outputs` has the shapes of the results,
-    (), (n,) or (rows, n); `operations` counts the scalar operations of one sample by kind. `call` is the built-in
-    function without its Python wrapper: where every call counts, it takes 60 ns less. Code is made when it is first
-    asked for, apart for single samples and for many.
+    `name` is the function's; `arguments` maps the arguments' names to their lengths n; `outputs` has the shapes of the
+    results, (), (n,) or (rows, n); `operations` counts the scalar operations of one sample by kind (`Op`). Units are
+    the function's own. `call` is the built-in function without its Python wrapper: where every call counts, it takes 60
+    ns less. Native code is made at the first use, apart for single samples and for many (`map`).
     """
 
     __slots__ = ("__call__", "__dict__", "__weakref__")
@@ -82,31 +83,33 @@ class Kernel:
 
     @property
     def call(self) -> Callable[..., Any]:
-        """The raw built-in function, made at the first use: arguments, results and errors are those of
-        `kernel(*arguments)`; it skips the Python wrapper and saves 60 ns a call."""
+        """The raw built-in function behind `kernel(*arguments)`, made at the first use: arguments (n,), results and
+        errors are the same, `InputError` and `NonFiniteError`; it skips the Python wrapper and saves 60 ns a call."""
         if self._called is None:
             self._called = self.__call__ = self._as_builtin() if has_builtins() and self._plain else self._one_sample
         return self._called
 
     @property
     def into(self) -> Callable[..., Any]:
-        """The raw built-in function `into(out, *arguments)`, made at the first use: the results go into arrays of their
-        shapes, an `out` each before the arguments (n,), which are returned, and none is made.
+        """The raw built-in function `into(*outs, *arguments)`, made at the first use, which writes the results into
+        arrays that it is given: one `out` of each result's shape, (), (n,) or (rows, n), in float64, then the arguments
+        (n,). It returns the outs, one array or a tuple of them.
 
-        Raises `InputError` for an `out` that is no array of float64 of the result's shape to write to, and for
-        arguments of another number, shape or kind; `NonFiniteError` where the kernel checks for it: an `out` may then
-        hold anything.
+        Raises `InputError` for an `out` that is missing, no writable float64 array or of another shape, and for
+        arguments of another number, another shape or that hold no real numbers; `NonFiniteError` where the kernel
+        checks for NaN and infinity: an `out` may then hold anything.
         """
         if self._filling is None:
             self._filling = self.filling(self._filled)
         return self._filling
 
     def filling(self, instead: Callable[..., Any]) -> Callable[..., Any]:
-        """The function `into`, but with `instead` called on the same arguments in place of its own checks: where they
-        are no contiguous float64 arrays of the expected shapes, or where the kernel checks for NaN and infinity and
-        finds them.
+        """A function of the arguments of `into`, outs and then arguments (n,), that calls `instead` on them wherever
+        they are unusual: not as many, not contiguous float64 arrays of the expected shapes, an `out` that is read-only
+        or shares memory with another, or, where the kernel checks for them, NaN and infinity.
 
-        It is `instead` itself where a result is a scalar, and on a Python that cannot call native code so.
+        It refuses nothing by itself: errors are those of `instead`. It is `instead` itself where a result is a scalar,
+        and on a Python whose arrays native code cannot read, such as any but CPython.
         """
         if not (has_builtins() and all(self.outputs)):
             return instead
@@ -142,12 +145,13 @@ class Kernel:
         return routine
 
     def map(self, *arguments: ArrayLike, out: Array | Sequence[Array] | None = None) -> Any:
-        """Evaluate at m samples, in SIMD lanes: arguments (m, n) each, or (n,) where all samples share it (m is 1 where
-        all do). Returns the results (m, ...), the shape of one result after the samples.
+        """The results (m, ...) at m samples, the shape of one result after the samples, evaluated in SIMD lanes:
+        arguments are (m, n) each, one row a sample, or (n,) where all samples share it; m is 1 where all do.
 
         `out` takes the result in place of a fresh array, or a sequence of arrays each of the results; None for fresh
-        ones. Raises `InputError` for arguments of another number, shape or kind and for an `out` that is no contiguous
-        array of float64 of these shapes, `NonFiniteError` for NaN and infinity where the kernel checks for them.
+        ones. Raises `InputError` for arguments of another number, another shape or that hold no real numbers, and for
+        an `out` that is no writable, contiguous float64 array of these shapes; `NonFiniteError` for NaN and infinity
+        where the kernel checks for them.
         """
         arrays = self._given.arrays(arguments, sample_axes=1)
         samples = next((len(array) for array in arrays if array.ndim > 1), 1)
@@ -173,12 +177,13 @@ class Kernel:
         return list(given)
 
     def otherwise(self, instead: Callable[..., Any], *bound: Any) -> Callable[..., Any]:
-        """A function that is the kernel for arguments of its form with a finite outcome, and calls `instead`, with the
-        same arguments, for all others: arrays that are not contiguous, of float64 and (n,), and NaN or infinity where
-        the kernel checks for them.
+        """A function that is the kernel on usual arguments and calls `instead`, with the same arguments, on all others:
+        where they are not as many, not contiguous float64 arrays (n,) in the places that the kernel's `form` says, or,
+        where the kernel checks for them, NaN or infinity is in them or in the results.
 
         `bound` has the types of the form's tuples, and then the arrays (n,) of the columns that come from no argument.
-        On a Python that cannot call native code so, it is `instead` itself.
+        It refuses nothing by itself: errors are those of `instead`. On a Python whose arrays native code cannot read,
+        such as any but CPython, it is `instead` itself.
         """
         return self._builtin(instead, *bound) if has_builtins() else instead
 

@@ -20,15 +20,18 @@ _DOUBLE = np.dtype(np.float64)
 
 
 class LaneArray:
-    """Named columns of scalars for each of a number of `members`, all zero at first; `columns` maps their names to
-    their lengths n.
+    """An array of named columns (n,) of numbers for each of a number of `members`, laid out in SIMD lanes, all zero at
+    first; `columns` maps the columns' names to their lengths n.
 
-    `blocks` (..., ceil(members / lanes), scalars, lanes) is the memory itself: member m is in lane m % lanes of block m
-    // lanes, at `address`. Reading a column, `array[name]`, gives a copy (..., members, n); assigning takes what
-    broadcasts to that. A leading axis, if any, is of steps in time, `stride` numbers apart. Lanes left over in the last
-    block repeat the last member. The memory is of numbers of a `dtype`, float64 unless given; what is read is float64
-    always. `lanes` is 1 and `steps`, the leading axis, () unless given. Raises `InputError` for an unknown name, and on
-    assigning what is no real numbers or does not broadcast.
+    `array[name]` is a copy (..., members, n) of a column, in float64; assigning to it takes real numbers that broadcast
+    to that, NaN and infinity too. `steps` is the shape of the leading axes, of steps in time, () unless given; `lanes`,
+    1 unless given, is how many members are side by side; the memory is of numbers of a `dtype`, float64 unless given.
+    Raises `InputError` for an unknown name, and on assigning what is no real numbers or does not broadcast; sizes are
+    not checked.
+
+    `blocks` (..., ceil(members / lanes), scalars, lanes) is the memory itself, at the address `address`: member m is in
+    lane m % lanes of block m // lanes, and lanes left over in the last block repeat the last member. Steps are `stride`
+    numbers apart.
     """
 
     def __init__(
@@ -59,17 +62,18 @@ class LaneArray:
         part[...] = rows.reshape(part.shape)
 
     def view(self, name: str) -> Array:
-        """The column `name` (..., n) of the only member, as it is in memory: no copy. Raises `InputError` where there
-        are more members or lanes, and for an unknown name."""
+        """The column `name` (..., n) of the only member, as it is in memory, in the array's `dtype`: a view, no copy.
+        Raises `InputError` where there are more members or lanes than one, and for an unknown name."""
         if self.members != 1 or self.lanes != 1:
             raise InputError(f"view: expected one member in one lane, got {self.members} in {self.lanes}")
         column: Array = self.blocks[..., 0, self._place(name), 0]
         return column
 
     def put(self, name: str, members: ArrayLike, values: ArrayLike) -> None:
-        """Assign to the column `name` of some members, by number (k,), values that broadcast to (k, n). Raises
-        `InputError` for numbers that no member has, an unknown name, and values that are no real numbers or do not
-        broadcast."""
+        """Assign to the column `name` of some members, by their indices `members` (k,) from 0, values that broadcast to
+        (k, n), NaN and infinity too. Raises `InputError` for indices that are no whole numbers, of another shape or of
+        no member, an unknown name, and values that are no real numbers or do not broadcast. It is for arrays without
+        axes of steps."""
         chosen = np.asarray(members)
         if chosen.dtype.kind not in "iu" or chosen.ndim != 1 or np.any((chosen < 0) | (chosen >= self.members)):
             raise InputError(f"members: expected numbers from 0 to {self.members - 1}, got {chosen.tolist()}")

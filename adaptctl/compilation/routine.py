@@ -24,19 +24,25 @@ _FREE = (Op.INPUT, Op.CALL, Op.RESULT)
 
 
 class Operations(Counter[Op]):
-    """Counts of the scalar operations of a routine by kind (`Op`), those of called routines included."""
+    """Counts of the scalar operations of a routine by kind (`Op`), those of called routines included: a Counter, in
+    which a kind that does not occur is 0."""
 
     @property
     def flops(self) -> int:
-        """Number of additions, subtractions, multiplications, divisions and negations."""
+        """Number of floating-point operations: additions, subtractions, multiplications, divisions and negations; other
+        kinds, such as sin and sqrt, do not count."""
         return sum(self[op] for op in _FLOPS)
 
 
 @dataclass(frozen=True, eq=False)
 class Routine:
-    """A traced function: its `name`, `inputs`, the lengths of its arguments, `outputs`, the scalars of its result in
-    order, each an expression or a known number, and `layout`, the shapes and the container they are put into. `sines`
-    are those inputs, by their place among all, whose sines and cosines are the last argument of a called one."""
+    """A traced function, as `trace` makes it: its `name`; `inputs`, the lengths of its arguments; `outputs`, the
+    scalars of its result in order, each an expression or a known float; and `layout`, the shapes of the result's parts
+    and their container.
+
+    `sines` is for a function that is called within a trace (`outlined`), () for others: the indices, among the scalars
+    of all arguments, of those whose sines and cosines the caller computes. They are its last argument then, in pairs.
+    """
 
     name: str
     inputs: tuple[int, ...]
@@ -46,17 +52,19 @@ class Routine:
 
     @cached_property
     def body(self) -> list[Expression]:
-        """The expressions to compute, operands before what uses them."""
+        """The expressions that the outputs need, in an order to compute them: operands before what uses them."""
         return reachable(self.outputs)
 
     @property
     def calls(self) -> list[Routine]:
-        """Routines that the calls in the body call, one for each call, in order."""
+        """The routines that the body calls, one entry for each call, in order: one that is called twice is there
+        twice."""
         return [x.detail for x in self.body if x.op is Op.CALL]
 
     @cached_property
     def operations(self) -> Operations:
-        """The operations of one evaluation, counted by kind."""
+        """Number of scalar operations of one evaluation, counted by kind, those of called routines included; inputs and
+        calls themselves are none."""
         total = Operations(x.op for x in self.body if x.op not in _FREE)
         for routine in self.calls:
             total.update(routine.operations)
@@ -65,11 +73,12 @@ class Routine:
 
 def trace(function: Callable[..., Any], arguments: Mapping[str, int], *, name: str = "") -> Routine:
     """The routine of a function, traced by calling it once, by keyword, on Columns of symbolic scalars; `arguments`
-    maps their names to their lengths.
+    maps their names to their lengths n.
 
     The function returns a scalar, a Column, a list of Columns (the rows of a matrix), or a tuple or NamedTuple of
-    these. `name` is the routine's, the function's own where empty. Raises `TraceError` for any other result, and where
-    the function needs a number that is not known yet; `InputError` for lengths that are no whole numbers.
+    these. `name` is the routine's, the function's own where empty. Raises `TraceError` for any other result, where the
+    function needs a number that is not known yet (an `if` on a symbolic scalar, `float` of it), and for a scalar of
+    another trace; `InputError` for lengths below 0 or with a fraction; what the function itself raises goes through.
     """
     graph, sizes = Graph(), tuple(arguments.values())
     if any(size < 0 or size != int(size) for size in sizes):
@@ -79,12 +88,13 @@ def trace(function: Callable[..., Any], arguments: Mapping[str, int], *, name: s
 
 
 def outlined(function: F) -> F:
-    """The function, all of whose calls within a trace share one native subroutine instead of being unrolled.
+    """A wrapper of `function` whose calls within a trace share one native subroutine, instead of being unrolled each.
 
-    Its arguments are scalars and Columns by position, its result is as `trace` has it, and so is the `TraceError` that
-    it raises within one. Constants among the scalars are folded into the body: a trace keeps one body for each pattern
-    of nodes and constants. Wrap a function once, not before each call, or each call gets its own body. On other
-    scalars, dual numbers among them, the function is simply called.
+    Its arguments are scalars and Columns by position, and its result is a scalar, a Column, a list of Columns of one
+    length, or a tuple or NamedTuple of these: any other raises `TraceError` within a trace. Constants among the scalars
+    are folded into the body: a trace keeps one body for each pattern of symbolic scalars and constants. Wrap a function
+    once, not before each call, or each call gets its own body. Outside a trace, and on other scalars, dual numbers
+    among them, the function is simply called.
     """
 
     @functools.wraps(function)

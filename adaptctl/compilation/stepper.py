@@ -36,17 +36,18 @@ def compile_step(
     processor: Processor | None = None,
     precision: Precision = "double",
 ) -> Stepper:
-    """A `Stepper`, native code that takes `step` again and again, for `lanes` members at once: None for as many as suit
-    the `processor`, None for this machine's. `precision` is that of the numbers, "double" or "single", of which twice
-    as many fit a register; `name` the step's in messages, the function's own where empty.
+    """A `Stepper`, native code that takes `step` again and again for many members (copies of its state), `lanes` of
+    them at once by SIMD instructions: 1, 2, 4 or 8, in single precision also 16, None for as many as suit the
+    `processor`, which is None for this machine's.
 
-    `step` is called once with Columns by keyword, whose names and lengths are given: `state`, which each member has and
-    each step replaces; `held`, which each member has and keeps; `shared`, other in each step and the same for all
+    `step` is called once with Columns by keyword, whose names and lengths n are given: `state`, which each member has
+    and each step replaces; `held`, which each member has and keeps; `shared`, other in each step and the same for all
     members; `driven`, other in each step and for each member; the last three none unless given. It returns a tuple: the
-    new state, in the order of `state`, and after it any outputs, Columns, lists of Columns or scalars. Raises
-    `InputError` for columns of the same name, lengths that are no whole numbers, a result that does not begin with the
-    new state, another precision, and `lanes` other than 1, 2, 4 and 8, or 16 in single precision; `TraceError` for a
-    step that cannot be traced.
+    new state, in the order of `state`, and after it any outputs, Columns, lists of Columns or scalars. `precision` is
+    that of the numbers, "double" or "single"; `name` the step's in messages, the function's own where empty. Raises
+    `InputError` for columns of the same name, lengths below 0 or with a fraction, a result that does not begin with the
+    new state, another precision and another number of lanes; `TraceError` for a step that cannot be traced; what the
+    step itself raises goes through.
     """
     columns = {Source.STATE: state, Source.HELD: held, Source.SHARED: shared, Source.DRIVEN: driven}
     arguments = {name: length for part in columns.values() for name, length in part.items()}
@@ -58,12 +59,13 @@ def compile_step(
 
 
 class Stepper:
-    """A compiled step, made by `compile_step`.
+    """A compiled step of many members, made by `compile_step`; `ensemble` makes the members that it steps.
 
-    `columns` has the names and lengths of what it takes, by source ("state", "held", "shared", "driven"), and `outputs`
-    the shapes of what it returns after the new state, (), (n,) or (rows, n); `lanes` members are worked on at once, in
-    numbers of a `precision`, "double" or "single", and `dtype`; `operations` counts the scalar operations of a step of
-    one member by kind.
+    `columns` has the names and lengths n of the step's arguments, by source ("state", "held", "shared", "driven"), and
+    `outputs` the shapes of what it returns after the new state, (), (n,) or (rows, n). `lanes` members are worked on at
+    once, in numbers of a `precision`, "double" or "single", whose NumPy type is `dtype`. `operations` counts the scalar
+    operations of a step of one member by kind (`Op`), without those on held columns alone, which are done once a run.
+    Raises `InputError` where the step's result does not begin with the new state.
     """
 
     def __init__(self, routine: Routine, columns: Mapping[Source, Columns], lanes: Lanes, processor: Processor) -> None:
@@ -86,16 +88,18 @@ class Stepper:
         self.native = NativeLoop(self._code.address(ENTRY))
 
     def ensemble(self, members: int) -> Ensemble:
-        """An `Ensemble` of a number of members, their states and held columns all zero. Raises `InputError` unless
-        there is at least one."""
+        """An `Ensemble` of `members` copies of the step's state, all zero, as are their held columns. Raises
+        `InputError` for a number of members below 1 or with a fraction."""
         return Ensemble(self, members)
 
 
 class Ensemble:
-    """The members (copies) of a compiled step that are stepped together: their state and the columns that they hold.
+    """The members (copies) of a compiled step that are taken step by step together, made by `Stepper.ensemble`: their
+    states and the columns that they hold.
 
-    `state` and `held` are their columns, each a `LaneArray`, to be read and assigned between runs by name, (members,
-    n). Members never see each other: a NaN stays with its own.
+    `state` and `held` are these columns, a `LaneArray` each, to be read and assigned between runs by name, (members,
+    n), zero at first; `members` is their number, and `stepper` the step. Units are the step's own. Members never see
+    each other: a NaN stays with its own. Raises `InputError` for a number of members below 1 or with a fraction.
     """
 
     def __init__(self, stepper: Stepper, members: int) -> None:
@@ -116,13 +120,16 @@ class Ensemble:
         record: bool = False,
         threads: int = 1,
     ) -> tuple[Array, ...]:
-        """Take a number of steps. Returns the outputs of the last, (members, ...) each, or with `record` those of all,
-        (steps, members, ...) each, the shape of one output after the members.
+        """Take a number of steps, all members together, from their `state`, which is replaced. Returns the outputs of
+        the last step, (members, ...) each, or with `record` those of all, (steps, members, ...) each, the shape of one
+        output after the members, in float64; after 0 steps, those of the last run without `record`, zero where there is
+        none.
 
-        `signals` are, by name, the shared columns (steps, n) and the driven ones (steps, members, n), none unless
-        given. Other Python threads run meanwhile. `threads` share the members: more than one pays from milliseconds on,
-        for to start one takes some 50 us. Raises `InputError` for a number of steps that is not whole or below 0, and
-        for signals of other names or of the wrong shape.
+        `signals` are, by name, all shared columns (steps, n) and driven ones (steps, members, n), or what broadcasts to
+        that; they are not checked for NaN or infinity. `threads` share the members, 1 where it is less: more than one
+        pays from milliseconds on, for to start one takes some 50 us. Other Python threads run meanwhile. Raises
+        `InputError` for steps below 0 or with a fraction, and for signals of other names, of the wrong shape or that
+        are no real numbers.
         """
         if steps < 0 or steps != int(steps):
             raise InputError(f"steps: expected a whole number of at least 0, got {steps}")
@@ -135,14 +142,16 @@ class Ensemble:
         return tuple(outputs[name].reshape(*axes, *shape) for name, shape in parts)
 
     def room(self, steps: int) -> LaneArray:
-        """Memory (`LaneArray`) for the outputs of a number of steps, as `record_into` fills it: the columns "0", "1",
-        ... are the outputs in turn, (steps, members, n) each, n the number of scalars of one."""
+        """Memory (a `LaneArray`, zero) for the outputs of `steps` steps, as `record_into` fills it: the columns "0",
+        "1", ... are the outputs in turn, (steps, members, n) each, n the number of scalars of one. `steps`, a whole
+        number of at least 0, is not checked."""
         return self._array(self._outputs, steps)
 
     def record_into(self, room: LaneArray, first: int, steps: int, signals: Mapping[str, ArrayLike]) -> None:
         """Take `steps` steps as `run` does, under its `signals`, and put their outputs into `room`, made by `room()`,
-        from step `first` on. Raises `InputError` where they do not fit into it, for a room of another ensemble, and for
-        signals of other names or of the wrong shape."""
+        from its step of index `first` on. Raises `InputError` where they do not fit into it, for steps below 0 or with
+        a fraction, for a room whose columns, number of blocks, lanes or type of number are not this ensemble's, and for
+        signals of other names, of the wrong shape or that are no real numbers."""
         if _form(room) != _form(self._array(self._outputs, 0)):
             raise InputError("record: expected a `room` that this ensemble made")
         if not 0 <= first <= first + steps <= len(room.blocks) or steps != int(steps):

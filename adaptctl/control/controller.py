@@ -93,8 +93,8 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
         Leading axes are arms, and each has its own state, a named tuple of arrays (..., length of each). `gains` by
         their names in `numbers`, with the same leading axes, are those of arms that have their own, None for the
-        controller's; they are not checked. Raises `InputError` on a wrong shape, `NonFiniteError` where p, v or the
-        state are not finite.
+        controller's; their values are not checked. Raises `InputError` on a wrong shape, `NotFoundError` for a name
+        that is not there, `NonFiniteError` where p, v or the state are not finite.
         """
         positions, velocities = self._measured(p, "p"), self._measured(v, "v")
         with np.errstate(over="ignore", invalid="ignore"):
@@ -108,13 +108,14 @@ class Controller(Tunable, ABC, Generic[Memory]):
         before their first tick.
 
         These are arms whose episode has begun anew, at p in rad (m) and v in rad/s (m/s), (..., r): nothing of the last
-        one is to be remembered. Raises `InputError` for a mask that is not of bools or of another shape than p's and
-        v's leading axes, `NonFiniteError` for p or v not finite where it is True.
+        one is to be remembered. Raises `InputError` for a mask that is not of bools and for shapes that do not fit
+        together, `NonFiniteError` for p or v not finite where it is True.
         """
         chosen, p, v = np.asarray(arms), np.asarray(p), np.asarray(v)
-        if chosen.dtype != np.bool_ or not chosen.shape == p.shape[:-1] == v.shape[:-1]:
+        if chosen.dtype != np.bool_ or not (*chosen.shape, self.dof) == p.shape == v.shape:
             raise InputError(
-                f"restart: expected a mask of bools for arms {p.shape[:-1]}, got {chosen.dtype} {chosen.shape}"
+                f"restart: expected p and v (..., {self.dof}) and a mask of bools (...), got p {p.shape}, v {v.shape} "
+                f"and a mask of {chosen.dtype} {chosen.shape}"
             )
         if not chosen.any():
             return state

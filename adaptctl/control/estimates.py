@@ -24,7 +24,8 @@ class _Saved(msgspec.Struct, forbid_unknown_fields=True):
 
 
 def save_estimate(path: str | Path, model: ReducedModel, estimate: ArrayLike) -> None:
-    """Write an estimate (k,) of the model's parameters, SI units, as a JSON file at `path`, by name.
+    """Write an estimate (k,) of the model's k parameters, SI units, as a JSON file at `path`, each number by its
+    parameter's name; a file that is there is replaced.
 
     Raises `InputError` on a wrong shape or numbers that are not finite, `FileError` where the file cannot be written.
     """
@@ -34,9 +35,11 @@ def save_estimate(path: str | Path, model: ReducedModel, estimate: ArrayLike) ->
 
 
 def load_estimate(path: str | Path, model: ReducedModel) -> Array:
-    """The estimate (k,), SI units, that `save_estimate` wrote at `path`, in the order of the model's parameters.
+    """The estimate (k,), SI units, that `save_estimate` wrote at `path`, in the order of the model's k parameters,
+    whatever their order in the file.
 
-    Raises `FileError` for a file that cannot be read or is no estimate, or whose parameters are not the model's.
+    Raises `FileError` for a file that cannot be read or is no estimate, with a number that is not finite, or whose
+    parameters' names are not the model's; the mechanism's name in it is not compared.
     """
     saved = read_json(path, _Saved).parameters
     missing = [name for name in model.names if name not in saved]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -83,17 +83,18 @@ class Guarded(Controller[GuardedState]):
     are infinite, that is off, unless given. While either holds the torque back, the error is not the estimate's fault,
     and nothing is learned from that period (unless `freeze` is False): an integrator's anti-windup by conditional
     integration (Astrom and Hagglund, Advanced PID Control, 2006, section 3.5). Estimates stay within `estimate_bounds`,
-    lower and upper (k,), none where None. When a measurement, a reference, or anything that the law makes of them is
-    not finite, when a joint is outside `position_limits`, lower and upper (r,) in rad (m), none where None, or faster
-    than `velocity_limits` (rad/s or m/s), or when it rings, the correlation of a joint's sliding variable (its velocity
-    error where the law has none) with itself a tick ago below -0.9 for 25 ticks in a row, the arm is braked by
-    `stop_damping` (N m s/rad or N s/m; None is the law's own damping) from then on, until `init`: gravity is not held,
-    so a brake must. Numbers are scalars or (r,), one a joint.
+    lower and upper, one number or (k,) each, none where None. When a measurement, a reference, or anything that the law
+    makes of them is not finite, when a joint is outside `position_limits`, lower and upper (r,) in rad (m), none where
+    None, or faster than `velocity_limits` (rad/s or m/s), or when it rings, the correlation of a joint's sliding
+    variable (its velocity error where the law has none) with itself a tick ago below -0.9 for 25 ticks in a row, the
+    arm is braked by `stop_damping` (N m s/rad or N s/m; None is the law's own damping) from then on, until `init`:
+    gravity is not held, so a brake must. Numbers are scalars or (r,), one a joint.
 
-    What the guards do is in the state's `marks`, tick by tick. Raises `InputError` for limits that are not positive or
-    of another shape, ranges whose lower end is not below the upper, a first estimate out of bounds, bounds for a law
-    that estimates nothing, a damping below 0, a period that is not positive, and where the law has no damping, or no
-    period for finite `rate_limits`, and none is given.
+    What the guards do is in the state's `marks`, tick by tick. Raises `InputError` for limits that are not positive,
+    limits and bounds of another shape, ranges that are no pair or whose lower end is not below the upper, a first
+    estimate out of bounds, bounds for a law that estimates nothing, a damping below 0, a period that is not positive,
+    and where the law has no damping, or no period for finite `rate_limits`, and none is given; `NonFiniteError` for
+    NaN in any of these numbers but the period.
     """
 
     of: Controller[Any]
@@ -118,11 +119,11 @@ class Guarded(Controller[GuardedState]):
         if self.period is not None:
             require_period(self.period)
         if self.position_limits is not None:
-            object.__setattr__(self, "position_limits", _range(*self.position_limits, self.dof))
+            object.__setattr__(self, "position_limits", _range(self.position_limits, self.dof))
         if np.isfinite(np.asarray(self.rate_limits)).any() and self.period is None:
             raise InputError(f"period: {type(self.of).__name__} does not know its own, and limiting rates needs it")
         if self.estimate_bounds is not None:
-            object.__setattr__(self, "estimate_bounds", _bounds(self.of, *self.estimate_bounds))
+            object.__setattr__(self, "estimate_bounds", _bounds(self.of, self.estimate_bounds))
 
     @property
     def tunable(self) -> tuple[str, ...]:
@@ -225,9 +226,18 @@ def _limits(values: ArrayLike, dof: int, what: str) -> Array:
     return limits
 
 
-def _range(lower: ArrayLike, upper: ArrayLike, dof: int) -> tuple[Array, Array]:
+def _pair(bounds: object, size: int, what: str) -> tuple[Array, Array]:
+    """Lower and upper bounds (size,), each from one number for all or one each. Raises `InputError` for no pair."""
+    try:
+        lower, upper = cast("tuple[ArrayLike, ArrayLike]", bounds)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{what}: expected two bounds, lower and upper, got {bounds!r}") from error
+    return per_joint(lower, size, what), per_joint(upper, size, what)
+
+
+def _range(limits: object, dof: int) -> tuple[Array, Array]:
     """Two limits (r,) of each joint's position, infinite where there is none."""
-    low, high = (per_joint(values, dof, "position_limits") for values in (lower, upper))
+    low, high = _pair(limits, dof, "position_limits")
     if not np.all(low < high):
         raise InputError("position_limits: expected lower < upper for every joint")
     return low, high
@@ -241,12 +251,12 @@ def _brake(values: ArrayLike, dof: int) -> Array:
     return damping
 
 
-def _bounds(law: Controller[Any], lower: ArrayLike, upper: ArrayLike) -> tuple[Array, Array]:
+def _bounds(law: Controller[Any], bounds: object) -> tuple[Array, Array]:
     """Bounds (k,) of a law's estimate, which must start within them."""
     estimate = getattr(law.start(law.home, np.zeros(law.dof)), "estimate", None)
     if estimate is None:
         raise InputError(f"estimate_bounds: {type(law).__name__} estimates nothing: leave them out")
-    low, high = (np.broadcast_to(np.asarray(bound, dtype=np.float64), np.shape(estimate)) for bound in (lower, upper))
+    low, high = _pair(bounds, len(estimate), "estimate_bounds")
     if not np.all(low < high):
         raise InputError("estimate_bounds: expected lower < upper for every parameter")
     outside = np.flatnonzero((estimate < low) | (estimate > high))

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.arrays import Array, frozen_array
 from adaptctl.caching import cached_property, sent_as_made
-from adaptctl.description.drive import Drive, DriveParameter
+from adaptctl.description.drive import LARGEST_TERM, Drive, DriveParameter
 from adaptctl.description.inertia import is_physically_consistent, parameter_names
 from adaptctl.description.pose import Pose
 from adaptctl.errors import InputError
@@ -29,7 +29,7 @@ GROUND = -1
 """The parent index of a link that hangs on the ground."""
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
-LARGEST_INERTIA, LARGEST_GRAVITY = 1e20, 1e9
+LARGEST_INERTIA, LARGEST_GRAVITY = LARGEST_TERM, 1e9
 """Inertial parameters (SI units) and gravity (m/s^2) that a mechanism may have: energies of larger ones overflow."""
 
 
@@ -271,7 +271,7 @@ class Description:
 
     def with_parameters(self, parameters: ArrayLike) -> Description:
         """The same mechanism with other parameters (P,) in SI units, in the order of `parameter_names`. Raises
-        `InputError` for another number of them, values not finite, a link's above 1e20 and rotors, viscous or Coulomb
+        `InputError` for another number of them, values not finite or above 1e20 in size, and rotors, viscous or Coulomb
         friction below 0."""
         values = frozen_array(parameters, (len(self.parameter_names),), f"{self.name}: parameters")
         links, tens = list(self.links), 10 * len(self.bodies)
@@ -313,7 +313,7 @@ class Description:
     def geometry_sha256(self) -> str:
         """SHA-256 hash (hexadecimal) of what decides which parameters matter: gravity, tree, joints, frames, link
         names, loops and which drive terms are modelled. Inertial values, limits and the mechanism's name do not count.
-        Numbers of the tree count to 1e-12, so that another machine's sine gives the same hash."""
+        Numbers of tree and loops count to 1e-12, so that another machine's sine gives the same hash."""
         content: list[object] = [_rounded(self.gravity), [_geometry(link) for link in self.links]]
         if self.drive_parameters:
             content.append([[i, kind.value] for i, kind in self.drive_parameters])
@@ -322,7 +322,7 @@ class Description:
         if len(self.bodies) < len(self.links):
             content.append(list(self.bodies))
         if self.loops is not None:
-            content.append(self.loops.plain())
+            content.append(self.loops.plain(12))
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
     @property

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any
 
+from adaptctl.arrays import real_number
 from adaptctl.errors import InputError
 
 
@@ -32,6 +33,8 @@ class DriveParameter(Enum):
 
 MAY_BE_NEGATIVE = frozenset({DriveParameter.SQUARE_ROOT, DriveParameter.STRIBECK, DriveParameter.OFFSET})
 """Terms that only bend a friction curve, or have no direction of their own."""
+LARGEST_TERM = 1e20
+"""Term of a drive that a mechanism may have (SI units): energies and torques of larger ones overflow."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +48,9 @@ class Drive:
     (Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2.2; the square root is of lubricated gears.) None
     where a term is not modelled: it is then no parameter at all. s is the joint's own velocity, and where the shaft
     `turns_with` other joints, as in a wrist whose last motor sits before its second joint, that plus each of their
-    velocities times the ratio given; the drive's torque acts on these joints in the same ratios.
+    velocities times the ratio given; the drive's torque acts on these joints in the same ratios. Raises `InputError`
+    for a term that is no number, not finite or above 1e20 in size, for rotor inertia, viscous and Coulomb friction
+    below 0, and for a ratio that is 0 or not finite.
     """
 
     rotor_inertia: float | None = None
@@ -58,11 +63,10 @@ class Drive:
 
     def __post_init__(self) -> None:
         for kind in DriveParameter:
-            value = self.value(kind)
-            if value is None or (math.isfinite(value) and (value >= 0.0 or kind in MAY_BE_NEGATIVE)):
-                continue
-            least = "" if kind in MAY_BE_NEGATIVE else " of at least 0"
-            raise InputError(f"{kind.value}: expected a finite number{least}, got {value}")
+            value, least = self.value(kind), -LARGEST_TERM if kind in MAY_BE_NEGATIVE else 0.0
+            if value is not None and not least <= real_number(value, kind.value) <= LARGEST_TERM:
+                allowed = f"of at least {least:g} and at most {LARGEST_TERM:g}"
+                raise InputError(f"{kind.value}: expected a finite number {allowed}, got {value}")
         object.__setattr__(self, "turns_with", tuple((name, float(ratio)) for name, ratio in self.turns_with))
         for name, ratio in self.turns_with:
             if not (math.isfinite(ratio) and ratio != 0.0):

@@ -149,26 +149,30 @@ class Loops:
                 if name not in known:
                     raise NotFoundError(f"{where}: there is no {what} {name!r}; there are {', '.join(sorted(known))}")
 
-    def plain(self) -> list[object]:
+    def plain(self, digits: int | None = None) -> list[object]:
         """The loops' contents that bear on motion, primary joints, closures, couplings, conditions and reference, as
-        lists of JSON's types, for hashing."""
+        lists of JSON's types, for hashing; numbers to so many `digits` after the point, None for all."""
+
+        def text(x: float) -> str:
+            return repr(_rounded(x, digits))
+
+        def frame(pose: Pose) -> list[list[float]]:
+            arrays = (pose.rotation, pose.translation)
+            return [[_rounded(x, digits) + 0.0 for x in np.ravel(array).tolist()] for array in arrays]
+
         closures = [
-            [c.name, c.first, c.second, _plain(c.first_frame), _plain(c.second_frame), c.kind.value]
+            [c.name, c.first, c.second, frame(c.first_frame), frame(c.second_frame), c.kind.value]
             for c in self.closures
         ]
-        couplings = [[c.name, c.follower, c.leader, repr(c.ratio), repr(c.offset)] for c in self.couplings]
-        conditions = [[sorted(c.weights.items()), repr(c.lower), repr(c.upper)] for c in self.conditions]
-        return [
-            list(self.primary),
-            closures,
-            couplings,
-            conditions,
-            sorted((k, repr(float(x))) for k, x in self.reference.items()),
-        ]
+        couplings = [[c.name, c.follower, c.leader, text(c.ratio), text(c.offset)] for c in self.couplings]
+        bounds = [(sorted(c.weights.items()), c.lower, c.upper) for c in self.conditions]
+        conditions = [[[(k, _rounded(x, digits)) for k, x in of], text(low), text(up)] for of, low, up in bounds]
+        reference = sorted((k, text(float(x))) for k, x in self.reference.items())
+        return [list(self.primary), closures, couplings, conditions, reference]
 
 
-def _plain(pose: Pose) -> list[list[float]]:
-    return [[float(x) + 0.0 for x in np.ravel(array)] for array in (pose.rotation, pose.translation)]
+def _rounded(x: float, digits: int | None) -> float:
+    return x if digits is None else round(x, digits)
 
 
 def _require_unique(what: str, names: Sequence[str]) -> None:

@@ -23,11 +23,12 @@ class AddedMass:
     """The effect of a body added to a link on the energy, torques and essential parameters of an arm, over the states
     of a `task`.
 
-    `link` is the link's name, `body` what is fixed to it, placed in its frame, and `percent` the error (%) of the total
-    energy, kinetic and potential, at which components are counted. Energies are root mean squares about their mean over
-    the states. P counts ten parameters a link, about its frame's origin (kg, kg m, kg m^2), and rotor inertias;
-    friction is left out. `essential`, `components`, `changed` and `becomes_essential` raise `RankError` where the
-    mechanism's rank cannot be certified.
+    `link` is the link's name, `body` the `Payload` fixed to it, placed in its frame, and `percent` the error (%) of the
+    total energy, kinetic and potential, at which components are counted. Energies are root mean squares about their
+    mean over the states. P counts ten parameters a link, about its frame's origin (kg, kg m, kg m^2), and rotor
+    inertias (kg m^2, kg for a prismatic joint); friction is left out. Made by `added_mass`; nothing is refused at
+    construction, and an unknown link or a negative percentage raises `InputError` where it is first used. `essential`,
+    `components`, `changed` and `becomes_essential` raise `RankError` where the mechanism's rank cannot be certified.
     """
 
     task: DesignTask
@@ -39,14 +40,15 @@ class AddedMass:
     @cached_property
     def change(self) -> Array:
         """The change of the inertial parameters (P,) by the body: of its link's m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy,
-        I_xz, I_yz, I_zz (kg, kg m, kg m^2), zero elsewhere. Raises `InputError` for an unknown link and where a number
-        overflows."""
+        I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the origin of the link's frame), zero elsewhere. Raises `InputError`
+        for an unknown link and where a number overflows."""
         return change_of(self.task, self.link, self.body)
 
     @cached_property
     def parameters(self) -> Array:
         """The inertial parameters (P,) with the body: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz of each
-        link (kg, kg m, kg m^2), then rotor inertias (kg m^2, or kg for a prismatic joint)."""
+        link (kg, kg m, kg m^2, about the origin of its frame), then rotor inertias (kg m^2, or kg for a prismatic
+        joint). Raises `InputError` as `change` does."""
         return self.task.parameters + self.change
 
     @cached_property
@@ -64,15 +66,16 @@ class AddedMass:
 
     @property
     def energy_change(self) -> float:
-        """Relative change of the arm's total energy, kinetic and potential, by the body, 0.1 for 10 % more: of its root
-        mean square about its mean over the states. Negative where the body balances the arm; infinite where the energy
-        was zero."""
+        """Relative change (unitless) of the arm's total energy, kinetic and potential, by the body, 0.1 for 10 % more:
+        of its root mean square about its mean over the states. Negative where the body balances the arm; infinite where
+        the energy was zero."""
         return self._change("energy")
 
     @property
     def torque_change(self) -> float:
-        """Relative change of the torques by the body, 0.1 for 10 % more: of root mean squares over the states, as
-        shares of the joints' torque limits, all joints together. Infinite where the torques were zero."""
+        """Relative change (unitless) of the torques by the body, 0.1 for 10 % more: of the root, over all joints, of
+        the summed mean squares over the states of their torques as shares of their torque limits. Infinite where the
+        torques were zero."""
         return self._change("torque")
 
     @property
@@ -84,14 +87,15 @@ class AddedMass:
     @property
     def components(self) -> int:
         """Number of essential components that keep the energy, with the body, to an error of `percent` (%; Sheu and
-        Walker 1991, equation 23). Raises `RankError` where the mechanism's rank cannot be certified."""
+        Walker 1991, equation 23). Raises `InputError` for a negative percentage, `RankError` where the mechanism's rank
+        cannot be certified."""
         return self.task.components(self.percent, self.parameters)
 
     @cached_property
     def becomes_essential(self) -> tuple[str, ...]:
         """Names of the fundamental (minimal) parameters that count only with the body: their loss changes the root mean
-        square energy by more than a share of 1e-6 of it, and did not without the body. Raises `RankError` where the
-        mechanism's rank cannot be certified."""
+        square energy by more than a share (unitless) of 1e-6 of it, and did not without the body. Raises `RankError`
+        where the mechanism's rank cannot be certified."""
         before = set(self.task.carried())
         return tuple(name for name in self.task.carried(self.parameters) if name not in before)
 
@@ -113,14 +117,14 @@ class AddedMass:
 def added_mass(
     task: DesignTask, link: str, body: Payload | float, place: ArrayLike | None = None, *, percent: float = PERCENT
 ) -> AddedMass:
-    """The effect of a body on the link of a name, over a task's states. The body is a `Payload`, or a number: a point's
-    mass in kg.
+    """The effect, an `AddedMass`, of a body on the link of a name, over a task's states. The body is a `Payload`, or a
+    number: a point's mass in kg, from 0 to 1e20.
 
-    `place` (3,) is the body's centre of mass in the link's frame, m; by default (None) the payload's own `center`, the
-    frame's origin for a point. `percent` is the error (%) of the energy, kinetic and potential, root mean square over
-    the states, at which components are counted, by default 1. Raises `InputError` for links that do not exist, masses
-    and percentages below zero, places that are not three finite numbers and tasks with constant energy, `RankError`
-    where the mechanism's rank cannot be certified.
+    `place` (3,) is the body's centre of mass in the link's frame, m, in place of the payload's own; by default (None)
+    that `center`, the frame's origin for a point. `percent` is the error (%) of the energy, kinetic and potential, root
+    mean square over the states, at which components are counted, by default 1. Raises `InputError` for links that do
+    not exist, masses out of range, percentages below zero or not finite, places that are not three finite numbers and
+    tasks with constant energy, `RankError` where the mechanism's rank cannot be certified.
     """
     loaded = Payload.of(body)
     if place is not None:

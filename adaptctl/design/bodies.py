@@ -14,23 +14,24 @@ STEEL = 7850.0
 
 
 def point(mass: float, place: ArrayLike = (0.0, 0.0, 0.0)) -> Payload:
-    """A point mass (kg) at a place (3,), m in its link's frame, by default the origin. Raises `InputError` for a mass
-    below zero and for a place that is not three finite numbers."""
+    """A point mass (kg), as a `Payload`, at a place (3,), m in its link's frame, by default the origin. Raises
+    `InputError` for a mass below zero, above 1e20 kg or not finite and for a place that is not three finite numbers."""
     return Payload(mass, frozen_array(place, (3,), "place"))
 
 
 def sphere(mass: float, place: ArrayLike = (0.0, 0.0, 0.0), *, density: float = STEEL) -> Payload:
-    """A solid ball of a mass (kg) and a density (kg/m^3; steel's 7850 by default) with its centre at a place (3,), m in
-    its link's frame, by default the origin. Raises `InputError` unless the mass is at least 0, the density positive and
-    all finite."""
+    """A solid ball, as a `Payload`, of a mass (kg) and a density (kg/m^3; steel's 7850 by default) with its centre at a
+    place (3,), m in its link's frame, by default the origin. Raises `InputError` for a mass below zero, above 1e20 kg
+    or not finite, for a density that is not positive and finite, and for a place that is not three finite numbers."""
     _require(density=density, mass=mass)
     return Payload(mass, frozen_array(place, (3,), "place"), ball_moment(mass, density) * np.eye(3))
 
 
 def box(mass: float, size: ArrayLike, place: ArrayLike = (0.0, 0.0, 0.0)) -> Payload:
-    """A solid box of a mass (kg) whose edges, of lengths `size` (3,) in m, lie along the axes of its link's frame.
-    `place` (3,) is its centre in the link's frame, m, by default the origin. Raises `InputError` for a mass below zero,
-    for lengths that are not positive, and for what is not finite."""
+    """A solid box of even density, as a `Payload`, of a mass (kg), whose edges, of lengths `size` (3,) in m, lie along
+    the axes of its link's frame. `place` (3,) is its centre in the link's frame, m, by default the origin. Raises
+    `InputError` for a mass below zero, above 1e20 kg or not finite, for lengths that are not three positive finite
+    numbers, and for a place that is not three finite numbers."""
     x, y, z = frozen_array(size, (3,), "size").tolist()
     _require(x=x, y=y, z=z, mass=mass)
     tensor = mass / 12.0 * np.diag([y * y + z * z, x * x + z * z, x * x + y * y])
@@ -45,9 +46,10 @@ def cylinder(
     *,
     axis: ArrayLike = (0.0, 0.0, 1.0),
 ) -> Payload:
-    """A solid cylinder of a mass (kg), a radius and a length (m). `place` (3,) is its centre in the link's frame, m, by
-    default the origin. `axis` (3,), of any length, is its direction in that frame, by default z. Raises `InputError`
-    for a mass below zero, for a radius, a length or an axis of zero or less, and for what is not finite."""
+    """A solid cylinder of even density, as a `Payload`, of a mass (kg), a radius and a length (m). `place` (3,) is its
+    centre in the link's frame, m, by default the origin. `axis` (3,), of any length, is its direction in that frame, by
+    default z. Raises `InputError` for a mass below zero, above 1e20 kg or not finite, for a radius, a length or an axis
+    that is zero, negative or not finite, and for a place or an axis that is not three finite numbers."""
     _require(radius=radius, length=length, mass=mass)
     along = frozen_array(axis, (3,), "axis")
     size = float(np.linalg.norm(along))
@@ -58,20 +60,23 @@ def cylinder(
 
 
 def gripper(place: ArrayLike = (0.0, 0.0, 0.0)) -> Payload:
-    """A two-finger gripper: 0.9 kg, a cylinder of 75 mm across and 160 mm along z. `place` (3,) is its centre in the
-    link's frame, m, by default the origin. Raises `InputError` unless it is three finite numbers."""
+    """A two-finger gripper, as a `Payload`: 0.9 kg, a solid cylinder 75 mm across and 160 mm long, along z. `place`
+    (3,) is its centre in the link's frame, m, by default the origin. Raises `InputError` unless it is three finite
+    numbers."""
     return cylinder(0.9, 0.0375, 0.16, place)
 
 
 def camera(place: ArrayLike = (0.0, 0.0, 0.0)) -> Payload:
-    """A depth camera with its mount: 0.2 kg, a box of 90, 25 and 25 mm along x, y and z. `place` (3,) is its centre in
-    the link's frame, m, by default the origin. Raises `InputError` unless it is three finite numbers."""
+    """A depth camera with its mount, as a `Payload`: 0.2 kg, a solid box of 90, 25 and 25 mm along x, y and z. `place`
+    (3,) is its centre in the link's frame, m, by default the origin. Raises `InputError` unless it is three finite
+    numbers."""
     return box(0.2, (0.09, 0.025, 0.025), place)
 
 
 def motor(place: ArrayLike = (0.0, 0.0, 0.0)) -> Payload:
-    """A joint's motor, its rotor at rest: 1.5 kg, a cylinder of 70 mm across and 90 mm along z. `place` (3,) is its
-    centre in the link's frame, m, by default the origin. Raises `InputError` unless it is three finite numbers."""
+    """A joint's motor, as a `Payload`, its rotor at rest: 1.5 kg, a solid cylinder 70 mm across and 90 mm long, along
+    z. `place` (3,) is its centre in the link's frame, m, by default the origin. Raises `InputError` unless it is three
+    finite numbers."""
     return cylinder(1.5, 0.035, 0.09, place)
 
 
@@ -84,24 +89,27 @@ EVEN = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0])
 
 
 def ball_moment(mass: float, density: float) -> float:
-    """The moment of inertia (kg m^2) about its centre of a solid ball of a mass (kg) and a density (kg/m^3), 0 for an
-    infinite density. The numbers are not checked."""
+    """The moment of inertia (kg m^2), about its centre, of a solid ball of a mass (kg) and a density (kg/m^3); 0 for an
+    infinite density. The numbers are not checked: floats raise `ZeroDivisionError` for a density of 0, and
+    `TypeError` where mass / density is negative."""
     return float(0.4 * mass * (3.0 * mass / (4.0 * np.pi * density)) ** (2.0 / 3.0))
 
 
 def ball_tens(masses: ArrayLike, places: ArrayLike, density: float = np.inf) -> Array:
     """The ten inertial parameters (..., 10) of solid balls of masses (...), kg, with centres at places (..., 3), m, and
     one density (kg/m^3): m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz about the frame's origin, in kg, kg m
-    and kg m^2. By default the density is infinite: points. The numbers are not checked."""
+    and kg m^2. By default the density is infinite: points. Masses and places broadcast, `ValueError` where they do not;
+    the numbers are not checked, a negative mass at a finite density gives NaN."""
     m, x = np.asarray(masses, dtype=np.float64), np.asarray(places, dtype=np.float64)
     own = 0.4 * m * (3.0 * m / (4.0 * np.pi * density)) ** (2.0 / 3.0)
     return np.asarray(m[..., None] * _per_mass(x) + own[..., None] * EVEN)
 
 
 def ball_tens_slopes(masses: Array, places: Array, density: float) -> Array:
-    """Derivatives (..., 10, 4) of `ball_tens`, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg
-    m^2), by the mass (per kg) and the three coordinates (per m), for masses (...), kg, places (..., 3), m, and one
-    density (kg/m^3). The numbers are not checked."""
+    """Derivatives (..., 10, 4) of the inertial parameters of `ball_tens`, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz,
+    I_yz, I_zz (kg, kg m, kg m^2), by the mass (per kg) and the three coordinates of its place (per m), in the last
+    axis: for masses (...), kg, places (..., 3), m, and one density (kg/m^3). Masses and places are arrays that
+    broadcast, `ValueError` where they do not; the numbers are not checked."""
     own = (2.0 / 3.0) * (3.0 * masses / (4.0 * np.pi * density)) ** (2.0 / 3.0)
     with_mass = _per_mass(places) + own[..., None] * EVEN
     slopes = [with_mass]

@@ -18,8 +18,9 @@ EACH = 9
 
 @dataclass(frozen=True, eq=False)
 class LinkCost:
-    """Cost of a point mass on a link: the places where it is least and most, as changes of the arm's cost by shares of
-    it."""
+    """Cost of a point mass on a link named `link`: its `least` and `most` relative changes of the arm's cost (unitless,
+    0.1 for 10 % more), at the places `cheapest` and `dearest` (3,), m in the link's frame, and the change `at_center`,
+    at the link's centre of mass. Made by `CostMap.over`; nothing is refused at construction."""
 
     link: str
     least: float
@@ -33,19 +34,21 @@ class LinkCost:
 
 @dataclass(frozen=True, eq=False)
 class CostMap:
-    """Map of the effect of a point `mass` (kg) on an objective's cost over a `task`: relative changes of the cost, over
-    places on links. `objective` is "energy", "torque", "coupling" or "components": the root mean square over the task's
-    states of the energy about its mean (J), the torques (shares of their limits) or the mass matrix's entries off the
-    diagonal (kg m^2), or the energy of the essential components (J)."""
+    """Map of the effect of a point `mass` (kg) on an objective's cost over a `task`: relative changes (unitless) of the
+    cost, over places on links. `objective` is "energy", "torque", "coupling" or "components": the root mean square over
+    the task's states of the energy about its mean (J), the torques (shares of their limits, unitless) or the mass
+    matrix's entries off the diagonal (kg m^2), or the energy of the essential components (J). Made by `cost_map`;
+    nothing is refused at construction."""
 
     task: DesignTask
     mass: float
     objective: str
 
     def at(self, link: str, places: ArrayLike) -> Array:
-        """Relative changes (...) of the objective's cost, 0.1 for 10 % more, by the point mass at places (..., 3), m in
-        the frame of the link of that name. Raises `InputError` for unknown links and wrong shapes, `NonFiniteError` for
-        places that are not finite."""
+        """Relative changes (...) of the objective's cost, unitless, 0.1 for 10 % more, by the point mass at places
+        (..., 3), m in the frame of the link of that name; NaN or infinite where the cost without it is zero. Raises
+        `InputError` for unknown links or objectives and wrong shapes, `NonFiniteError` for places that are not finite,
+        `RankError` for "components" where the rank cannot be certified."""
         x = checked(places, 3, f"{link}: places")
         M, first = self.task.matrix(self.objective), 10 * self.task.link(link)
         before = M @ self.task.parameters
@@ -55,13 +58,14 @@ class CostMap:
         return np.asarray((after - size) / size)
 
     def over(self, places: PlaceBounds, each: int = EACH) -> LinkCost:
-        """The least and the greatest relative change of the objective's cost, 0.1 for 10 % more, on a grid of places on
-        a link, and where they are.
+        """The least and the greatest relative change (unitless) of the objective's cost, 0.1 for 10 % more, on a grid
+        of places on a link, and where they are, as a `LinkCost`.
 
         The grid has `each` places, 9 by default, along each edge of the box of `places`, which names the link. The
         `LinkCost` has the link's name, the changes `least` and `most`, their places `cheapest` and `dearest` (3,) in m
         in the link's frame, and the change `at_center`, at the link's centre of mass. Raises `InputError` for unknown
-        links and other than 1 to 100 places.
+        links and `each` other than a whole number from 1 to 100, `RankError` for "components" where the rank cannot be
+        certified.
         """
         grid = places.grid(each)
         changes = self.at(places.link, grid)
@@ -71,13 +75,15 @@ class CostMap:
 
 
 def cost_map(task: DesignTask, mass: float = 1.0, objective: str = "energy") -> CostMap:
-    """The map of the relative changes that a point mass (kg; 1 by default) makes of an objective's cost over a task.
+    """The map, a `CostMap`, of the relative changes that a point mass (kg; 1 by default) makes of an objective's cost
+    over a task.
 
     The cost is a root mean square over the task's states: "energy", the default, of the arm's kinetic and potential
-    energy about its mean (J), "torque" of the joints' torques as shares of their limits, "coupling" of the mass
-    matrix's entries off the diagonal (kg m^2); "components" is the energy of the essential components (J). Raises
-    `InputError` for other than a positive mass, for an unknown objective, and for a task with constant energy, and
-    `RankError` for "components" where the rank cannot be certified.
+    energy about its mean (J), "torque" of the joints' torques as shares of their limits (unitless), "coupling" of the
+    mass matrix's entries off the diagonal (kg m^2); "components" is the energy of the essential components (J). Raises
+    `InputError` for a mass that is not positive and finite, for an unknown objective, and for a task with constant
+    energy, and `RankError` for "components" where the rank cannot be certified. A torque or coupling that is zero in
+    all states is not refused: its changes are NaN or infinite.
     """
     task.matrix(objective)
     task.require_energy()

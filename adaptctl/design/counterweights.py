@@ -26,8 +26,8 @@ NO_MASS = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Counterweight:
-    """A counterweight: a solid ball of a mass (kg) and a density (kg/m^3) on the link of that name, its centre at a
-    place (3,), m in the link's frame."""
+    """A counterweight: a solid ball of a `mass` (kg) and a `density` (kg/m^3) on the link named `link`, its centre at a
+    `place` (3,), m in the link's frame. Nothing is refused at construction, only by `body`."""
 
     link: str
     mass: float
@@ -37,8 +37,9 @@ class Counterweight:
 
     @property
     def body(self) -> Payload:
-        """The counterweight as a rigid body in the link's frame. Raises `InputError` for a mass below zero, a density
-        not positive and numbers that are not finite."""
+        """The counterweight as a rigid body, a `Payload`, in the link's frame: mass (kg), centre (3,), m, and inertia
+        (3, 3), kg m^2, about it. Raises `InputError` for a mass below zero or above 1e20 kg, a density not positive, a
+        place that is not of shape (3,), and numbers that are not finite."""
         return sphere(self.mass, self.place, density=self.density)
 
 
@@ -47,9 +48,10 @@ class Counterweights:
     """Result of `optimal_counterweights`: the counterweights that make an objective's cost least, within bounds, and
     the costs with and without them.
 
-    `task`, `objective`, `within` (the bounds) and `percent` (the energy error, %, at which components are counted) are
-    those asked for. `weights` are the counterweights found, without those of less than 1e-6 of the mass allowed, and
-    `evaluations` the number of designs evaluated. P counts ten parameters a link and rotor inertias.
+    `task`, `objective` ("energy", "torque", "coupling" or "components"), `within` (the bounds, one for each link) and
+    `percent` (the energy error, %, at which components are counted) are those asked for. `weights` are the
+    counterweights found, without those of less than 1e-6 of the mass allowed, and `evaluations` the number of designs
+    evaluated. P counts ten parameters a link and rotor inertias. Nothing is refused at construction.
     """
 
     task: DesignTask
@@ -62,7 +64,9 @@ class Counterweights:
 
     @cached_property
     def parameters(self) -> Array:
-        """The inertial parameters (P,) with the counterweights, SI units."""
+        """The inertial parameters (P,) with the counterweights: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz
+        of each link (kg, kg m, kg m^2, about the origin of its frame), then rotor inertias (kg m^2, or kg for a
+        prismatic joint). Raises `InputError` for a counterweight on an unknown link."""
         D = np.array(self.task.parameters)
         for weight in self.weights:
             first = 10 * self.task.link(weight.link)
@@ -71,29 +75,35 @@ class Counterweights:
 
     @cached_property
     def balanced(self) -> DesignTask:
-        """The same task for the mechanism with the counterweights."""
+        """The same task, a `DesignTask`, for the mechanism with the counterweights: the same states, other parameters.
+        Raises `InputError` as `parameters` does, and for a parameter of a link above 1e20 (SI units)."""
         return self.task.with_parameters(self.parameters)
 
     @property
     def cost_before(self) -> float:
-        """The objective's cost without counterweights: J ("energy"), share of torque limits ("torque"), kg m^2
-        ("coupling") or number of components ("components")."""
+        """The objective's cost without counterweights: J ("energy"), share of torque limits, unitless ("torque"), kg
+        m^2 ("coupling") or number of components ("components"). Raises `InputError` for an unknown objective, and for
+        "components" `RankError` where the mechanism's rank cannot be certified."""
         return _cost(self.task, self.objective, self.percent)
 
     @property
     def cost_after(self) -> float:
-        """The objective's cost with the counterweights, in the unit of `cost_before`."""
+        """The objective's cost with the counterweights, in the unit of `cost_before`. Raises `InputError` as `balanced`
+        does, and for an unknown objective; for "components" `RankError` where the mechanism's rank cannot be
+        certified."""
         return _cost(self.balanced, self.objective, self.percent)
 
     @property
     def saved(self) -> float:
-        """Share of the cost that the counterweights remove, from 0 to 1; 0 where there is no cost."""
+        """Share (unitless) of the cost that the counterweights remove, from 0 to 1; 0 where there is no cost. Raises
+        what `cost_before` and `cost_after` do."""
         return 1.0 - self.cost_after / self.cost_before if self.cost_before > 0.0 else 0.0
 
     @property
     def inconsistent(self) -> tuple[str, ...]:
-        """Names of the links whose ten parameters no rigid body can have, with the counterweights: none that were right
-        without them."""
+        """Names of the links whose ten inertial parameters, with the counterweights, no rigid body can have: their
+        pseudo-inertia is not positive definite. None that a rigid body could have without them is among these. Raises
+        `InputError` as `parameters` does."""
         names, tens = self.task.mechanism.description.body_names, self.parameters
         pairs = ((name, tens[10 * i : 10 * i + 10]) for i, name in enumerate(names))
         return tuple(name for name, ten in pairs if not is_physically_consistent(ten))
@@ -109,16 +119,17 @@ def optimal_counterweights(
     seed: int = 0,
 ) -> Counterweights:
     """The counterweights, one ball on each of some links, with the least cost over masses and places `within` bounds,
-    one of them for each such link.
+    one of them for each such link, as a `Counterweights`.
 
-    The objective is the energy carried ("energy", J), the torques ("torque", share of limits), the mass matrix's
-    entries off the diagonal ("coupling", kg m^2), or the number of essential components that keep the energy to an
-    error of `percent`, by default 1 % ("components"; among as few, with the least error). Balls, of a density in kg/m^3
-    (steel's 7850 by default), have a positive definite pseudo-inertia, so that links which rigid bodies can be stay so.
-    From the best of an even sample, drawn by `seed`, by trust regions within bounds (SciPy's `least_squares`): global
-    as far as the sample is dense. Raises `InputError` for an unknown objective or link, for no links or one given
-    twice, for a negative `percent`, a density not positive and a task with constant energy, `RankError` where the
-    mechanism's rank cannot be certified.
+    The objective is the energy carried ("energy", J), the torques ("torque", share of limits, unitless), the mass
+    matrix's entries off the diagonal ("coupling", kg m^2), or the number of essential components that keep the energy
+    to an error of `percent`, by default 1 % ("components"; among as few, with the least error). Balls, of a density in
+    kg/m^3 (steel's 7850 by default), have a positive definite pseudo-inertia, so that links which rigid bodies can be
+    stay so. From the best of an even sample, drawn by `seed`, by trust regions within bounds (SciPy's `least_squares`):
+    global as far as the sample is dense. Raises `InputError` for an unknown objective or link, for no links or one
+    given twice, for a `percent` that is negative or not finite, a density not positive and finite and a task with
+    constant energy, `RankError` where the mechanism's rank cannot be certified. `seed` is NumPy's: below 0 it raises
+    plain `ValueError`, not whole `TypeError`, and None draws anew each time.
     """
     if objective not in OBJECTIVES:
         raise InputError(f"objective: expected one of {', '.join(OBJECTIVES)}, got {objective!r}")

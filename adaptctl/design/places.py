@@ -26,10 +26,11 @@ SLACK = 1e-9
 @dataclass(frozen=True, eq=False)
 class PlaceBounds:
     """Bounds of a counterweight on the link of a name: the box of its places from `lower` (3,) to `upper` (3,), m in
-    the link's frame, and its greatest mass (kg).
+    the link's frame, and its greatest `mass` (kg).
 
-    Raises `InputError` for masses below zero, for boxes whose ends are the wrong way around, for other shapes and for
-    what is not finite.
+    Raises `InputError` for masses below zero, for boxes whose ends are the wrong way around (ends that coincide are
+    allowed), for other shapes and for what is not finite; `TypeError` for a mass that is no number. The name is checked
+    only where the bounds are used.
     """
 
     link: str
@@ -49,11 +50,13 @@ class PlaceBounds:
 
     @classmethod
     def of(cls, mechanism: Mechanism, link: str, share: float = SHARE, beyond: float = BEYOND) -> PlaceBounds:
-        """Bounds about a link, by its name: the box of its joints, its ends and its centre of mass, widened on all
-        sides by a share `beyond` (by default 0.5) of the box's diagonal, and by 0.1 m at least.
+        """Bounds about a link, by its name: the smallest box, along its frame's axes, around its joint, the points
+        where other links or loops join it, its end where that is farther, and its centre of mass, widened on all sides
+        by a share `beyond` (unitless, by default 0.5) of the box's diagonal, and by 0.1 m at least.
 
-        The greatest mass is a `share` (by default 0.2) of the link's own. Raises `InputError` for unknown links and for
-        shares below zero or not finite.
+        The greatest mass (kg) is a `share` (unitless, by default 0.2) of the link's own. Raises `InputError` for links
+        that are unknown or own no inertia and for shares below zero or not finite, `TypeError` for shares that are no
+        numbers.
         """
         if not 0.0 <= share < np.inf or not 0.0 <= beyond < np.inf:
             raise InputError(f"places: expected shares of at least 0, got {share} of mass and {beyond} of length")
@@ -75,8 +78,8 @@ class PlaceBounds:
             raise InputError(f"{self.link}: the place {x.tolist()} is outside the bounds {low} to {high} m")
 
     def grid(self, each: int) -> Array:
-        """Places (each^3, 3), m in the link's frame, evenly over the box with its faces, `each` along every edge.
-        Raises `InputError` for other than a whole number from 1 to 100."""
+        """Places (each^3, 3), m in the link's frame, evenly over the box with its faces, `each` along every edge; for
+        1, the corner `lower` alone. Raises `InputError` for other than a whole number from 1 to 100."""
         whole_number(each, "grid: places along an edge", 1, 100)
         axes = [np.linspace(a, b, each) for a, b in zip(self.lower, self.upper, strict=True)]
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)

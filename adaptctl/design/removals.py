@@ -34,14 +34,16 @@ EACH = 13
 
 @dataclass(frozen=True, eq=False)
 class Removal:
-    """A change of design after which certainly fewer fundamental parameters of a `basis` are enough: k' < k.
+    """A change of design after which certainly fewer fundamental parameters of a `basis` are enough: k' of them instead
+    of k.
 
     `way` is "symmetry", "balance" or "relocation", and `link` the name of the link to change, empty for all symmetries
     that links have already. `known` names the inertial parameters that are zero by symmetry, `zero` the fundamental
-    parameters that are zero afterwards. `columns` (k',) are the indices among all P of the parameters that are enough,
-    and `regrouping` (k', P) maps onto them: Y D = Y[:, columns] regrouping D, with the torque regressor Y (r, P), for
-    all D (P,) of the changed design. `mass` (kg) is added, or moved from the link's centre of mass, to `place` (3,), m
-    in the link's frame; 0 and None for a symmetry. `holds` is true where the mechanism has the symmetry already.
+    parameters that are zero afterwards. `columns` (k',) are the indices, among all P inertial parameters, of those that
+    are enough, and `regrouping` (k', P), in SI units, maps onto them: Y D = Y[:, columns] regrouping D, with the torque
+    regressor Y (r, P), for all D (P,) of the changed design. `mass` (kg) is added, or moved from the link's centre of
+    mass, to `place` (3,), m in the link's frame; 0 and None for a symmetry. `holds` is true where the mechanism has the
+    symmetry already. Made by `removals`; nothing is refused at construction.
     """
 
     basis: FundamentalBasis
@@ -64,18 +66,20 @@ class Removal:
 
     @property
     def rank(self) -> int:
-        """Number k' of parameters that are enough after the change."""
+        """Number k' of inertial parameters that are enough after the change, the length of `columns`."""
         return len(self.columns)
 
     @property
     def gone(self) -> tuple[str, ...]:
-        """Names of the fundamental parameters that need not be carried after the change."""
+        """Names of the fundamental parameters of the `basis` that are not among `columns`, and need not be carried
+        after the change. They may be more than k - k', where another parameter takes the place of one."""
         left = {self.basis.parameter_names[j] for j in self.columns}
         return tuple(name for name in self.basis.names if name not in left)
 
     @property
     def words(self) -> str:
-        """Phrase for the change to make, or for the property that holds already and need only be relied on."""
+        """Phrase for the change to make, such as "add 1.2 kg to link2 at (0.100, 0.000, 0.000) m", or for the property
+        that holds already and need only be relied on."""
         if not self.link:
             return "rely on every symmetry that links have already"
         if self.place is None:
@@ -89,14 +93,14 @@ class Removal:
 
     @cached_property
     def before(self) -> tuple[str, ...]:
-        """Regrouping equations, as text, of the parameters that the change affects, before the change; coefficients in
-        SI units."""
+        """Regrouping equations, as text, of the fundamental parameters that the change affects, before the change, such
+        as "link2.mc_x* = link2.mc_x + 0.4318 (link2.m + link3.m)"; coefficients in SI units."""
         return tuple(equation for equation in self.basis.equations() if equation not in self._left)
 
     @cached_property
     def after(self) -> tuple[str, ...]:
-        """Regrouping equations, as text, that hold after the change instead of those of `before`; coefficients in SI
-        units."""
+        """Regrouping equations, as text, that hold after the change instead of those of `before`, first those of
+        parameters that become zero, "link3.I_xy* = 0"; coefficients in SI units."""
         own = set(self.basis.equations())
         return (*(f"{name}* = 0" for name in self.zero), *(equation for equation in self._left if equation not in own))
 
@@ -114,14 +118,14 @@ def operations_saved(task: DesignTask, removal: Removal) -> int:
 
 
 def removals(task: DesignTask, within: Sequence[PlaceBounds], density: float = STEEL) -> tuple[Removal, ...]:
-    """All changes of design on some links that remove fundamental parameters: those that leave the fewest first, of
-    equal ones the one with the least mass.
+    """All changes of design, as a tuple of `Removal`, on the links of some bounds that remove fundamental parameters:
+    those that leave the fewest first, of equal ones the one with the least mass. Empty where there are none.
 
     By symmetry: a link that is its own mirror image along axes of its frame. By balance: a ball of a density in kg/m^3
-    (steel's 7850 by default), added to a link `within` its bounds, makes one fundamental parameter zero
-    that is not. By relocation: a part of the link's own mass, taken from its centre of mass, does so. Each is meant
-    alone, but for one of all symmetries that links have already. Raises `InputError` for unknown links and a density
-    that is not positive, `RankError` where the mechanism's rank cannot be certified.
+    (steel's 7850 by default), added to a link `within` its bounds, makes one fundamental parameter zero that is not. By
+    relocation: a part of the link's own mass, taken from its centre of mass, does so. Each is meant alone, but for one
+    of all symmetries that links have already. Raises `InputError` for unknown links and a density that is not positive
+    and finite, `RankError` where the mechanism's rank cannot be certified; a link given twice is not refused.
     """
     positive_number(density, "density: expected a positive number of kg/m^3")
     found = [removal for places in within for removal in _of_link(task, places, density)]

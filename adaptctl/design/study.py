@@ -33,9 +33,10 @@ SHOWN = 6
 class DesignStudy:
     """Results of a design study: added masses, counterweights and removable parameters of a mechanism over a `task`.
 
-    `body` is the body to add, `within` holds the bounds of every link, `percent` is the energy error (%) at which
-    components are counted, `counterweights` has the best of them, and `removals` has all changes of design that remove
-    fundamental parameters, those that leave the fewest first.
+    `body` is the `Payload` to add, `within` holds the bounds (`PlaceBounds`) of every link, `percent` is the energy
+    error (%) at which components are counted, `counterweights` has the best of them, and `removals` has all changes of
+    design that remove fundamental parameters, those that leave the fewest first. Made by `design_study`; nothing is
+    refused at construction.
     """
 
     task: DesignTask
@@ -48,29 +49,30 @@ class DesignStudy:
 
     @cached_property
     def map(self) -> CostMap:
-        """Map of the relative changes of the energy's cost by a point of the body's mass at every place of the arm.
-        Raises `InputError` for a body without mass and a task with constant energy."""
+        """Map, a `CostMap`, of the relative changes (unitless) of the energy's cost by a point of the body's mass at
+        every place of the arm. Raises `InputError` for a body without mass and a task with constant energy."""
         return cost_map(self.task, self.body.mass)
 
     @cached_property
     def links(self) -> tuple[LinkCost, ...]:
-        """The cheapest and the dearest place for a point of the body's mass on every link: changes of the energy's cost
-        as shares of it, and places (3,) in m in the link's frame."""
+        """The cheapest and the dearest place for a point of the body's mass on every link, as `LinkCost`: changes of
+        the energy's cost as shares of it (unitless), and places (3,) in m in the link's frame. Raises `InputError` as
+        `map` does."""
         return tuple(self.map.over(places) for places in self.within)
 
     @cached_property
     def added(self) -> tuple[AddedMass, ...]:
-        """Effects of the body with its centre at the centre of mass of every link. Raises `InputError` for a task with
-        constant energy."""
+        """Effects, as `AddedMass`, of the body with its centre at the centre of mass of every link. Raises `InputError`
+        for a task with constant energy, `RankError` where the mechanism's rank cannot be certified."""
         centers = (self.task.center_of_mass(places.link) for places in self.within)
         pairs = zip(self.within, centers, strict=True)
         return tuple(added_mass(self.task, p.link, self.body, x, percent=self.percent) for p, x in pairs)
 
     @cached_property
     def worthwhile(self) -> tuple[tuple[Removal, int], ...]:
-        """The removals that leave the fewest parameters, at most six by symmetry and six by added or moved mass, each
-        with the number of floating-point operations that it saves a control tick; the lightest of those that remove the
-        same."""
+        """Pairs of the removals that leave the fewest parameters, at most six by symmetry and six by added or moved
+        mass, and of the number of floating-point operations that each saves a control tick; the lightest of those that
+        remove the same. By symmetry come first, each kind with the fewest parameters left first."""
         lightest: dict[tuple[tuple[str, ...], bool], Removal] = {}
         for removal in self.removals:
             lightest.setdefault((removal.gone, removal.way == "symmetry"), removal)
@@ -93,14 +95,16 @@ def design_study(
     percent: float = PERCENT,
     seed: int = 0,
 ) -> DesignStudy:
-    """The design study over a task of an added body (a `Payload`, a known body's name, "gripper", "camera" or "motor",
-    or a point mass in kg; 1 kg by default) and of counterweights.
+    """The design study, a `DesignStudy`, over a task of an added body (a `Payload`, a known body's name, "gripper",
+    "camera" or "motor", or a point mass in kg; 1 kg by default) and of counterweights.
 
     `links` are the names of those that may carry counterweights. Where none are named (by default), they are the six
     that may carry the heaviest, but for those that turn about the vertical on the ground. `share` (0.2 by default) and
-    `beyond` (0.5) bound the counterweights' masses and places as in `PlaceBounds.of`; `objective`, `percent` (1 %) and
-    `seed` are those of `optimal_counterweights`. Raises `InputError` as these do and for a body without mass,
-    `NotFoundError` for an unknown body, `RankError` where the mechanism's rank cannot be certified.
+    `beyond` (0.5), both unitless, bound the counterweights' masses and places as in `PlaceBounds.of`; `objective`,
+    `percent` (1 %) and `seed` are those of `optimal_counterweights`. Raises `InputError` for unknown links or one given
+    twice, shares below zero or not finite, an unknown objective, a `percent` below zero or not finite, a body whose
+    mass is not above zero, and a task with constant energy, `NotFoundError` for an unknown body, `RankError` where the
+    mechanism's rank cannot be certified.
     """
     carried = named_body(body)
     every = bounds(task.mechanism, task.mechanism.description.body_names, share, beyond)

@@ -44,13 +44,15 @@ CARRIED = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class DesignTask:
-    """A task to judge a design by: states of a mechanism in motion, positions p (rad or m), velocities v (per s) and
-    accelerations a (per s^2), each (samples, r), and their `origin`, in words.
+    """A task to judge a design by: states of a mechanism in motion, positions `p` (rad, or m for a prismatic joint),
+    velocities `v` (rad/s or m/s) and accelerations `a` (rad/s^2 or m/s^2), each (samples, r), and their `origin`, in
+    words.
 
-    What a design is judged by is linear in the parameters D (P,), ten a link and rotor inertias, without friction: its
-    cost is |M D| with a matrix M (n, P), n <= P. Raises `InputError` for arrays of other shapes or not finite, for a
-    mechanism whose parameters are not ten a link, and for states that are all alike: a task without motion has no
-    energy to carry.
+    Costs of a design are linear in the parameters D (P,), ten a link (kg, kg m, kg m^2) and rotor inertias (kg m^2 or
+    kg), without friction: each is |M D| with a matrix M (n, P), n <= P. At construction raises `InputError` for arrays
+    of other shapes, for a mechanism whose parameters are not ten a link, and for positions and velocities that are all
+    alike: a task without motion has no energy to carry; `NonFiniteError` for NaN or infinity. With loops, anything
+    computed from states near locked loops raises `SingularityError`; states too large for numbers, `NonFiniteError`.
     """
 
     mechanism: Mechanism
@@ -79,10 +81,12 @@ class DesignTask:
         normally distributed with a deviation of `speed` sqrt(g/L) in rad/s, L (m) being the mechanism's characteristic
         length, and clipped to the joints' limits.
 
-        Accelerations are normal with a deviation of `speed`^2 g/L in rad/s^2; for prismatic joints both are times L. At
-        a `speed` of 1 kinetic and potential energy weigh alike; an arm at work moves at about a quarter of it, 0.25,
-        the default. With loops, positions are on the reference's branch. Raises `InputError` for other than 2 to 100000
-        samples, a negative seed or speed, and loops that reach hardly any state.
+        Accelerations are normal with a deviation of `speed`^2 g/L in rad/s^2; for prismatic joints both are times L
+        (m/s, m/s^2). At a `speed` (unitless) of 1 kinetic and potential energy weigh alike; an arm at work moves at
+        about a quarter of it, 0.25, the default. With loops, positions are on the reference's branch. Raises
+        `InputError` for `samples` other than a whole number from 2 to 100000, a seed other than one from 0 to 2^32 - 1,
+        a speed that is negative or not finite, a mechanism whose parameters are not ten a link, and loops that reach
+        hardly any state.
         """
         samples, seed = whole_number(samples, "task: samples", 2, MOST), whole_number(seed, "task: seed", 0, 2**32 - 1)
         if not 0.0 <= real_number(speed, "task: speed") < np.inf:
@@ -98,8 +102,9 @@ class DesignTask:
     @classmethod
     def along(cls, mechanism: Mechanism, reference: Reference, duration: float, samples: int = SAMPLES) -> DesignTask:
         """The task of following a reference: its states at evenly spaced times from 0 to a duration (s), 1000 of them
-        by default. Raises `InputError` for other than 2 to 100000 samples, for a duration that is not positive and
-        finite, and for a reference that stands still."""
+        by default. Raises `InputError` for `samples` other than a whole number from 2 to 100000, for a duration that is
+        not positive and finite, for a reference of another number of joints or one that stands still, and for a
+        mechanism whose parameters are not ten a link; `NonFiniteError` for a reference that is not finite."""
         whole_number(samples, "task: samples", 2, MOST)
         positive_number(duration, "task: duration: expected a positive number of s")
         p, v, a = reference(np.linspace(0.0, duration, samples))
@@ -107,31 +112,35 @@ class DesignTask:
 
     @cached_property
     def space(self) -> EssentialSpace:
-        """The essential space of the mechanism, its singular values and V1 those of the task's energies, in J (root
-        mean square) per unit of each parameter. Raises `RankError` where the rank cannot be certified."""
+        """The essential space of the mechanism, an `EssentialSpace`, its singular values and V1 (P, k) those of the
+        task's energies, in J (root mean square) per unit of each parameter. Raises `RankError` where the rank cannot be
+        certified."""
         return replace(essential_space(self.mechanism), states=self.origin, energies=partial(_same, self._energy))
 
     @cached_property
     def basis(self) -> FundamentalBasis:
-        """The fundamental basis of the mechanism by the default priority. Raises `RankError` where the rank cannot be
-        certified."""
+        """The fundamental basis of the mechanism, a `FundamentalBasis` of k parameters, by the default priority
+        (`Priority.default`). Raises `RankError` where the rank cannot be certified."""
         return fundamental_basis(self.space, Priority())
 
     @cached_property
     def parameters(self) -> Array:
-        """The mechanism's own parameters D (P,) that enter energies: ten a link, about its frame's origin (kg, kg m, kg
-        m^2), and rotor inertias."""
+        """The mechanism's own parameters D (P,) that enter energies: ten a link, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy,
+        I_xz, I_yz, I_zz, about its frame's origin (kg, kg m, kg m^2), and rotor inertias (kg m^2, or kg for a prismatic
+        joint). Read-only."""
         own = self.mechanism.inertial_parameters[: self.mechanism.energetic]
         return frozen_array(own, own.shape, "parameters")
 
     @cached_property
     def torque_limits(self) -> Array:
-        """Torque limits (r,) that torques are compared with, N m (N for a prismatic joint): the joints' own, and four
-        times the largest torque in random states where a joint has none, at least 1."""
+        """Torque limits (r,) that torques are compared with, N m (N for a prismatic joint): the joints' own, and for a
+        joint without one four times the largest torque of up to 200 random states at up to 2 rad/s (m/s) and 10 rad/s^2
+        (m/s^2), at least 1."""
         return finite_torque_limits(self.mechanism)
 
     def require_energy(self) -> None:
-        """Raise `InputError` where the energy is the same in all states, so that no share of it can be computed."""
+        """Raise `InputError` where the energy is the same in all states, to 1e-12 of it, so that no share of it can be
+        computed."""
         whole = float(np.linalg.norm(self.mechanism.energy(self.p, self.v))) / np.sqrt(len(self.p))
         if self.cost("energy") <= NO_ENERGY * whole:
             raise InputError(
@@ -139,14 +148,15 @@ class DesignTask:
             )
 
     def matrix(self, objective: str) -> Array:
-        """The matrix M (n, P), n <= P, of an objective's cost |M D| for parameters D (P,) in SI units: "energy" in J,
-        "torque" as share of the limits, "coupling" in kg m^2.
+        """The matrix M (n, P), n <= P, of an objective's cost |M D| for parameters D (P,) in SI units, so that M D is
+        in J for "energy" and "components", a share of the limits (unitless) for "torque", and kg m^2 for "coupling".
 
         Each is a root of a mean of squares over the states: of energies about their mean, which is half the mean square
-        of their differences among all pairs (Sheu and Walker 1991, equation 8); of the joints' torques, which add up;
-        of the mass matrix's entries off the diagonal, those of prismatic joints times the characteristic length.
-        "components" has the energy's, its k rows S V1'. Raises `InputError` for another objective, and for "components"
-        `RankError` where the rank cannot be certified.
+        of their differences among all pairs (Sheu and Walker 1991, equation 8); of the joints' torques as shares of
+        their limits, summed over joints; of the mass matrix's entries off the diagonal, those of prismatic joints times
+        the characteristic length. "components" has the energy's, its k rows S V1', singular values times right singular
+        vectors. Raises `InputError` for another objective, and for "components" `RankError` where the rank cannot be
+        certified.
         """
         rows: dict[str, Callable[[], Array]] = {
             "energy": lambda: self._energy,
@@ -159,9 +169,10 @@ class DesignTask:
         return rows[objective]()
 
     def cost(self, objective: str, parameters: ArrayLike | None = None) -> float:
-        """The cost |M D| of an objective at parameters D (P,) in SI units, by default (None) the mechanism's own; the
-        unit and the objectives are those of `matrix`. Raises `InputError` for another objective or number of
-        parameters, `NonFiniteError` where one is not finite."""
+        """The cost |M D| of an objective at parameters D (P,) in SI units, by default (None) the mechanism's own: J for
+        "energy" and "components", unitless for "torque", kg m^2 for "coupling" (see `matrix`). Raises `InputError` for
+        another objective or number of parameters, `NonFiniteError` where one is not finite, and for "components"
+        `RankError` where the rank cannot be certified."""
         return float(np.linalg.norm(self.matrix(objective) @ self._given(parameters)))
 
     def torques(self, parameters: ArrayLike | None = None) -> Array:
@@ -173,14 +184,15 @@ class DesignTask:
     def components(self, percent: float, parameters: ArrayLike | None = None) -> int:
         """The number of essential components that keep the energy to an error of `percent` (%; Sheu and Walker 1991,
         equation 23), for parameters (P,) in SI units, by default (None) the mechanism's own. Raises `InputError` for a
-        negative percentage or another number of parameters, `NonFiniteError` where one is not finite."""
+        percentage that is negative or not finite or another number of parameters, `NonFiniteError` where a parameter is
+        not finite, `RankError` where the mechanism's rank cannot be certified."""
         return int(component_counts(self._components @ self._given(parameters), percent))
 
     def carried(self, parameters: ArrayLike | None = None, share: float = CARRIED) -> tuple[str, ...]:
         """Names of the fundamental parameters whose loss would change the root mean square energy by more than a
-        `share` of it, by default 1e-6, for parameters (P,) in SI units, by default (None) the mechanism's own. Raises
-        `InputError` for another number of parameters and a share that is no number, `NonFiniteError` where a parameter
-        is not finite."""
+        `share` (unitless) of it, by default 1e-6, for parameters (P,) in SI units, by default (None) the mechanism's
+        own. Raises `InputError` for another number of parameters and a share that is no number, `NonFiniteError` where
+        a parameter is not finite, `RankError` where the mechanism's rank cannot be certified."""
         if math.isnan(real_number(share, "task: share")):
             raise InputError("task: share: expected a number, got nan")
         return tuple(
@@ -188,16 +200,17 @@ class DesignTask:
         )
 
     def weights(self, parameters: ArrayLike | None = None) -> Array:
-        """Share (k,) of the root mean square energy that each fundamental parameter makes alone, for parameters (P,) in
-        SI units, by default (None) the mechanism's own. Raises `InputError` for another number of parameters,
-        `NonFiniteError` where one is not finite."""
+        """Share (k,), unitless, of the root mean square energy that each fundamental parameter makes alone, in the
+        order of `basis`, for parameters (P,) in SI units, by default (None) the mechanism's own. Raises `InputError`
+        for another number of parameters, `NonFiniteError` where one is not finite, `RankError` where the mechanism's
+        rank cannot be certified."""
         D = self._given(parameters)
         each = np.linalg.norm(self._energy[:, list(self.basis.columns)], axis=0)
         return each * np.abs(self.basis.regrouping @ D) / max(self.cost("energy", D), np.finfo(float).tiny)
 
     def link(self, name: str) -> int:
-        """Index of the link of a name among those that own ten parameters each, from 0. Raises `InputError` naming
-        those that there are for another name."""
+        """Index of the link of a name among those that own ten parameters each, from 0. For a name that is not among
+        them raises `InputError` with those that are."""
         names = self.mechanism.description.body_names
         if name not in names:
             raise InputError(
@@ -206,14 +219,15 @@ class DesignTask:
         return names.index(name)
 
     def center_of_mass(self, link: str) -> Array:
-        """The centre of mass (3,) of the link of a name in its frame, m; the frame's origin where it has no mass.
-        Raises `InputError` for unknown links."""
+        """The centre of mass (3,) of the link of a name in its frame, m; the frame's origin where its mass is not above
+        0. Raises `InputError` for unknown links."""
         ten = self.parameters[10 * self.link(link) :][:4]
         return np.asarray(ten[1:4] / ten[0]) if ten[0] > 0.0 else np.zeros(3)
 
     def with_parameters(self, parameters: ArrayLike) -> DesignTask:
-        """The same task of the mechanism with other parameters (P,) that enter energies, SI units; friction stays.
-        Raises `InputError` for another number of parameters, `NonFiniteError` where one is not finite."""
+        """The same task, a `DesignTask`, of the mechanism with other parameters (P,) that enter energies, SI units;
+        friction and the states stay. Raises `InputError` for another number of parameters, a link's parameter above
+        1e20 and a rotor inertia below 0 or above 1e20, `NonFiniteError` where one is not finite."""
         own = np.array(self.mechanism.inertial_parameters)
         own[: self.mechanism.energetic] = self._given(parameters)
         return replace(self, mechanism=self.mechanism.with_parameters(own))

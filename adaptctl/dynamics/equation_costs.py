@@ -5,36 +5,43 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 from adaptctl.compilation import trace
 from adaptctl.dynamics.mechanism import Mechanism
+from adaptctl.errors import InputError
 from adaptctl.scalars import Column, spread
 
 
 class EquationCosts(NamedTuple):
-    """Counts of floating-point operations of one evaluation: additions, subtractions, multiplications, divisions and
-    negations; sines are not among them.
+    """Counts of floating-point operations of one evaluation of a mechanism's equations with k of its parameters, for r
+    primary joints: additions, subtractions, multiplications, divisions and negations, unitless; sines, cosines, roots
+    and comparisons are not among them. Made by `equation_costs`; nothing is refused at construction.
 
-    `regressor` counts the Slotine-Li regressor Y (r, k), `tick` the torque Y beta and the powers Y' s of one motion
-    without forming Y, as an adaptive law needs them in a period, `forward_dynamics` the accelerations (r,), None where
-    the k parameters kept leave a joint without inertia.
+    `regressor` counts the Slotine-Li regressor Y (r, k), `tick` the torque Y beta (r,), beta (k,) the parameters, with
+    the powers Y' s (k,) at joint rates s (r,), of one motion without forming Y, as an adaptive law needs them in a
+    control period, `forward_dynamics` the accelerations (r,) under torques (r,). The last is None where a pivot of the
+    mass matrix is zero for every motion, as of a joint without inertia; a count is no proof that it is invertible.
     """
 
     regressor: int
-    """Slotine and Li's regressor Y (r, k)"""
+    """operations of the Slotine-Li regressor Y (r, k)"""
     tick: int
-    """Y beta and Y's of one motion, without forming Y: what an adaptive law needs of the equations in a period"""
+    """operations of the torque Y beta (r,) and powers Y' s (k,) of one motion, without forming Y"""
     forward_dynamics: int | None
-    """accelerations under torques; None where the parameters that are kept leave a joint without inertia"""
+    """operations of the accelerations (r,) under torques (r,); None where k parameters leave a joint without inertia"""
 
 
 def equation_costs(mechanism: Mechanism, columns: Sequence[int] | None = None) -> EquationCosts:
-    """The operation counts of a mechanism's equations with the parameters of indices `columns` only, all others being
-    zero; with all of them where `columns` is None.
+    """The `EquationCosts`, counts of floating-point operations (unitless), of a mechanism's equations with the k
+    parameters of indices `columns` only, from 0 to P - 1 in any order, all others zero; None for all P of them.
 
-    With loops, at a tree configuration that closes them. Sheu and Walker (1991, section 5.3) compare such counts.
+    With loops, the closed configuration (n,) is given: closing it is not counted. Sheu and Walker (1991, section 5.3)
+    compare such counts. A repeated index counts once. Raises `InputError` for what is no index from 0 to P - 1,
+    `LoopError` where loops do not fit together.
     """
     equations, r, P = mechanism.equations, mechanism.dof, len(mechanism.parameter_names)
-    kept = sorted(range(P) if columns is None else columns)
+    kept = list(range(P)) if columns is None else _sorted(columns, P, mechanism.name)
 
     def regressor(q: Column, v: Column, v_r: Column, a_r: Column) -> list[Column]:
         return equations.torque_regressor(q, v, v_r, a_r, kept)
@@ -56,3 +63,11 @@ def equation_costs(mechanism: Mechanism, columns: Sequence[int] | None = None) -
     except ZeroDivisionError:
         accelerations = None
     return EquationCosts(flops(regressor, *given), flops(tick, *given, "s", "beta"), accelerations)
+
+
+def _sorted(columns: Sequence[int], known: int, name: str) -> list[int]:
+    """The columns, each once and in order. Raises `InputError` for one that is not among those known."""
+    for c in columns:
+        if not ((type(c) is int or isinstance(c, np.integer)) and 0 <= c < known):
+            raise InputError(f"{name}: columns: expected whole numbers from 0 to {known - 1}, got {c!r}")
+    return sorted(set(columns))

@@ -112,13 +112,12 @@ class Mechanism:
 
     def configuration(self, p: ArrayLike, start: ArrayLike | None = None) -> Array:
         """Joint positions q = U(p) (..., n), rad (m), of the tree, one a link, at primary positions p (..., r), with
-        all loops closed (Sheu and Walker 1991, equation 1); for a tree p itself. They are followed along straight lines
-        in p from the closed `start` (..., n), None being the reference, at `home`. Raises `InputError` on a wrong
-        shape, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
+        all loops closed (Sheu and Walker 1991, equation 1); for a tree p itself, whatever `start` is. They are followed
+        along straight lines in p from the closed `start` (..., n), None being the reference, at `home`. Raises
+        `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
         (p,), _ = self._joints(p=p)
-        if self.continuation is None:
-            return p
-        return self.continuation.follow(p, None if start is None else checked(start, len(self.links), "start"))
+        start = None if start is None else checked(start, len(self.links), f"{self.name}: start")
+        return p if self.continuation is None else self.continuation.follow(p, start)
 
     @property
     def name(self) -> str:
@@ -185,13 +184,13 @@ class Mechanism:
 
     def with_parameters(self, parameters: ArrayLike) -> Mechanism:
         """The same mechanism with other `inertial_parameters` (P,), SI units, in their order. Raises `InputError` for
-        another number, values not finite, a link's above 1e20, and rotors, viscous or Coulomb friction below 0."""
+        another number, values not finite or above 1e20 in size, and rotors, viscous or Coulomb friction below 0."""
         return Mechanism(self.description.with_parameters(parameters))
 
     def on_columns(self, regressor: str, columns: Sequence[int]) -> ArrayEquation:
         """The `ArrayEquation` of a regressor, "torque_regressor" or "slotine_li_regressor", with the k `columns` only,
         indices of parameters: its `call` takes the arrays of the method of that name and returns (..., r, k). Raises
-        `InputError` for another name and for an index outside 0..P-1."""
+        `InputError` for another name and for what is no index from 0 to P-1."""
         return self._arrays.on_columns(regressor, tuple(self._columns(columns)))
 
     def with_drives(self, drives: Drive | Sequence[Drive]) -> Mechanism:
@@ -332,7 +331,8 @@ class Mechanism:
     def in_pinocchio(self, model: pinocchio.Model) -> pinocchio.Model:
         """A copy of `model`, with the same joints by name, with this mechanism's inertias, rotors (armature), viscous
         and Coulomb friction; all else stays. Pinocchio's inverse dynamics leaves friction out. Raises `InputError` for
-        another number of joints or a first moment without mass, `NotFoundError` for a joint that it does not have."""
+        another number of joints, a first moment without mass and drives that turn with several joints, `NotFoundError`
+        for an unknown joint. Warns (`SimplificationWarning`) of friction not viscous or Coulomb's, left out."""
         from adaptctl.description.readers.pinocchio_model import with_inertias
 
         return with_inertias(model, self.description)
@@ -365,9 +365,9 @@ class Mechanism:
         known = len(self.parameter_names)
         if columns is None:
             return range(known)
-        wrong = [c for c in columns if not 0 <= c < known]
+        wrong = [c for c in columns if not ((type(c) is int or isinstance(c, np.integer)) and 0 <= c < known)]
         if wrong:
-            raise InputError(f"{self.name}: columns must be in 0..{known - 1}, got {wrong[0]}")
+            raise InputError(f"{self.name}: columns: expected whole numbers from 0 to {known - 1}, got {wrong[0]!r}")
         return columns
 
 
@@ -384,9 +384,9 @@ def load(
     from its package and the folders `mesh_folders`. With `snap`, angles between joint axes within 1e-3 rad of right
     ones are made exact. `root` names the body of an MJCF scene, or of a MuJoCo model, that the mechanism begins with;
     None for the one that moves. Raises `NotFoundError` for an unknown name or root of a model, `FileError` for a file
-    that cannot be used, `InputError` for a floating base of no URDF file, a root of what has none, a model with mesh
-    folders and other sources, `LoopError` where loops do not fit together. Warns (`PhysicalConsistencyWarning`) of
-    links that no rigid body can be, and (`SimplificationWarning`) of what is left out."""
+    that cannot be used, `InputError` for a floating base or mesh folders of no URDF file, a root of what has none and
+    other sources, `LoopError` where loops do not fit together. Warns (`PhysicalConsistencyWarning`) of links that no
+    rigid body can be, and (`SimplificationWarning`) of what is left out."""
     from adaptctl.description.readers.registry import read, read_model
 
     options: dict[str, Any] = {"floating_base": floating_base, "snap": snap, "mesh_folders": mesh_folders, "root": root}

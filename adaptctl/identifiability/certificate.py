@@ -23,8 +23,10 @@ LISTED = 80
 
 @dataclass(frozen=True)
 class Leftover:
-    """A singular value beyond the gap that is more than round-off, `value` relative to sigma_1, and the names of the
-    `parameters` that dominate its vector."""
+    """A singular value beyond the gap, one that the rank counts as zero, though it is more than round-off: `value`,
+    relative to the largest, sigma_1, no unit, and the names of the `parameters` that dominate its right singular
+    vector, four at most, or of the link whose bodies make it where a tree's rank was found joint by joint. Nothing is
+    checked at construction."""
 
     value: float
     """The singular value, relative to sigma_1."""
@@ -36,19 +38,25 @@ class Leftover:
 
 @dataclass(frozen=True)
 class Certificate:
-    """Certificate of a rank k: the ranks found in independent ways, three from scaled matrices and one in exact
-    arithmetic, and numbers, all without a unit, that say how clear-cut they are.
+    """Certificate of a mechanism's rank k, the number of identifiable inertial parameters: the ranks found in
+    independent ways, three from scaled matrices and one in exact arithmetic, and numbers, all without a unit, that say
+    how clear-cut they are.
 
-    `rank_energy` is that of the energy differences at `samples` random states, drawn by `seed`, `rank_doubled` of twice
-    as many, `rank_torque` of torques, None by transfers. `gap` is sigma_k/sigma_k+1 of the energy differences,
-    `relative_smallest` sigma_k/sigma_1, both floored at 1e-15 of sigma_1. `null_residual` is the largest torque that
-    any null vector makes on other samples, relative to the largest that a vector of its size can make. By transfers,
-    `rank_geometry`, which follows from a tree's geometry (None otherwise), takes the place of `rank_torque`. Gap and
-    smallest value are then those of the worst joint's energy changes, as bodies are moved from its link to the parent
-    link, and `null_residual` is the largest relative change by a body that is unobservable at its joint. `rank_exact`
-    is that of exact geometry, computed in what `exact_by` says; None, and "", where it was not asked for. `leftovers`
-    are values beyond the gap that are more than round-off, `near_right_angles` pairs of axes that nearly meet at one;
-    both are empty where there are none.
+    With singular values sigma_1 >= sigma_2 >= ..., `rank_energy` is the rank of the energy differences at `samples`
+    random states, drawn by `seed`, `rank_doubled` of twice as many, `rank_torque` of rows of the torque regressor, None
+    by transfers. `gap` is sigma_k/sigma_k+1 of the energy differences, `relative_smallest` sigma_k/sigma_1, both
+    floored at 1e-15 of sigma_1. `null_residual` is the largest torque that any null vector makes on other samples,
+    relative to the largest that a vector of its size can make.
+
+    By transfers, the method that finds a tree's rank joint by joint, `rank_geometry`, which follows from the tree's
+    geometry (None otherwise), takes the place of `rank_torque`. Gap and smallest value are then those of the worst
+    joint's energy changes, as bodies are moved from its link to the parent link, and `null_residual` is the largest
+    relative change by a body that is unobservable at its joint.
+
+    `rank_exact` is that of exact geometry, computed in what `exact_by` says ("a prime field" or "60 digits"); None, and
+    "", where it was not asked for. `leftovers` are values beyond the gap that are more than round-off,
+    `near_right_angles` pairs of axes that nearly meet at one; both are empty where there are none. Nothing is checked
+    at construction: `faults` and `require_accepted` judge it.
     """
 
     rank_energy: int
@@ -67,12 +75,14 @@ class Certificate:
 
     @property
     def rank(self) -> int:
-        """The certified rank k, the number of identifiable parameters."""
+        """The rank k by the energies, the number of identifiable inertial parameters, without friction: certified where
+        `faults` is empty."""
         return self.rank_energy
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """Reasons, as texts, for which the rank cannot be accepted; empty when it can."""
+        """Reasons, as texts, for which the rank cannot be accepted; empty when it can. These are a `gap` below 1e6, a
+        `relative_smallest` below 1e-9, ranks that are not all equal, and a leftover above 1e-8 of sigma_1."""
         other, what = self._other
         ranks = (self.rank_energy, other, self.rank_doubled)
         largest = max((leftover.value for leftover in self.leftovers), default=0.0)
@@ -95,8 +105,8 @@ class Certificate:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Remarks, as texts, on what is no fault but worth a look: values beyond the gap, and axes near right
-        angles."""
+        """Remarks, as texts, on what is no fault but worth a look: first a text for each of `leftovers`, then one for
+        each of `near_right_angles`; empty where there are none."""
         leftovers = [f"beyond the gap, {leftover} is more than round-off" for leftover in self.leftovers]
         return (*leftovers, *map(str, self.near_right_angles))
 
@@ -116,8 +126,9 @@ class Certificate:
         return self.rank_torque, "torques"
 
     def require_accepted(self, mechanism: str, spectrum: Array, suspects: Sequence[object] = ()) -> None:
-        """Raise `RankError`, with the scaled singular values `spectrum` (n,), falling, unless the rank can be accepted;
-        the message names the `mechanism`, the faults and the `suspects`, possible causes, none by default."""
+        """Raise `RankError` unless the rank can be accepted, that is unless `faults` is empty. Its `singular_values`
+        are the scaled singular values `spectrum` (n,), falling, no unit, an array that is not checked; its message
+        names the `mechanism`, the faults and the `suspects`, possible causes, none by default."""
         if not self.faults:
             return
         hints = "".join(f"; {suspect}" for suspect in suspects)

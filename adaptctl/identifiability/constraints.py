@@ -60,14 +60,18 @@ class Relation:
 @dataclass(frozen=True, eq=False)
 class Constraints:
     """Constraints on inertial parameters: `known` values in SI units by parameter name, such as ``link2.mc_z``, and
-    linear `relations` among them; none of either by default. `constrained` checks both against a mechanism."""
+    linear `relations` among them; none of either by default. `constrained` checks both against a mechanism. Raises
+    `InputError` for a known value that is no number and for what is no `Relation`."""
 
     known: Mapping[str, float] = field(default_factory=dict)
     relations: tuple[Relation, ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "known", MappingProxyType(dict(self.known)))
+        known = {name: real_number(value, f"known: {name!r}") for name, value in dict(self.known).items()}
+        object.__setattr__(self, "known", MappingProxyType(known))
         object.__setattr__(self, "relations", tuple(self.relations))
+        if odd := [relation for relation in self.relations if not isinstance(relation, Relation)]:
+            raise InputError(f"relations: expected Relations, got {odd[0]!r}")
 
     @classmethod
     def of(cls, matrix: ArrayLike, names: Sequence[str], values: ArrayLike | None = None) -> Constraints:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from adaptctl.errors import FileError
-from adaptctl.files import reason
+from adaptctl.files import cleaned_of_the_dead, name_beside, reason, require_place
 from adaptctl.recording.comparison import Comparison
 from adaptctl.recording.judgement import judged
 from adaptctl.recording.result import Progress, Result, silent
@@ -18,11 +21,14 @@ RECORDING, SUMMARY, TRACE, REPORT, FIGURES = (
     "report.html",
     "figures",
 )
+STAGED = "artifacts"
+"""Name of the hidden folder that files are written to before they are moved to their places."""
 
 
 def shown(comparison: Comparison) -> Result:
     """The result of an experiment, as the command line shows it, from its comparison: whether it is complete, headline,
-    facts and verdict in words, and a function that writes its folder as `write_artifacts` does."""
+    facts and verdict in words, and a function that writes its folder as `write_artifacts` does. `failed` stays False:
+    `verdict.passed` tells."""
     return Result(
         complete=comparison.complete,
         headline=headline(outcome_words(comparison), comparison.complete),
@@ -36,10 +42,11 @@ def write_artifacts(folder: str | Path, comparison: Comparison, progress: Progre
     """Write recording, summary, trace, figures and report of a comparison into a folder, made where it is missing;
     returns its path.
 
-    The files are recording.rrd, summary.json, trace.parquet and report.html, figures are in the folder `figures`; each
-    is written whole or not at all. `progress(what, share)` is called with what is being written, and the share of the
-    whole that is done, 0 to 1; nothing is shown unless given. Raises `FileError` where a file cannot be written or a
-    folder cannot be made.
+    The files are recording.rrd, summary.json, trace.parquet (the subject's samples) and report.html, figures are PNG
+    files in the folder `figures`; all are written, each over one that is there, or none where one cannot be or
+    `progress` raises. `progress(what, share)` is called with what is being written, and the share of the whole that is
+    done, 0 to 1; nothing is shown unless given. Raises `FileError` where a file cannot be written or a folder cannot be
+    made, and for NaN or infinity among the summary's numbers, such as findings.
     """
     from adaptctl.recording.figures import write_figures
     from adaptctl.recording.report import write_report
@@ -47,20 +54,57 @@ def write_artifacts(folder: str | Path, comparison: Comparison, progress: Progre
     from adaptctl.recording.summary import write_summary
     from adaptctl.recording.trace import write_trace
 
-    path = Path(folder)
-    for place in (path, path / FIGURES):
+    with _all_or_none(Path(folder)) as beside:
+        progress("summary", 0.0)
+        write_summary(beside / SUMMARY, comparison)
+        write_trace(beside / TRACE, comparison)
+        progress("recording", 0.1)
+        write_recording(beside / RECORDING, comparison)
+        progress("figures", 0.3)
+        figures = write_figures(beside / FIGURES, comparison)
+        progress("report", 0.95)
+        write_report(beside / REPORT, comparison, figures)
+        progress("report", 1.0)
+    return Path(folder)
+
+
+@contextmanager
+def _all_or_none(path: Path) -> Iterator[Path]:
+    """A folder within `path`, which is made where it is missing, to write to: when the block ends its files are moved
+    into `path`; when it fails `path` stays as it was."""
+    made: list[Path] = []
+    cleaned_of_the_dead(path, STAGED)
+    beside = name_beside(path / STAGED)
+    try:
+        for place in (path, path / FIGURES, beside / FIGURES):
+            made += _made(place)
+        yield beside
+        _move_in(beside, path)
+    except FileError as error:
+        raise FileError(str(error).replace(str(beside), str(path))) from error
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
+        for place in reversed(made):
+            with suppress(OSError):  # It holds files, unless the block has failed.
+                place.rmdir()
+
+
+def _made(place: Path) -> list[Path]:
+    """The folder, which is there now, if it was not before; else none. Raises `FileError` where it cannot be made."""
+    try:
+        made = [] if place.is_dir() else [place]
+        place.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(f"{place}: the folder cannot be made ({reason(error)})") from error
+    return made
+
+
+def _move_in(beside: Path, path: Path) -> None:
+    """Each file into its place, the summary last: what is half done does not say that it is complete."""
+    files = [file for file in beside.rglob("*") if file.is_file()]
+    places = [(file, require_place(path / file.relative_to(beside))) for file in files]
+    for file, place in sorted(places, key=lambda one: one[0].name == SUMMARY):
         try:
-            place.mkdir(parents=True, exist_ok=True)
+            shutil.move(file, place)
         except OSError as error:
-            raise FileError(f"{place}: the folder cannot be made ({reason(error)})") from error
-    progress("summary", 0.0)
-    write_summary(path / SUMMARY, comparison)
-    write_trace(path / TRACE, comparison)
-    progress("recording", 0.1)
-    write_recording(path / RECORDING, comparison)
-    progress("figures", 0.3)
-    figures = write_figures(path / FIGURES, comparison)
-    progress("report", 0.95)
-    write_report(path / REPORT, comparison, figures)
-    progress("report", 1.0)
-    return path
+            raise FileError(f"{place}: cannot be written ({reason(error)})") from error

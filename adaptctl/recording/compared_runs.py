@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import per_joint
@@ -29,18 +28,21 @@ def compared_runs(
     torque_limits: ArrayLike | None = None,
     truth_known: bool = False,
 ) -> Comparison:
-    """A comparison of runs by their labels, the first of them its subject, for `write_artifacts`.
+    """A comparison of runs of one mechanism by their labels, the first of them its subject, for `write_artifacts`.
 
-    `title` is the mechanism's name and the first label where empty, `purpose` a sentence for the report or empty.
-    `adaptation_off` is the label of the run with adaptation off, None if there is none. `basis` is that of the
-    estimates, None for the `fundamental_basis` of the mechanism by the default priority; `torque_limits` (r,), or one
-    for all, N m (N for a prismatic joint), None for the mechanism's effort limits, and where a joint has none four
-    times its largest torque in random states, at least 1. Unless `truth_known`, the mechanism's parameters are not
-    taken for those of the arm: recording and report show estimates without true values. Raises `InputError` without a
-    run, where a run has no samples or other joints, where the first's estimates are neither of as many parameters as
-    the basis and friction have nor none, for a basis of another mechanism, and for limits of another shape
-    (`NonFiniteError` for NaN); `NotFoundError` for a label that no run has; `RankError` where the mechanism's rank
-    cannot be certified.
+    `runs` maps labels, for legends, to runs of r joints. `title` is the mechanism's name and the first label where
+    empty, `purpose` a sentence for the report or empty. `adaptation_off` is the label of the run with adaptation off,
+    None if there is none. `basis` is that of the estimates (T, k), None for the `fundamental_basis` of the mechanism by
+    the default priority. `torque_limits` (r,), or one for all, N m (N for a prismatic joint), must be positive and
+    finite; None for the mechanism's effort limits, and where a joint has none four times its largest torque in random
+    states, at least 1 N m (N). Unless `truth_known`, the mechanism's parameters are not taken for those of the arm:
+    recording and report show estimates without true values.
+
+    Raises `InputError` without a run, where a run has no samples or other joints, where the first's estimates are
+    neither of as many parameters as the basis and friction have nor none, for a basis of another mechanism, and for
+    limits of another shape, not above 0 or no numbers (`NonFiniteError` for NaN and infinity); `NotFoundError` for a
+    label that no run has; `RankError` where the mechanism's rank cannot be certified; `LoopError` where its loops do
+    not fit together.
     """
     if not runs:
         raise InputError("compared_runs: expected at least one run")
@@ -65,7 +67,7 @@ def compared_runs(
         space=space,
         basis=own,
         runs=made,
-        torque_limits=per_joint(np.asarray(limits), mechanism.dof, "torque_limits"),
+        torque_limits=per_joint(limits, mechanism.dof, "torque_limits"),
         settings=(),
         seed=0,
         duration=made[0].duration,

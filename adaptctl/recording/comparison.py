@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, checked, positive_number
 from adaptctl.caching import cached_property
 from adaptctl.codegen.live_arm import LiveArm
 from adaptctl.dynamics import Mechanism
@@ -38,9 +38,10 @@ ALL = slice(None)
 
 @dataclass(frozen=True)
 class TickCost:
-    """Cost of one control tick, in time and in operations: `called`, s, called from Python; `native`, s, within a
-    native loop over many states; `flops`, the number of additions, subtractions, multiplications, divisions and
-    negations. None where not known."""
+    """Cost of one control tick, the computation of one torque, in time and in operations: `called`, s, called from
+    Python, the median; `native`, s, within a native loop over many states; `flops`, the number of additions,
+    subtractions, multiplications, divisions and negations. The last two are None where not known. Nothing is checked at
+    construction."""
 
     called: float
     """s, called from Python"""
@@ -54,9 +55,10 @@ class TickCost:
 class ControllerRun:
     """A closed-loop run of one controller, with its name, label and cost.
 
-    `name` is short and fit for a file; `label` is for legends and tables; `knows`, what it knew of the arm beforehand,
-    in words; `rollout`, its T samples; `lyapunov` (T,), J, the Lyapunov function, None where the law has none; `cost`,
-    that of a control tick, None where it was not measured.
+    `name` is short, fit for a file, and one run's alone; `label` is for legends and tables; `knows`, what it knew of
+    the arm beforehand, in words or empty; `rollout`, its T samples of r joints; `lyapunov` (T,), J, the Lyapunov
+    function, None where the law has none; `cost`, that of a control tick, None where it was not measured. Nothing is
+    checked at construction.
     """
 
     name: str
@@ -73,34 +75,42 @@ class ControllerRun:
 
     @property
     def duration(self) -> float:
-        """Time in closed loop, s."""
+        """Duration of the run in closed loop, s, from time zero to its end, that of its `rollout`."""
         return self.rollout.duration
 
     def rms_error(self, start: float = 0.0, stop: float = np.inf, joints: Joints = ALL) -> float | None:
-        """Root mean square (rad or m) of the tracking errors of joints from `start` to before `stop`, s, all of the run
-        unless given; None without samples. `joints` is a slice or a list of indices, all unless given."""
+        """Root mean square of the tracking errors p - p_d, rad (m), of joints at times t with `start` <= t < `stop`, s,
+        all of the run unless given; None without such samples. `joints` is a slice or a list of indices from 0, all
+        unless given; joints of both kinds go into one number. Raises `IndexError` for an index that is no joint's,
+        `InputError` for no joints."""
         inside = (self.rollout.time >= start) & (self.rollout.time < stop)
-        return float(np.sqrt(np.mean(self.rollout.error[inside][:, joints] ** 2))) if inside.any() else None
+        errors = self.rollout.error[inside][:, joints]
+        if errors.shape[1] == 0:
+            raise InputError(f"joints: expected at least one joint, got {joints}")
+        return float(np.sqrt(np.mean(errors**2))) if inside.any() else None
 
     @property
     def first_rms_error(self) -> float | None:
-        """Root mean square tracking error (rad or m) over the first second; None where the run is shorter."""
+        """Root mean square tracking error (rad or m) of all joints over the first second; None where the run is
+        shorter."""
         return self.first_rms_error_of(ALL)
 
     @property
     def final_rms_error(self) -> float | None:
-        """Root mean square tracking error (rad or m) over the last two seconds that were run; None where the run is
-        shorter."""
+        """Root mean square tracking error (rad or m) of all joints over the last two seconds that were run; None where
+        the run is shorter."""
         return self.final_rms_error_of(ALL)
 
     def first_rms_error_of(self, joints: Joints) -> float | None:
-        """Root mean square tracking error (rad or m) of some joints, a slice or a list of indices, over the first
-        second; None where the run is shorter."""
+        """Root mean square tracking error (rad or m) of some joints, a slice or a list of indices from 0, over the
+        first second; None where the run is shorter. Raises `IndexError` for an index that is no joint's, `InputError`
+        for no joints."""
         return self.rms_error(stop=BEGINNING, joints=joints) if self._lasts(BEGINNING) else None
 
     def final_rms_error_of(self, joints: Joints) -> float | None:
-        """Root mean square tracking error (rad or m) of some joints, a slice or a list of indices, over the last two
-        seconds that were run; None where the run is shorter."""
+        """Root mean square tracking error (rad or m) of some joints, a slice or a list of indices from 0, over the last
+        two seconds that were run; None where the run is shorter. Raises `IndexError` for an index that is no joint's,
+        `InputError` for no joints."""
         return self.rms_error(start=self.duration - SETTLED, joints=joints) if self._lasts(SETTLED) else None
 
     def _lasts(self, length: float) -> bool:
@@ -108,27 +118,30 @@ class ControllerRun:
         return self.duration > length - 0.5 * self.rollout.spacing
 
     def moving_rms_error(self, window: float) -> Array:
-        """Root mean square tracking errors (T,) of all joints, rad or m, over the last `window` seconds before each
-        sample."""
+        """Root mean square tracking errors (T,) of all joints, rad or m, over the last `window`, s, up to and with each
+        sample, fewer at the run's start; of the sample alone for a window below its spacing. Raises `InputError` for a
+        window that is not positive and finite."""
+        positive_number(window, "window: expected a positive number of s")
         squares = np.mean(self.rollout.error**2, axis=1)
         sums = np.cumsum(np.concatenate([[0.0], squares]))
         stop = np.arange(1, len(squares) + 1)
-        start = np.maximum(stop - max(1, round(window / self.rollout.spacing)), 0)
+        width = max(1, round(min(window / self.rollout.spacing, len(squares))))
+        start = np.maximum(stop - width, 0)
         return np.sqrt(np.maximum(sums[stop] - sums[start], 0.0) / (stop - start))
 
     @property
     def lyapunov_max_increase(self) -> float | None:
-        """Largest rise of the Lyapunov function from one sample to the next, J; 0 when it never rises, None where the
-        law has none."""
-        if self.lyapunov is None or len(self.lyapunov) == 0:
+        """Largest rise of the Lyapunov function from one sample to the next, J; 0 when it never rises; None where the
+        law has none, and where it holds NaN or infinity, which tells of no fall."""
+        if self.lyapunov is None or len(self.lyapunov) == 0 or not np.isfinite(self.lyapunov).all():
             return None
         return max(0.0, float(np.diff(self.lyapunov).max(initial=0.0)))
 
 
 @dataclass(frozen=True)
 class Setting:
-    """A setting of an experiment, for the record: its name, its value as text, and its meaning in words; the unit is in
-    either."""
+    """A setting of an experiment, for the record: its `name`, its `value` as text, and its `meaning` in words; the unit
+    is in one of these two. Nothing is checked at construction."""
 
     name: str
     value: str
@@ -137,8 +150,9 @@ class Setting:
 
 @dataclass(frozen=True)
 class Finding:
-    """A measured quantity besides the runs: `name`, its key in summary.json; `value`, a number in `unit`; `meaning`, in
-    words."""
+    """A measured quantity besides the runs: `name`, its key in summary.json, which for one of a single run ends in a
+    dot and the run's name; `value`, a number in `unit`, "1" for none; `meaning`, in words. Nothing is checked at
+    construction, but `write_artifacts` raises `FileError` for a value of NaN or infinity."""
 
     name: str
     """the key in summary.json"""
@@ -153,10 +167,11 @@ def _thousandths(value: float | None) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Leading:
-    """The leading errors of an experiment besides the joints', such as a tool's distance from its path.
+    """The leading errors of an experiment, which its pages show before the joints', such as a tool's distance from its
+    path.
 
-    `meaning` says what is drawn; `errors` maps the names of the runs to their errors (T,), such as in m; `unit` is that
-    of a thousandth of these, such as mm.
+    `meaning` says what is drawn; `errors` maps the name of every run compared to its errors (T,), such as in m; `unit`
+    is that of a thousandth of these, such as mm. Nothing is checked at construction, but by `Comparison`.
     """
 
     meaning: str
@@ -167,12 +182,20 @@ class Leading:
     """(T,) by the name of the run"""
 
     def final_rms(self, run: ControllerRun) -> float | None:
-        """Root mean square of a run's leading error, in the unit of `errors`, over the last two seconds that were run;
-        None where the run is shorter."""
+        """Root mean square of a run's leading error, in the unit of `errors`, such as m (not the thousandth that `unit`
+        names), over the last two seconds that were run; None where the run is shorter. Raises `KeyError` for a run
+        without errors, `IndexError` for errors that are not T."""
         if run.final_rms_error is None:
             return None
         late = run.rollout.time >= run.duration - SETTLED
         return float(np.sqrt(np.mean(np.square(self.errors[run.name][late]))))
+
+
+def _require_errors(leading: Leading, run: ControllerRun) -> None:
+    """Raise `InputError` unless there is a leading error for every sample of a run."""
+    samples = run.rollout.time.shape
+    if (given := np.shape(leading.errors.get(run.name, ()))) != samples:
+        raise InputError(f"leading: errors of {run.name!r}: expected shape {samples}, got {given}")
 
 
 def color_places(runs: Sequence[ControllerRun], without_adaptation: str = ADAPTATION_OFF) -> dict[str, int]:
@@ -188,15 +211,20 @@ def color_places(runs: Sequence[ControllerRun], without_adaptation: str = ADAPTA
 class Comparison:
     """A comparison of runs on one arm, one reference and one seed; the first is the experiment's subject, which adapts.
 
-    `experiment` is its name, `title` and `purpose` are words for the report; `space` and `basis` are the mechanism's
-    essential space and the fundamental basis of the estimates; `torque_limits` (r,), N m (N); `settings` and
-    `findings`, for the record; `seed`, of the random numbers; `duration`, s asked for; `complete`, False when
-    it was interrupted: what was computed is kept; `without_adaptation`, the name of the run with the subject's gains
-    and adaptation off; `more_drawings`, figures besides those of every comparison; `answer`, the outcome in a sentence
-    or two, None where it is how much adaptation is worth; `truth_known`, False where the mechanism's parameters are not
-    the arm's; `leading`, the errors that a recording shows before the joints', None for none; `expected`, the failures
-    that the experiment expects of its subject, and why; `live`, the subject's closed loop for the report to run, or why
-    there is none. Raises `InputError` without a run, and where the first has no samples.
+    `experiment` is its name, `title` and `purpose` are words for the report; `mechanism` has r primary joints; `space`
+    and `basis` are its essential space and the fundamental basis of the estimates; `runs`, at least one, with names
+    that differ; `torque_limits` (r,), N m (N for a prismatic joint), positive and finite; `settings` and `findings`,
+    for the record; `seed`, of the random numbers; `duration`, s asked for; `complete`, False when it was interrupted:
+    what was computed is kept; `without_adaptation`, the name of the run with the subject's gains and adaptation off;
+    `more_drawings`, figures besides those of every comparison; `answer`, the outcome in a sentence or two, None where
+    it is how much adaptation is worth; `truth_known`, False where the mechanism's parameters are not the arm's;
+    `leading`, the errors that a recording shows before the joints', None for none; `expected`, the failures that the
+    experiment expects of its subject, and why; `live`, the subject's closed loop for the report to run, or why there is
+    none.
+
+    Raises `InputError` without a run, where the first has no samples, where two have one name, for torque limits of
+    another shape, not above 0 or no numbers (`NonFiniteError` for NaN and infinity), and for a `leading` without (T,)
+    errors of a run; nothing else is checked at construction.
     """
 
     experiment: str
@@ -233,6 +261,15 @@ class Comparison:
     def __post_init__(self) -> None:
         if not self.runs or len(self.runs[0].rollout.time) == 0:
             raise InputError(f"{self.experiment}: nothing was run, so there is nothing to show")
+        names = [run.name for run in self.runs]
+        if repeated := [name for name in names if names.count(name) > 1]:
+            raise InputError(f"{self.experiment}: runs: expected names that differ, got {repeated[0]!r} twice")
+        limits = checked(self.torque_limits, self.mechanism.dof, "torque_limits")
+        if limits.ndim != 1 or not (limits > 0.0).all():
+            raise InputError(f"torque_limits: expected {self.mechanism.dof} positive numbers, got {limits.tolist()}")
+        if self.leading is not None:
+            for run in self.runs:
+                _require_errors(self.leading, run)
 
     def _repr_html_(self) -> str:
         """Notebook's view of the comparison: a table with a row a run."""
@@ -245,63 +282,71 @@ class Comparison:
 
     @property
     def subject(self) -> ControllerRun:
-        """The run of the adaptive controller that the experiment is about."""
+        """The run of the adaptive controller that the experiment is about, the first of `runs`."""
         return self.runs[0]
 
     @cached_property
     def color_places(self) -> dict[str, int]:
-        """Place of every run's colour among the palette's, from 0, by the run's name."""
+        """Index of every run's colour in the palette, from 0, by the run's name: 0 for the subject, 1 for the run with
+        adaptation off (left free where there is none), then the others in their order."""
         return color_places(self.runs, self.without_adaptation)
 
     @property
     def baseline(self) -> ControllerRun | None:
-        """The run of the subject's controller with adaptation off; None where it was not run."""
+        """The run of the subject's controller with adaptation off, named `without_adaptation`; None where it was not
+        run."""
         return next((run for run in self.runs if run.name == self.without_adaptation), None)
 
     @cached_property
     def model(self) -> ReducedModel:
-        """The reduced model whose parameters the subject estimates: the fundamental ones, and all friction."""
+        """The reduced model whose k parameters the subject estimates: the fundamental ones, and all friction. Raises
+        `InputError` for a `basis` of another mechanism."""
         return ReducedModel(self.mechanism, self.basis)
 
     @property
     def true_parameters(self) -> Array:
-        """True values (k,) of the model's parameters, SI units; NaN where the truth is not known."""
+        """True values (k,) of the model's parameters, in the order of `model.names` and SI units (kg, kg m, kg m^2;
+        friction by its kind, such as N m); NaN where the truth is not known."""
         own = self.model.fundamental_parameters
         return own if self.truth_known else np.full_like(own, np.nan)
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Names of the primary joints, r of them."""
+        """Names of the r primary joints, in the order of the runs' columns."""
         return tuple(joint.name for joint in self.mechanism.primary_joints)
 
     @property
     def position_units(self) -> tuple[str, ...]:
-        """Units of the primary joints' positions, r of them: rad or m."""
+        """Units, as texts, of the r primary joints' positions: "rad" or "m" each."""
         return position_units(self.mechanism)
 
     @property
     def torque_units(self) -> tuple[str, ...]:
-        """Units of the primary joints' torques, r of them: N·m or N."""
+        """Units, as texts, of the r primary joints' torques: "N·m" or, of a prismatic joint's force, "N" each."""
         return torque_units(self.mechanism)
 
     @property
     def error_unit(self) -> str:
-        """Unit of a thousandth of a joint's position: mrad, mm, or "mrad or mm" where joints are of both kinds."""
+        """Unit, as text, of a thousandth of a joint's position: "mrad", "mm", or "mrad or mm" where joints are of both
+        kinds."""
         return error_unit(self.mechanism)
 
     @property
     def joints_by_unit(self) -> dict[str, list[int]]:
-        """Indices of the primary joints by the unit of their positions: rad before m."""
+        """Indices from 0 of the primary joints, as lists, by the unit of their positions, "rad" or "m": rad before m,
+        and no unit that no joint has."""
         units = self.position_units
         return {unit: [j for j, one in enumerate(units) if one == unit] for unit in sorted(set(units), reverse=True)}
 
     def limited_steps(self, run: ControllerRun) -> int:
-        """Number of samples of a run in which a torque was clipped, or was at its limit."""
+        """Number of samples of a run, each of `every` control periods, in which a torque was clipped, or was at its
+        limit to 1e-9 of it. Raises `ValueError` for a run of another number of joints."""
         largest = np.abs(run.rollout.applied) / self.torque_limits
         at_limit = (largest >= AT_LIMIT).any(axis=1) | (run.rollout.clipped > 0.0)
         return int(np.count_nonzero(at_limit))
 
     @property
     def peak_torque_shares(self) -> Array:
-        """Largest applied torque of the subject's run over its limit, for each joint (r,), no unit."""
+        """Largest applied torque of the subject's run over its limit, in size, for each joint (r,), no unit: 1 at the
+        limit."""
         return np.asarray(np.abs(self.subject.rollout.applied).max(axis=0) / self.torque_limits)

@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 
 class Whose(Enum):
-    """The run that a fact is about, where a page marks it by colour: SUBJECT, the one a comparison is about; BASELINE,
-    the same with adaptation off; NOBODY. The value is the name of the page's style."""
+    """Enumeration of the runs that a fact can be about, where a page marks it by colour: SUBJECT, the run that a
+    comparison is about; BASELINE, that with adaptation off; NOBODY, no run by itself. The value is the name of the
+    page's style: "subject", "off" or empty."""
 
     SUBJECT = "subject"
     """the run that a comparison is about"""
@@ -19,8 +20,8 @@ class Whose(Enum):
 
 
 class Fact(NamedTuple):
-    """Fact of a result: a question that a person asks first, its answer in words, and whose it is, nobody's unless
-    given."""
+    """Fact of a result: `question`, what a person asks first; `answer`, in words, with its unit; and `whose`, the run
+    that it is about, nobody's unless given."""
 
     question: str
     answer: str

@@ -130,7 +130,8 @@ def lyapunov(comparison: Comparison) -> Figure:
         steps.semilogy(time[1:][rises], -falls[rises], ".", color=INK.hex, markersize=3, label=label)
         steps.legend(loc="upper right")
     else:
-        steps.text(0.98, 0.94, "no step rises", transform=steps.transAxes, ha="right", va="top", weight="bold")
+        told = "not finite at every sample" if comparison.subject.lyapunov_max_increase is None else "no step rises"
+        steps.text(0.98, 0.94, told, transform=steps.transAxes, ha="right", va="top", weight="bold")
     steps.set_title("Fall of V in each control period [J]")
     for axes in (whole, steps):
         axes.set_xlabel("time [s]")

@@ -22,7 +22,8 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import positive_number
 from adaptctl.description.writers.mechanism_file import mechanism_toml
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError, LiveViewWarning, MissingExtraError
+from adaptctl.errors import InputError, LiveViewWarning, MissingExtraError, NonFiniteError
+from adaptctl.files import require_place
 from adaptctl.packages import viewer_program
 
 HOST, PORT = "127.0.0.1", 9876
@@ -34,14 +35,16 @@ CURRENT: ContextVar[str | None] = ContextVar("live", default=None)
 
 
 class Live:
-    """A live view of an arm of r joints: `show` takes a sample of a loop and returns within microseconds.
+    """A live view of a `mechanism` of r joints in rerun: `show` takes a sample of a loop and returns within
+    microseconds.
 
-    At most `rate` samples a second, 100 unless given, are sent, to a process of its own that draws them; where it does
-    not keep up, samples are dropped and counted in `dropped`, and the loop never waits. `to` is the address HOST:PORT
-    of a rerun viewer on this computer, None for 127.0.0.1:9876, which with `start_viewer` is started where none is
-    there and bound to 127.0.0.1 alone; or a file that ends in .rrd. Of a viewer that cannot be reached one
-    `LiveViewWarning` is given, and the loop goes on unseen. A context manager. Raises `InputError` for another address,
-    and a rate that is not positive.
+    At most `rate` samples per second of the loop's time, 100 unless given, are sent, to a process of its own that draws
+    them; where it does not keep up, samples are dropped and the loop never waits: `sent` and `dropped` count them. `to`
+    is the address HOST:PORT of a rerun viewer on this computer, None for 127.0.0.1:9876, which with `start_viewer` is
+    started where none is there, waited for up to 10 s, and bound to 127.0.0.1 alone; or a file that ends in .rrd. Of a
+    viewer that cannot be reached one `LiveViewWarning` is given, and the loop goes on unseen. `url` is the viewer's or
+    the file's, None where there is none. A context manager. Raises `InputError` for another address or computer, a `to`
+    that is no text, and a rate that is not positive and finite, `FileError` for a file in no place to write to.
 
     `inline` is for notebooks: no window is opened, but a server on 127.0.0.1 to which what is displayed in a cell
     connects (`display(live)`; needs rerun-notebook). It ends with Python, so that a viewer may come late.
@@ -62,7 +65,11 @@ class Live:
         """samples that were handed on; samples left out since the other process was behind"""
         self._socket: socket.socket | None = None
         self._process: subprocess.Popen[bytes] | None = None
+        if not (to is None or isinstance(to, str)):
+            raise InputError(f"to: expected the text {HOST}:PORT or a file's that ends in .rrd, got {to!r}")
         is_file = to is not None and to.endswith(".rrd")
+        if to is not None and is_file:
+            require_place(to)
         self.url = to if is_file else reachable(to or f"{HOST}:{PORT}", start_viewer, inline)
         """of the viewer or of the file; None where there is none"""
         if self.url is not None:
@@ -70,27 +77,30 @@ class Live:
 
     @property
     def is_seen(self) -> bool:
-        """True while samples go to a viewer or a file; False where none was reached, or after its end."""
+        """True while samples are sent towards a viewer or a file; False where no viewer was reached, and after the
+        view's end. An end that the drawing process came to by itself is noticed by the next `show` alone."""
         return self._socket is not None
 
     def show(self, time: float, p: ArrayLike, reference_p: ArrayLike, torque: ArrayLike) -> None:
-        """Send a sample to the viewer, without waiting: time in s, positions and desired positions (r,), rad (m), and
-        torques (r,), N m (N). It is left out where it comes sooner than `rate` allows; a failure ends the view with a
-        `LiveViewWarning`."""
-        if self._socket is None or 0.0 <= time - self._latest < 0.999 * self._pause:
-            return
-        self._latest = time
+        """Send a sample to the viewer, without waiting: `time` in s, positions `p` and desired positions `reference_p`
+        (r,), rad (m), and `torque` (r,), N m (N). It is left out where it comes sooner than `rate` allows. What is no
+        number, NaN, infinity and arrays that are not (r,) end the view with a `LiveViewWarning`: for the loop's sake,
+        no error is raised."""
         try:
-            self._socket.send(np.concatenate(((time,), p, reference_p, torque), dtype=np.float64).tobytes())
+            if self._socket is None or 0.0 <= time - self._latest < 0.999 * self._pause:
+                return
+            self._latest = time
+            self._socket.send(self._sample(time, p, reference_p, torque))
             self.sent += 1
         except BlockingIOError:
             self.dropped += 1
-        except (OSError, TypeError, ValueError) as error:
+        except (OSError, TypeError, ValueError, OverflowError) as error:
             self._lose(f"{type(error).__name__}: {error}")
 
     def close(self) -> None:
         """Wait until the samples that were sent are drawn, at most 10 s, or 60 s for a file, and end the process that
-        draws them."""
+        draws them, with what is not drawn by then. Without a view, or called again, it does nothing; it raises no error
+        of the process."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None
@@ -102,9 +112,9 @@ class Live:
             self._process = None
 
     def viewer(self, **options: Any) -> Any:
-        """A widget for notebooks that shows the view's samples; `options`, such as `height`, are those of
-        `rerun.notebook.Viewer`. Raises `MissingExtraError` without rerun-notebook, `InputError` where no viewer could
-        be reached or the view goes to a file."""
+        """A widget for notebooks, a `rerun.notebook.Viewer`, that shows the view's samples; `options`, such as
+        `height`, are that class's. Raises `MissingExtraError` without rerun-notebook, `InputError` where no viewer
+        could be reached or the view goes to a file."""
         try:
             import rerun_notebook  # noqa: F401  # rerun itself asks for it late, in a traceback
             from rerun.notebook import Viewer
@@ -125,6 +135,15 @@ class Live:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+    def _sample(self, time: float, *given: ArrayLike) -> bytes:
+        """The sample as it is sent. Raises `InputError` for arrays that are not (r,), `NonFiniteError` for NaN."""
+        if any(np.shape(one) != (self._dof,) for one in given):
+            raise InputError(f"expected arrays of shape ({self._dof},), got {[np.shape(one) for one in given]}")
+        sample = np.concatenate(((time,), *given), dtype=np.float64)
+        if not np.isfinite(sample).all():
+            raise NonFiniteError(f"expected finite numbers, got {sample[~np.isfinite(sample)][0]}")
+        return sample.tobytes()
 
     def _begin(self, mechanism: Mechanism, url: str) -> None:
         here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)

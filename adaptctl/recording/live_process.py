@@ -61,12 +61,15 @@ class _Rows:
         rows: list[Array] = []
         deadline = time.monotonic() + TOGETHER
         while not self._over and (not rows or time.monotonic() < deadline):
-            data = self._samples.recv(LARGEST)
-            if data:
+            self._samples.settimeout(max(deadline - time.monotonic(), 1e-3) if rows else None)
+            try:
+                data = self._samples.recv(LARGEST)
+            except TimeoutError:
+                break
+            self._over = not data
+            if len(data) == self._width * np.dtype(np.float64).itemsize:
                 rows.append(np.frombuffer(data))
-            else:
-                self._over = True
-        return np.stack([row for row in rows if row.size == self._width]) if rows else None
+        return np.stack(rows) if rows else None
 
 
 def _begun(mechanism: Mechanism, url: str, first: Array) -> tuple[rr.RecordingStream, Skeleton]:

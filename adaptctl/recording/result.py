@@ -24,8 +24,9 @@ class Result:
 
     `complete` is False when it was interrupted: what was computed is kept. `headline` is the outcome in a sentence or
     two; `facts` are the questions that a person asks first, with their answers; `verdict`, whether its controllers did
-    what was asked; `write(folder, progress)` writes recording, report and figures into a folder that is ready;
-    `failed`, True where its subject should have succeeded and did not.
+    what was asked, which decides the command's exit code; `write(folder, progress)` writes recording, report and
+    figures into a folder that is there; `failed`, True where its subject should have succeeded and did not, False
+    unless given, as by most experiments: `verdict.passed` tells of all. Nothing is checked at construction.
     """
 
     complete: bool

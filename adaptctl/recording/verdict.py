@@ -67,9 +67,10 @@ class Verdict:
 
     def before(self, answer: str) -> str:
         """The text `answer`, an experiment's result in words, with the faults' sentences: "Failed:" and the unexpected
-        ones before it, each expected one after it with its reason; without faults the answer alone."""
+        ones before it, each expected one after it with its reason, if not empty; without faults the answer alone."""
         failed = [fault.sentence for fault in self.faults if fault.expected is None]
-        expected = [f"As expected ({fault.expected}): {fault.sentence}" for fault in self.faults if fault.expected]
+        reasons = [(fault, f" ({fault.expected})" if fault.expected else "") for fault in self.faults]
+        expected = [f"As expected{why}: {fault.sentence}" for fault, why in reasons if fault.expected is not None]
         return " ".join([*(["Failed:", *failed] if failed else []), answer, *expected])
 
     def as_builtins(self) -> dict[str, Any]:

@@ -112,6 +112,8 @@ def facts(comparison: Comparison) -> Iterator[Fact]:
         yield Fact("… with adaptation off", answer, Whose.BASELINE)
     if subject.lyapunov_max_increase is not None:
         yield Fact("Lyapunov function", lyapunov_words(subject.lyapunov_max_increase))
+    elif subject.lyapunov is not None and len(subject.lyapunov):
+        yield Fact("Lyapunov function", "not known: it holds NaN or infinity")
     peak = float(comparison.peak_torque_shares.max())
     yield Fact("Peak torque", f"{number(100.0 * peak)} % of the limit")
     yield Fact("Steps at a torque limit", f"{comparison.limited_steps(subject):,} of {len(subject.rollout.time):,}")

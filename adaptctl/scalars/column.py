@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from adaptctl.arrays import numbers
+from adaptctl.errors import InputError
 from adaptctl.scalars.scalar import Scalar
 
 
@@ -66,10 +68,15 @@ def combined(columns: Sequence[Column], weights: Column) -> Column:
 
 
 def column(array: Any) -> Column:
-    """A column of the entries (n,) along the last axis of a NumPy array (..., n): floats for one sample (n,), arrays of
-    samples (...) otherwise. A column is returned as it is. Raises `IndexError` for an array without axes."""
+    """A column of the entries (n,) along the last axis of an array (..., n), or of nested lists or tuples of numbers:
+    floats for one sample (n,), arrays of samples (...) otherwise. A column is returned as it is. Raises `InputError`
+    for one number, which has no axis, and for what holds no numbers."""
     if isinstance(array, Column):
         return array
+    if not isinstance(array, np.ndarray):
+        array = numbers(array, "column", "of shape (..., n)")
+    if array.ndim == 0:
+        raise InputError(f"column: expected shape (..., n), got the number {array}")
     if array.ndim == 1:
         return Column(array.tolist())
     return Column(array[..., i] for i in range(array.shape[-1]))
@@ -87,8 +94,12 @@ def each(values: Any, n: int) -> Column:
 
 def spread(values: Column, columns: Sequence[int], size: int) -> Column:
     """Column (size,) with the values (m,) at the indices `columns` (m,), from 0, and exact zeros elsewhere, with which
-    compiled equations do no arithmetic. Raises `ValueError` for another number of indices, `IndexError` for one of
-    `size` or more."""
+    compiled equations do no arithmetic. Raises `InputError` for another number of indices, for one given twice and for
+    one outside 0..size-1."""
+    if not len({*columns}) == len(columns) == len(values) or not all(0 <= i < size for i in columns):
+        raise InputError(
+            f"spread: expected {len(values)} different indices from 0 to {size - 1}, got {list(map(int, columns))}"
+        )
     entries: list[Any] = [0.0] * size
     for column, value in zip(columns, values, strict=True):
         entries[column] = value

@@ -30,7 +30,8 @@ class Dual:
     """A dual number `value + slope eps`, eps^2 = 0, for exact derivatives: where the arguments' slopes are a direction,
     a result's `slope` is its derivative along it; 0, the default, for a constant. Either part is a float or an array of
     samples. Raises `TypeError` as the condition of an `if` (use `where`), and in NumPy functions that have no rule for
-    it."""
+    it. Where there is no derivative, as of `sqrt` and `log` at 0 and of `atan2` at the origin, floats raise
+    `ZeroDivisionError`, and arrays have slopes that are infinite or NaN, with NumPy's warning."""
 
     __slots__ = ("slope", "value")
 

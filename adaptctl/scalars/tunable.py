@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator, Mapping
+from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping
 from dataclasses import fields, is_dataclass, replace
 from itertools import accumulate
 from math import prod
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array
 from adaptctl.caching import cached_property
-from adaptctl.errors import NotFoundError
+from adaptctl.errors import InputError, NotFoundError
 from adaptctl.nearest_name import nearest_name
 from adaptctl.scalars.column import Column
 
@@ -87,26 +87,33 @@ class Tunable:
 
     def substituted(self, packed: Column) -> Self:
         """A copy of these settings whose tunable numbers are those of the column `packed` (g,), in the order of the
-        property `packed`; scalars of any kind. Neither their count nor their values are checked."""
-        return self.having(self.unpacked(packed))
+        property `packed`; scalars of any kind, whose values are not checked. Raises `InputError` for another number of
+        them."""
+        return self._having(self.unpacked(packed))
 
     def unpacked(self, packed: Column) -> dict[str, Any]:
         """The g tunable numbers of a column `packed` (g,), in the order of the property `packed`, by their names in
-        `numbers`: each a scalar, a column (n,), or a tuple of a matrix's rows, m columns (n,). Their count is not
-        checked."""
+        `numbers`: each a scalar, a column (n,), or a tuple of a matrix's rows, m columns (n,). Raises `InputError` for
+        another number of them."""
+        if len(packed) != self.packed.size:
+            raise InputError(f"{type(self).__name__}: packed: expected {self.packed.size} numbers, got {len(packed)}")
         ends = accumulate(array.size for array in self.numbers.values())
         parts = zip(self.numbers.items(), ends, strict=True)
         return {name: _shaped(packed.of[end - array.size : end], array.shape) for (name, array), end in parts}
 
     def having(self, numbers: Mapping[str, Any]) -> Self:
         """A copy of these settings with other tunable numbers, given by their names in the property `numbers`, such as
-        "adaptation.gain": scalars of any kind, or arrays of which leading axes are samples. The others stay. Neither
-        names nor values are checked."""
+        "adaptation.gain": scalars of any kind, or arrays of which leading axes are samples. The others stay. Values
+        are not checked. Raises `NotFoundError` for a name that is not there."""
+        self._require_named(numbers, self._names)
+        return self._having(numbers)
+
+    def _having(self, numbers: Mapping[str, Any]) -> Self:
         other = object.__new__(type(self))
         other.__dict__.update(self._settings())
         other.__dict__.update({name: value for name, value in numbers.items() if "." not in name})
         for name, part in self.tunable_parts.items():
-            other.__dict__[name] = part.having(_within(name, numbers))
+            other.__dict__[name] = part._having(_within(name, numbers))
         return other
 
     def tuned(self, numbers: Mapping[str, ArrayLike]) -> Self:
@@ -116,14 +123,22 @@ class Tunable:
 
         Raises `NotFoundError` for a name that is not there, and what the class itself raises for its attributes.
         """
-        for name in numbers:
-            if name not in self.numbers:
-                guess = nearest_name(name, self.numbers)
-                known = ", ".join(self.numbers) or "none"
-                raise NotFoundError(f"{type(self).__name__} has no number {name!r} to tune{guess}; there are: {known}")
+        self._require_named(numbers, self.numbers)
         own: dict[str, Any] = {name: value for name, value in numbers.items() if "." not in name}
         parts = {name: part.tuned(_within(name, numbers)) for name, part in self.tunable_parts.items()}
         return replace(self, **own, **parts)  # type: ignore[type-var]  # what has names to tune is a dataclass
+
+    @property
+    def _names(self) -> tuple[str, ...]:
+        """Names of all tunable numbers, those included that are None."""
+        parts = self.tunable_parts.items()
+        return *self.tunable, *(f"{part}.{name}" for part, of in parts for name in of._names)
+
+    def _require_named(self, names: Iterable[str], known: Collection[str]) -> None:
+        for name in names:
+            if name not in known:
+                guess, there = nearest_name(name, known), ", ".join(known) or "none"
+                raise NotFoundError(f"{type(self).__name__} has no number {name!r} to tune{guess}; there are: {there}")
 
     @cached_property
     def structure(self) -> Structure:

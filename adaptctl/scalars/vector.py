@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Iterator
+from typing import Any, overload
 
+from numpy.typing import ArrayLike
+
+from adaptctl.arrays import checked
+from adaptctl.errors import InputError
 from adaptctl.scalars.scalar import Scalar
 
 
@@ -46,7 +50,7 @@ def cross(a: Vec, b: Vec) -> Vec:
 
 class Mat:
     """A 3 by 3 matrix of scalars of one kind, given by its rows `x`, `y` and `z`, each a `Vec` (3,). `+` and `-` are
-    elementwise, and `@` multiplies it with a `Vec`; `product` is that of two matrices."""
+    elementwise, and `@` multiplies it with a `Vec`, which gives a `Vec`, or with a `Mat`, which gives a `Mat`."""
 
     __slots__ = ("x", "y", "z")
 
@@ -54,10 +58,13 @@ class Mat:
         self.x, self.y, self.z = x, y, z
 
     @classmethod
-    def of(cls, rows: Sequence[Sequence[float]]) -> Mat:
+    def of(cls, rows: ArrayLike) -> Mat:
         """A matrix (3, 3) of floats from three rows of three numbers, nested sequences or an array (3, 3). Raises
-        `TypeError` for another number of rows or columns, `ValueError` for a text that is no number."""
-        return cls(*(Vec(*(float(entry) for entry in row)) for row in rows))
+        `InputError` for another shape and for what is no number, `NonFiniteError` for NaN and infinity."""
+        entries = checked(rows, 3, "matrix")
+        if entries.shape != (3, 3):
+            raise InputError(f"matrix: expected shape (3, 3), got {entries.shape}")
+        return cls(*(Vec(*row) for row in entries.tolist()))
 
     def __add__(self, other: Mat) -> Mat:
         return Mat(self.x + other.x, self.y + other.y, self.z + other.z)
@@ -68,8 +75,14 @@ class Mat:
     def __iter__(self) -> Iterator[Vec]:
         return iter((self.x, self.y, self.z))
 
-    def __matmul__(self, u: Vec) -> Vec:
-        return Vec(dot(self.x, u), dot(self.y, u), dot(self.z, u))
+    @overload
+    def __matmul__(self, other: Vec) -> Vec: ...
+    @overload
+    def __matmul__(self, other: Mat) -> Mat: ...
+    def __matmul__(self, other: Vec | Mat) -> Vec | Mat:
+        if isinstance(other, Mat):
+            return product(self, other)
+        return Vec(dot(self.x, other), dot(self.y, other), dot(self.z, other))
 
     @property
     def T(self) -> Mat:

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from adaptctl.arrays import whole_number
 from adaptctl.caching import cached_property
 from adaptctl.compilation import Ensemble, Stepper, compile_step
 from adaptctl.control.controller import GAINS, Controller, ReferencePoint
@@ -151,8 +152,9 @@ class ClosedLoop:
     def begin(self, arms: Ensemble, state: PlantState, memory: Any) -> None:
         """Set `arms`, M copies of the compiled step, to the plants' `state` and the controller's `memory`, as `init` of
         either gives them, arrays (length,) for all arms or (M, length), and their tunable gains, if any, to the
-        controller's. The plants' parameters, `arms.held["parameters"]`, are left alone. Raises `InputError` where
-        arrays do not fit the arms, `ValueError` for a memory of another number of arrays."""
+        controller's. The plants' parameters, `arms.held["parameters"]`, are left alone. Raises `InputError` for arms of
+        another loop and where arrays do not fit the arms, `ValueError` for a memory of another number of arrays."""
+        self._require_own(arms)
         plant = state.q, state.v, state.drives, state.sensors
         measured = (state.measured_p, state.measured_v) if self._senses else np.zeros((2, 0))
         for name, values in zip(self.state, (*plant, *measured, *leaves(memory)), strict=True):
@@ -163,12 +165,21 @@ class ClosedLoop:
     def now(self, arms: Ensemble, time: float, member: int = 0) -> tuple[PlantState, Any]:
         """The plant's state and the controller's memory of one of the `arms`, the number `member`, from 0, the default.
         `time` (s) is put into the state as it is; its `applied`, `clipped` and `marks`, which arms do not keep, are
-        zero. Raises `IndexError` for a number that no arm has."""
+        zero. Raises `InputError` for a number that no arm has and for arms of another loop."""
+        self._require_own(arms)
+        member = whole_number(member, "closed loop: member", 0, arms.members - 1)
         q, v, drives, sensors, *rest = (arms.state[name][member] for name in self.state)
         p = self.plant.positions(q)
         measured, memory = rest[:2] if self._senses else (p, v), like(self._blank, rest[2:])
         done = np.zeros(len(p)), False, np.zeros(len(self.plant.marks))
         return PlantState(time, p, v, q, measured[0], measured[1], *done, drives, sensors), memory
+
+    def _require_own(self, arms: Ensemble) -> None:
+        """Raise `InputError` for arms without one of the columns of `state`; they may have others besides."""
+        for name, length in self.state.items():
+            found = arms.state.columns.get(name, "none")
+            if found != length:
+                raise InputError(f"closed loop: arms of this loop have {name} of length {length}, these have {found}")
 
     @cached_property
     def _blank(self) -> Any:

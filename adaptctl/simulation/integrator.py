@@ -16,7 +16,8 @@ Rates: TypeAlias = Callable[[Column, Column], Column]
 
 
 def own(q: Column, v: Column) -> Column:
-    """Rates q' (n,) of a tree's configuration, rad/s (m/s): its velocities v (n,), whatever q (n,) is."""
+    """The rates q' (n,) of a tree's configuration, rad/s (m/s): its velocities v (n,), whatever the configuration q
+    (n,) in rad (m); the default `rates` of an `Integrator`."""
     return v
 
 
@@ -24,9 +25,9 @@ class Integrator(Protocol):
     """Protocol of a one-step method for second-order equations q' = rates(q, v), v' = acceleration(q, v), of a
     configuration q (n,), rad (m), and velocities v (r,), rad/s (m/s).
 
-    `stages` is the number of accelerations it evaluates a step; `implicit` is True if these have the friction of the
-    step's end, not of its beginning. `rates` is for mechanisms with loops, whose configuration has joints besides the r
-    primary ones.
+    `stages` is the number of accelerations that it evaluates a step; `implicit` is True if these have the friction of
+    the step's end, not of its beginning. `rates` is for mechanisms with loops, whose configuration has n joints, more
+    than the r primary ones.
     """
 
     stages: ClassVar[int]
@@ -37,17 +38,19 @@ class Integrator(Protocol):
     def step(
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
     ) -> tuple[Column, Column]:
-        """Configuration q (n,), rad (m), and velocities v (r,), rad/s (m/s), `dt` seconds after those given.
+        """Configuration q (n,), rad (m), and velocities v (r,), rad/s (m/s), `dt` seconds after those given, as new
+        columns.
 
-        `acceleration` gives v' (r,) at (q, v), and `rates` gives q' (n,) there: by default v itself, as for a tree,
-        whose configuration is its positions.
+        `acceleration` gives v' (r,), rad/s^2 (m/s^2), at (q, v), and `rates` gives q' (n,), rad/s (m/s), there: by
+        default v itself, as for a tree, whose configuration is its positions. No number is checked: NaN goes through.
         """
         ...
 
 
 @dataclass(frozen=True)
 class RungeKutta4:
-    """The classical Runge-Kutta method of order 4 (Kutta 1901): explicit, with four accelerations (`stages`) a step."""
+    """The classical Runge-Kutta method of order 4 (Kutta 1901), an `Integrator`: explicit, with four accelerations
+    (`stages`) a step, and with friction as at each stage's velocities (not `implicit`)."""
 
     stages: ClassVar[int] = 4
     implicit: ClassVar[bool] = False
@@ -56,10 +59,10 @@ class RungeKutta4:
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
     ) -> tuple[Column, Column]:
         """Configuration q (n,), rad (m), and velocities v (r,), rad/s (m/s), `dt` seconds after those given, with an
-        error of order dt^5.
+        error in this step of order dt^5.
 
-        `acceleration` gives v' (r,) at (q, v), and `rates` gives q' (n,) there: by default v itself, as for a tree,
-        whose configuration is its positions.
+        `acceleration` gives v' (r,), rad/s^2 (m/s^2), at (q, v), and `rates` gives q' (n,), rad/s (m/s), there: by
+        default v itself, as for a tree, whose configuration is its positions. No number is checked: NaN goes through.
         """
         half = 0.5 * dt
         u1, a1 = rates(q, v), acceleration(q, v)
@@ -75,8 +78,8 @@ class RungeKutta4:
 
 @dataclass(frozen=True)
 class SemiImplicitEuler:
-    """The symplectic Euler method of order 1: one acceleration (`stages`) a step, positions moved by the new
-    velocities.
+    """The symplectic (semi-implicit) Euler method of order 1, an `Integrator`: one acceleration (`stages`) a step,
+    positions moved by the new velocities.
 
     Where the acceleration depends on positions alone, its energy error stays bounded; with the velocity terms of an arm
     it does so only approximately (Hairer, Lubich and Wanner 2006, section I.1). Friction is that of the step's
@@ -90,10 +93,11 @@ class SemiImplicitEuler:
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
     ) -> tuple[Column, Column]:
         """Configuration q (n,), rad (m), and velocities v (r,), rad/s (m/s), `dt` seconds after those given, with an
-        error of order dt^2.
+        error in this step of order dt^2.
 
-        `acceleration` gives v' (r,) at (q, v), and `rates` gives q' (n,) there: by default v itself, as for a tree,
-        whose configuration is its positions.
+        `acceleration` gives v' (r,), rad/s^2 (m/s^2), at (q, v), and `rates` gives q' (n,), rad/s (m/s), at (q, the new
+        velocities): by default those velocities themselves, as for a tree, whose configuration is its positions. No
+        number is checked: NaN goes through.
         """
         after = v + dt * acceleration(q, v)
         return q + dt * rates(q, after), after
@@ -101,14 +105,16 @@ class SemiImplicitEuler:
 
 @dataclass(frozen=True)
 class LinearlyImplicitEuler:
-    """Euler's method of order 1 with the friction of the step's end, linearised: stable however stiff friction is.
+    """The linearly implicit Euler method of order 1, an `Integrator` with the friction of the step's end, linearised:
+    stable however stiff friction is.
 
         (M + dt B) (v_1 - v) = dt (torque - C v - g - B v),  p_1 = p + dt (v + v_1)/2
 
-    A step of `dt` s takes positions p and velocities v to p_1 and v_1. M is the mass matrix, C v the velocity torques,
-    g gravity's, and B v the friction at v: Coulomb friction by the secant of its curve, whose value it keeps at steady
-    speed. One acceleration (`stages`) a step, `implicit` in friction alone. With torque and gravity held, friction
-    alone never reverses a velocity (a Rosenbrock method of one stage: Hairer and Wanner 1996, section IV.7).
+    A step of `dt` s takes positions p (r,) and velocities v (r,) to p_1 and v_1. M (r, r) is the mass matrix in kg m^2
+    (kg), C v the velocity torques and g gravity's, N m (N), and B v the friction at v, B (r,) in N m s/rad (N s/m):
+    Coulomb friction by the secant of its curve, whose value it keeps at steady speed. One acceleration (`stages`) a
+    step, `implicit` in friction alone. With torque and gravity held, friction alone never reverses a velocity (a
+    Rosenbrock method of one stage: Hairer and Wanner 1996, section IV.7).
     """
 
     stages: ClassVar[int] = 1
@@ -118,10 +124,11 @@ class LinearlyImplicitEuler:
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
     ) -> tuple[Column, Column]:
         """Configuration q (n,), rad (m), and velocities v (r,), rad/s (m/s), `dt` seconds after those given, with an
-        error of order dt^2.
+        error in this step of order dt^2.
 
-        `acceleration` gives (v_1 - v)/dt (r,) at (q, v), friction of the step's end included; `rates` gives q' (n,) at
-        (q, (v + v_1)/2): by default that velocity itself, as for a tree, whose configuration is its positions.
+        `acceleration` gives (v_1 - v)/dt (r,), rad/s^2 (m/s^2), at (q, v), friction of the step's end included; `rates`
+        gives q' (n,), rad/s (m/s), at (q, (v + v_1)/2): by default that velocity itself, as for a tree, whose
+        configuration is its positions. No number is checked: NaN goes through.
         """
         after = v + dt * acceleration(q, v)
         return q + dt * rates(q, 0.5 * (v + after)), after

@@ -26,12 +26,14 @@ if TYPE_CHECKING:
 
 @needed("mechanism_system")
 def mechanism_system(mechanism: Mechanism, name: str = "mechanism") -> control.NonlinearIOSystem:
-    """A continuous-time python-control system of the arm, called `name`: 2r states and outputs, p, rad (m), and v,
-    rad/s (m/s), and r inputs, torque, N m (N).
+    """A continuous-time python-control system of a mechanism, called `name`, its forward dynamics: 2r states, which are
+    the outputs, positions p, rad (m), and velocities v, rad/s (m/s), of the r primary joints, and r inputs, torque, N m
+    (N).
 
-    Signals are ``torque[0]``, ``p[0]``, ``v[0]`` and so on, in the order of the r primary joints. With loops, p is
-    followed from the reference configuration at every evaluation, which raises `SingularityError` where it cannot be.
-    Raises `MissingExtraError` without python-control.
+    Signals are ``torque[0]``, ``p[0]``, ``v[0]`` and so on, in the order of the primary joints. With loops, p is
+    followed from the reference configuration at every evaluation, which raises `SingularityError` where it cannot be,
+    and `NonFiniteError` for NaN or infinity; of a tree of up to 100 joints an evaluation is not checked, NaN goes
+    through. Raises `MissingExtraError` without python-control.
     """
     import control
 
@@ -52,13 +54,13 @@ def mechanism_system(mechanism: Mechanism, name: str = "mechanism") -> control.N
 
 @needed("plant_system")
 def plant_system(plant: Plant, name: str = "plant") -> control.NonlinearIOSystem:
-    """A discrete-time python-control system of the arm, called `name`, sampled every control period under held torques,
-    limits and friction included, as `rollout` drives it: 2r states and outputs, ``p[0]``, rad (m), and so on, then
-    ``v[0]``, rad/s (m/s), and r inputs, ``torque[0]``, N m (N).
+    """A discrete-time python-control system of a plant, called `name`, one step a control period, as `rollout` drives
+    it: 2r states, which are the outputs, positions ``p[0]``, rad (m), and so on, then velocities ``v[0]``, rad/s (m/s),
+    and r inputs, ``torque[0]``, N m (N), held over the period; torque limits and friction are included.
 
-    Raises `InputError` for a plant with effects other than in the joints, such as friction, as its state is more than p
-    and v, and `MissingExtraError` without python-control. An evaluation raises `NonFiniteError` where the motion runs
-    away.
+    Raises `InputError` for a plant with effects other than in the joints, which friction is, as its state is more than
+    p and v, and `MissingExtraError` without python-control. An evaluation raises `NonFiniteError` for NaN or infinity
+    and where the motion runs away, and `SingularityError` where loops cannot be closed or nearly lock.
     """
     import control
 
@@ -87,12 +89,13 @@ def controller_system(
 ) -> control.NonlinearIOSystem:
     """A discrete-time python-control system of a controller, called `name`, that ticks every `period` (s).
 
-    Its inputs are p, rad (m), v, rad/s (m/s), and the reference's positions, velocities and accelerations, in the same
-    units and per s^2, r each (or as many as a task space has, m): ``p[0]``, ``v[0]``, ``reference_p[0]``,
-    ``reference_v[0]``, ``reference_a[0]`` and so on. Its outputs are r torques, ``torque[0]``, N m (N). Its state (n,),
-    ``memory[0]`` and so on, is all that the law remembers between ticks, the estimate first where there is one:
-    `controller_start` has it at the beginning. Raises `MissingExtraError` without python-control; an evaluation raises
-    what `controller.step` raises.
+    Its inputs are positions p, rad (m), velocities v, rad/s (m/s), r each, and the reference's positions, velocities
+    and accelerations, in the same units and per s^2, r each (or as many as a task space has, in m): ``p[0]``, ``v[0]``,
+    ``reference_p[0]``, ``reference_v[0]``, ``reference_a[0]`` and so on. Its outputs are r torques, ``torque[0]``, N m
+    (N). Its state (n,), ``memory[0]`` and so on, is all that the law remembers between ticks, the estimate first where
+    there is one: `controller_start` has it at the beginning. `period` is not compared with the controller's own, and
+    checked by python-control alone: 0 is continuous time there, a negative one its `ValueError`. Raises
+    `MissingExtraError` without python-control; an evaluation raises what `controller.step` raises.
     """
     import control
 
@@ -119,8 +122,8 @@ def controller_system(
 
 def controller_start(controller: Controller[Any], p: Array, v: Array) -> Array:
     """The first state (n,) of a controller's system, the n numbers that its law remembers, one after the other, at
-    positions p, rad (m), and velocities v, rad/s (m/s), (r,) each. Raises `InputError` on a wrong shape and
-    `NonFiniteError` on NaN or infinity."""
+    positions p, rad (m), and velocities v, rad/s (m/s), (r,) each. Raises `InputError` on a wrong shape,
+    `NonFiniteError` on NaN or infinity, and `SingularityError` where loops cannot be closed or nearly lock."""
     return np.concatenate([*leaves(controller.init(p, v)), np.zeros(0)])
 
 
@@ -128,14 +131,16 @@ def controller_start(controller: Controller[Any], p: Array, v: Array) -> Array:
 def closed_loop_system(
     plant: Plant, controller: Controller[Any], name: str = "closed_loop"
 ) -> control.InterconnectedSystem:
-    """A discrete-time python-control system of plant and controller, joined, called `name`: from the reference's
-    positions, velocities and accelerations, rad (m) and per s and s^2, ``reference_p[0]``, ``reference_v[0]``,
-    ``reference_a[0]`` and so on, r each (or as many as a task space has), to ``p[0]``, rad (m), and ``v[0]``, rad/s
-    (m/s), r each.
+    """A discrete-time python-control system of a plant and a controller in closed loop, called `name`, sampled every
+    control period of the plant.
 
-    It is sampled every control period of the plant. The state is the plant's, p and v (2r,), then all that the
-    controller remembers (n,). Raises `InputError` when they are for different numbers of joints, or for a plant with
-    effects other than in the joints, and `MissingExtraError` without python-control.
+    Inputs are the reference's positions, velocities and accelerations, rad (m) and per s and s^2, ``reference_p[0]``,
+    ``reference_v[0]``, ``reference_a[0]`` and so on, r each (or as many as a task space has); outputs are positions
+    ``p[0]``, rad (m), and velocities ``v[0]``, rad/s (m/s), r each. The state is the plant's, p and v (2r,), then all
+    that the controller remembers (n,). The controller's own period, if it has one, is not compared. Raises `InputError`
+    where they are for different numbers of joints, and for a plant with effects other than in the joints, and
+    `MissingExtraError` without python-control; an evaluation raises what those of `plant_system` and
+    `controller_system` raise.
     """
     import control
 

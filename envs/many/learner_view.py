@@ -17,13 +17,15 @@ from adaptctl.errors import InputError
 
 
 class LearnerView:
-    """A view of a vector environment of ours, in wrappers or not, for learners: actions (N, a) in [-1, 1] are shares of
-    the largest, such as torque limits, and infos one dictionary an arm.
+    """A view of a vector environment of ours with N arms, in wrappers or not, for learners that know a single kind of
+    end: actions (N, a) in [-1, 1], no unit, are shares of the largest, such as torque limits, and infos one dictionary
+    an arm.
 
-    `done` is terminated or truncated. The info of an arm that is done has `terminal_observation` (n,), the last of the
-    episode that ended, and `TimeLimit.truncated`, True if it ended by its duration alone; others are empty, since what
-    is not asked for costs more than the step. The observation is the first of the next episode. Raises `InputError` for
-    another environment, and one whose `autoreset_mode` is not "SameStep".
+    `env` is the environment; `observation_space` (n,) and `action_space` (a,) are those of one arm. `done` (N,) is
+    terminated or truncated. The info of an arm that is done has `terminal_observation` (n,), the last of the episode
+    that ended, and `TimeLimit.truncated`, True if it ended by its duration alone; other infos are empty, since what is
+    not asked for costs more than the step. The observation is then the first of the next episode. Raises `InputError`
+    for another vector environment, and one whose `autoreset_mode` is not "SameStep".
     """
 
     def __init__(self, env: gymnasium.vector.VectorEnv[Any, Any, Any]) -> None:
@@ -42,9 +44,11 @@ class LearnerView:
         self._largest, self._dof = np.asarray(own.high), inner.single.plant.dof
 
     def reset(self, seeds: Sequence[int | None], options: Sequence[Mapping[str, Any]]) -> Array:
-        """The first observations (N, n) of an episode of every arm, with a seed, None to go on with its random numbers,
-        and options of its own, N each, those of `TrackingEnv`. Raises `InputError` for bad options and seeds, and where
-        arms have options of other names, `NotFoundError` for unknown options."""
+        """The first observations (N, n), in the environment's units, of an episode of every arm. `seeds` and `options`
+        have N entries each: an arm's seed, None to go on with its random numbers, and its options, those of
+        `TrackingEnv`, of the same names for all arms. Raises `InputError` for bad seeds and options, other names, and
+        another number of seeds, `NotFoundError` for unknown options, and `ValueError` for an `initial_error` of another
+        shape than () and (r,)."""
         names = set(options[0])
         if any(set(own) != names for own in options):
             raise InputError(
@@ -57,9 +61,10 @@ class LearnerView:
         return observations
 
     def step(self, actions: ArrayLike) -> tuple[Array, Array, NDArray[np.bool_], list[dict[str, Any]]]:
-        """Observations (N, n), rewards (N,), done (N,) and N infos after one control period under actions (N, a) in
-        [-1, 1]. Raises `InputError` for another shape, `NonFiniteError` on NaN and infinity, `ResetNeeded` before the
-        first reset."""
+        """Observations (N, n), in the environment's units, rewards (N,), no unit, done (N,) and a list of N infos after
+        one control period under actions (N, a), shares of the largest in [-1, 1], not clipped here. Raises `InputError`
+        on a wrong shape, `NonFiniteError` on NaN and infinity and where a motion runs away, Gymnasium's `ResetNeeded`
+        before the first reset."""
         scaled = finite_actions(actions, self.env.action_space) * self._largest
         observation, reward, terminated, truncated, info = self.env.step(scaled)
         done: NDArray[np.bool_] = terminated | truncated

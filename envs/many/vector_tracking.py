@@ -58,8 +58,8 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
 
     ## Rewards and episode end
 
-    `rewards`, `terminations` and `truncations` are (N,). An arm that ends disturbs no other. A motion that runs away
-    raises `NonFiniteError`, which names the arm; then reset all.
+    `rewards`, no unit, `terminations` and `truncations`, bools, are (N,). An arm that ends disturbs no other. A motion
+    that runs away raises `NonFiniteError`, which names the arm; then reset all.
 
     ## Beginning again
 
@@ -73,7 +73,8 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
 
     ## Seeds
 
-    `reset(seed=s)` gives arm i the seed s + i; a list has one for each, None for an arm that goes on as it would.
+    `reset(seed=s)` gives arm i the seed s + i, whole numbers of at least 0; a list has one for each, None for an arm
+    that goes on as it would.
 
     ## Information
 
@@ -91,8 +92,10 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
     | `reset_options`  | `None`       | options of every reset, where it is not given others, those that arms begin again with included |
     | `precision`      | `"double"`   | `"single"` for twice as many arms in a register, 7 digits instead of 16: arm i is then the single environment to some 1e-6 rad in 100 steps |
 
-    Mechanisms may have at most 100 links. Raises `InputError` for more, for `num_envs` below 1 and another mode or
-    precision, `NotFoundError` for unknown options, and what `TrackingEnv` raises.
+    Mechanisms may have at most 100 links. Raises `InputError` for more, for `num_envs` that is no whole number of at
+    least 1, another mode or precision, and a mechanism whose loops single precision leaves open; `NotFoundError` for
+    unknown options, and what `TrackingEnv` raises. What is wrong in `reset_options` or a list of references is raised
+    at the reset.
 
     ## Options at reset
 
@@ -106,7 +109,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
     """  # noqa: E501  # tables
 
     kind: ClassVar[type[TrackingEnv]] = TrackingEnv
-    """The environment of one arm."""
+    """Class of the single environment that each arm is in."""
     metadata: dict[str, Any] = TrackingEnv.metadata | {"autoreset_mode": AutoresetMode.NEXT_STEP}
 
     def __init__(
@@ -146,13 +149,15 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Observations (N, n), n = 5r + r L as in the class's card, and `info` of all arms, after an episode of every
-        arm has begun, or of those in the option `reset_mask`, a mask (N,).
+        """Observations (N, n), n = 5r + r L, in units as in the class's card, and `info` of all arms, after an episode
+        of every arm has begun, or of those in the option `reset_mask`, bools (N,), not all False, in the mode
+        "Disabled" alone.
 
         `seed` s gives arm i the seed s + i, a list each its own, and None lets the random numbers go on; `options` are
-        those of the class's card, None for `reset_options` alone. Raises, naming the arm where it is one's,
-        `InputError` for bad seeds and options, `NotFoundError` for unknown options, `ResetNeeded` for a part of the
-        arms before the first reset of all.
+        those of the class's card, None for `reset_options` alone. Raises `InputError` for bad seeds and options, of
+        these `NotFoundError` for unknown ones and `NonFiniteError` for an `initial_error` or `parameters` that are not
+        finite, naming the arm; `SingularityError` where loops cannot be followed to the start; Gymnasium's
+        `ResetNeeded` for a part of the arms before the first reset of all.
         """
         given = dict(_known(options, (*OPTIONS, "reset_mask")))
         mask = self._mask(given.pop("reset_mask", None))
@@ -170,12 +175,13 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         return result.observation, self._info(result, mask)
 
     def step(self, actions: ArrayLike) -> tuple[Array, Array, Flags, Flags, dict[str, Any]]:
-        """Observations (N, n), n = 5r + r L as in the class's card, rewards, `terminated` and `truncated` (N,), and
-        `info` after one control period of all arms under `actions`, torques (N, r), N m (N), held.
+        """Observations (N, n), n = 5r + r L, in units as in the class's card, rewards (no unit), `terminated` and
+        `truncated`, bools, (N,) each, and `info` after one control period of all arms under `actions`, torques (N, r),
+        N m (N), held.
 
-        Raises `InputError` on a wrong shape, `NonFiniteError` on NaN and infinity, naming the arm, when nothing has
-        moved, and for a motion that runs away; `ResetNeeded` before the first reset, and in the mode "Disabled" where
-        an arm's episode is over.
+        Raises `InputError` on a wrong shape and `NonFiniteError` on NaN and infinity, naming joint and arm, before
+        anything has moved; `NonFiniteError`, naming the arm, for a motion that runs away; Gymnasium's `ResetNeeded`
+        before the first reset, and in the mode "Disabled" where an arm's episode is over.
         """
         again = self._over if self.autoreset_mode is AutoresetMode.NEXT_STEP else self._none
         self._require_running(self._over & ~again)
@@ -194,8 +200,9 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         return result.observation, reward, terminated, truncated, ended | self._info(result, self._all)
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """Images (height, width, 3) of all arms, and as ghosts of where they should be, one an arm; None without a
-        render mode. Raises `ResetNeeded` before the first reset."""
+        """RGB images (480, 640, 3), uint8, one an arm, each with a translucent ghost of the arm on its reference; None,
+        with a warning in Gymnasium's log, without a render mode. Raises Gymnasium's `ResetNeeded` before the first
+        reset."""
         self._require_running(self._none)
         if self.render_mode is None:
             gymnasium.logger.warn("render: choose a mode when making the environment: render_mode='rgb_array'")
@@ -308,15 +315,17 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
 
 
 class Puma560VectorTrackingEnv(VectorTrackingEnv):
-    """Vector environment of many PUMA 560: `VectorTrackingEnv` with the arguments and defaults of
-    `Puma560TrackingEnv`."""
+    """Vector environment of N PUMA 560 arms: `VectorTrackingEnv` with the arguments and defaults of
+    `Puma560TrackingEnv`. Actions are (N, 6), torques in N m; observations (N, 42), rad and s. Raises what
+    `VectorTrackingEnv` raises."""
 
     kind = Puma560TrackingEnv
 
 
 class SemiDirectDriveVectorTrackingEnv(VectorTrackingEnv):
-    """Vector environment of many semi-direct-drive arms: `VectorTrackingEnv` with the arguments and defaults of
-    `SemiDirectDriveTrackingEnv`."""
+    """Vector environment of N semi-direct-drive arms: `VectorTrackingEnv` with the arguments and defaults of
+    `SemiDirectDriveTrackingEnv`. Actions are (N, 3), torques in N m; observations (N, 21), rad and s. Raises what
+    `VectorTrackingEnv` raises."""
 
     kind = SemiDirectDriveTrackingEnv
 

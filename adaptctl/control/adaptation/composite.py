@@ -19,20 +19,22 @@ from adaptctl.scalars.column import combined
 
 @dataclass(frozen=True, eq=False)
 class Composite(Descent[Filtered]):
-    """Composite adaptation, by the tracking and the prediction error (Slotine and Li 1989).
+    """Composite adaptation of the estimate (k,), by the tracking and the prediction error (Slotine and Li 1989).
 
         estimate' = -Gamma (Y's + W'R (W estimate - F[tau]))
 
-    s (r,) is the sliding variable in rad/s (m/s), Y (r, k) the torque regressor, W (r, k) that behind the filter
-    F = lambda/(d/dt + lambda), from positions and velocities alone. `gain` is Gamma, (k,) its diagonal or (k, k), in
-    units of the parameters squared per J; `weight` is R (r,) in 1/(N m s) (its diagonal, one number or one a joint),
-    `cutoff` is lambda in 1/s. Raises `InputError` for a gain that is not positive definite and a weight that is not
-    positive, and, with a controller, for other sizes and for a cutoff that is not positive or above 1/T_c.
+    s (r,) is the sliding variable in rad/s (m/s), tau (r,) the torque in N m (N), Y (r, k) the torque regressor, W (r,
+    k) that behind the filter F = lambda/(d/dt + lambda), from positions and velocities alone. `gain` is Gamma, (k,) its
+    diagonal or (k, k), in units of the parameters squared per J; `weight` is R (r,), its diagonal, in 1/(N m s) (m/(N
+    s) for a prismatic joint), one number or one a joint; `cutoff` is lambda in 1/s. Raises `InputError` at construction
+    for a gain that is not finite, symmetric and positive definite, and a weight or cutoff that is not positive and
+    finite (a weight of NaN is a `NonFiniteError`), and, with a controller, for other sizes and for a cutoff above
+    1/T_c.
 
-    Guarantees, without disturbance: with eps = W error, V = s'Ms/2 + error' Gamma^-1 error/2 falls as -s'Ks - eps'R
-    eps: besides s, what the torques say of the parameters goes to zero, and under persistent excitation s and the error
-    go to zero exponentially. Sampled, the second part is solved implicitly, so that no weight is too large for the
-    period.
+    Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
+    the truth: with eps = W error, V = s'Ms/2 + error' Gamma^-1 error/2 falls as -s'Ks - eps'R eps: besides s, what the
+    torques say of the parameters goes to zero, and under persistent excitation s and the error go to zero
+    exponentially. Sampled, the second part is solved implicitly, so that no weight is too large for the period.
 
     Gives up: the torque that is commanded must be the torque that acts: friction that is no parameter, actuator lag and
     delay are learned as inertia. Noise of velocities enters W with the gain lambda, and pulls the estimate to zero
@@ -53,27 +55,29 @@ class Composite(Descent[Filtered]):
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
         """Raise `InputError` unless there is a gain for each of the model's k parameters and one positive weight or one
-        for each joint, and cutoff is positive and times period at most 1.
+        for each of its r joints, and cutoff times period is at most 1, unitless.
 
-        `initial` is the first estimate (k,), `period` the control period T_c in s.
+        `initial`, the first estimate (k,), is not looked at; `period` is the control period T_c in s, which the
+        controller checks to be positive.
         """
         super().require(model, initial, period)
         positive_per_joint(self.weight, model.mechanism.dof, "composite: weight")
         require_cutoff(self.cutoff, period)
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Filtered:
-        """The memory before the first tick: the filters at rest.
+        """The memory before the first tick: the torque filters at rest, W and F[tau] zero.
 
-        `initial` is the first estimate (k,), q (n,) the configuration of the tree's joints in rad (m), v (r,) the
-        velocities in rad/s (m/s), `period` T_c in s.
+        `initial`, the first estimate (k,), is not looked at; q (n,) is the configuration of the tree's joints in rad
+        (m), v (r,) the velocities in rad/s (m/s), `period` T_c in s. Nothing is checked here.
         """
         return TorqueFilter(self.cutoff, period).start(model, q, v)
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Filtered) -> tuple[Column, Filtered]:
-        """The estimate (k,) after a trapezium step for the tracking error, then an implicit one for the prediction
-        error; and the filters' memory.
+        """The estimate (k,), in the parameters' SI units, and the torque filters' memory after a control period: a
+        trapezium step for the tracking error, then an implicit one for the prediction error.
 
-        `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period `period`.
+        `estimate` (k,) and `memory`, the torque filters, are those before the control period that `period` describes.
+        Nothing is checked here.
         """
         moved = estimate - self.applied(period.gradient(period.integral))
         rows, torque, after = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory)
@@ -84,8 +88,9 @@ class Composite(Descent[Filtered]):
 
 
 def residual(rows: list[Column], estimate: Column, torque: Column) -> Column:
-    """The prediction error W estimate - torque (r,), in N m (N for a prismatic joint), for the rows of W (r, k), an
-    estimate (k,) and filtered torques (r,)."""
+    """The prediction error W estimate - torque (r,), in N m (N for a prismatic joint), for the r rows (k,) of W, in N m
+    (N) per unit of each parameter, an estimate (k,) in SI units and filtered torques F[tau] (r,). Raises `ValueError`
+    for columns of other lengths."""
     return Column(row @ estimate for row in rows) - torque
 
 

@@ -45,8 +45,8 @@ class LearningMemory(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
-    """Composite learning (Pan and Yu 2018) with a memory Q, z of all that was excited, which forgets by direction
-    (Kulhavy 1987, Cao and Schwartz 2000).
+    """Composite learning of the estimate (k,) (Pan and Yu 2018) with a memory Q, z of all that was excited, which
+    forgets by direction (Kulhavy 1987, Cao and Schwartz 2000).
 
         estimate' = -P (Y's + W'R (W estimate - F[tau]) + recall (Q estimate - z)),  P^-1 = Gamma^-1 + Q
         Q' = W'RW - forgetting Q W'(W Q W')^+ W Q,  z' likewise, so that z = Q true
@@ -56,20 +56,25 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
     excited alike, and `threshold` the excitation w'Gamma w R (1/s) below which a joint's equation, w its row of W, is
     noise: nothing is learned from it, nor forgotten; 0, the default, lets all count. `alarm` (W) is the power eps'R eps
     beyond which all of the memory is forgotten as well, at forgetting (eps'R eps/alarm - 1); infinity, the default,
-    leaves that out. `gain` Gamma (k,), in units of the parameters squared per J, `weight` R (r,) in 1/(N m s) and
-    `cutoff` of the filter F (1/s) are those of `CushionedFloor`; s (r,) is the sliding variable in rad/s (m/s),
-    Y (r, k) the torque regressor, W (r, k) the filtered one. Raises `InputError` for a gain, a weight or an alarm that
-    is not positive, and a forgetting, recall or threshold below 0.
+    leaves that out.
 
-    Guarantees, without disturbance: with V = s'Ms/2 + error' P^-1 error/2 and eps = W error, V' <= -s'Ks - eps'R eps/2
-    - recall error'Q error: s and eps go to zero, and so does the error in the excited subspace, the range of Q, also
-    after excitation has ended (interval excitation: where Q is positive definite once, all of the error; excited and
-    unexcited subspaces: Shen, Wang, Wen and Lu, arXiv 2408.01731). A parameter that changes is learned again at
-    forgetting along what is excited then.
+    `gain` Gamma (k,), in units of the parameters squared per J, `weight` R, one number or (r,), in 1/(N m s) (m/(N s)
+    for a prismatic joint) and `cutoff` of the filter F (1/s) are those of `CushionedFloor`; s (r,) is the sliding
+    variable in rad/s (m/s), tau (r,) the torque in N m (N), Y (r, k) the torque regressor, W (r, k) the filtered one.
+    Raises `InputError` for a gain, a weight, a cutoff or an alarm that is not positive, a forgetting, recall or
+    threshold below 0, all finite but the alarm (a weight of NaN is a `NonFiniteError`), and, with a controller, where
+    they do not fit the model or the period.
+
+    Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
+    the truth: with V = s'Ms/2 + error' P^-1 error/2 and eps = W error, V' <= -s'Ks - eps'R eps/2 - recall error'Q
+    error: s and eps go to zero, and so does the error in the excited subspace, the range of Q, also after excitation
+    has ended (interval excitation: where Q is positive definite once, all of the error; excited and unexcited
+    subspaces: Shen, Wang, Wen and Lu, arXiv 2408.01731). A parameter that changes is learned again at forgetting along
+    what is excited then.
 
     Gives up: what `Composite` does. After a change, what is no longer excited is remembered as it was, wrong or right.
-    Costs a rank-one change of Q twice a joint, k^2 operations each, a Cholesky factorisation, k^3/3, and a memory of
-    k (k + 3)/2.
+    Costs a rank-one change of Q twice a joint, k^2 operations each, a Cholesky factorisation, k^3/3, and a memory of k
+    (k + 3)/2.
     """
 
     tunable = ("gain", "weight", "cutoff", "forgetting", "recall", "threshold", "alarm")
@@ -93,9 +98,10 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
         """Raise `InputError` unless there is a gain for each of the model's k parameters and one positive weight or one
-        for each joint, and cutoff is positive and times period at most 1, recall times period at most 0.5.
+        for each of its r joints, and cutoff times period is at most 1, recall times period at most 0.5, unitless.
 
-        `initial` is the first estimate (k,), `period` the control period T_c in s.
+        `initial`, the first estimate (k,), is not looked at; `period` is the control period T_c in s, which the
+        controller checks to be positive.
         """
         super().require(model, initial, period)
         if self.recall * period > 0.5:
@@ -105,10 +111,11 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
             )
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> LearningMemory:
-        """The memory before the first tick: Q and z are zero, and the filters at rest.
+        """The memory before the first tick: Q and z zero, nothing learned, and the torque filters at rest, W and F[tau]
+        zero.
 
-        `initial` is the first estimate (k,), q (n,) the configuration of the tree's joints in rad (m), v (r,) the
-        velocities in rad/s (m/s), `period` T_c in s.
+        `initial`, the first estimate (k,), is not looked at; q (n,) is the configuration of the tree's joints in rad
+        (m), v (r,) the velocities in rad/s (m/s), `period` T_c in s. Nothing is checked here.
         """
         k = len(model.columns)
         filtered = TorqueFilter(self.cutoff, period).start(model, q, v)
@@ -117,10 +124,12 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: LearningMemory
     ) -> tuple[Column, LearningMemory]:
-        """The estimate (k,) after a descent by the gain of the memory; and the memory after forgetting and learning,
-        joint by joint.
+        """The estimate (k,), in the parameters' SI units, and the memory after a control period: forgetting and
+        learning, one joint's equation after the other, then a descent by the gain P of the memory.
 
-        `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period `period`.
+        `estimate` (k,) and `memory`, Q's upper triangle (k (k + 1)/2,) and z (k,) in units of the first gain, the
+        number of equations learned (1,) and the torque filters, are those before the control period that `period`
+        describes. Nothing is checked here.
         """
         rows, torque, filtered = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory.filtered)
         missed, weights = residual(rows, estimate, torque), each(self.weight, model.mechanism.dof)
@@ -148,12 +157,14 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
         return 1.0 / (1.0 + (self.forgetting * period.elapsed) * excess)
 
     def covariance(self, memory: LearningMemory) -> Array:
-        """The covariance P (k, k) that a memory holds, in units of the parameters squared per J."""
+        """The covariance P (k, k), symmetric, the inverse of Gamma^-1 + Q, that a `memory` of this law holds, in units
+        of the parameters squared per J."""
         k, scale = len(self.gain), np.sqrt(self.gain)
         return np.asarray(np.linalg.inv(np.eye(k) + from_triangle(memory.information, k)) * np.outer(scale, scale))
 
     def remembered(self, memory: LearningMemory) -> Array:
-        """The information Q (k, k) that a memory holds, in J per unit of the parameters squared."""
+        """The information Q (k, k), symmetric, that a `memory` of this law holds, in J per unit of the parameters
+        squared: 0 along what was never excited."""
         scale = np.sqrt(self.gain)
         return np.asarray(from_triangle(memory.information, len(self.gain)) / np.outer(scale, scale))
 

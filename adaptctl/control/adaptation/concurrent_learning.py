@@ -47,24 +47,26 @@ class Stack(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ConcurrentLearning(Descent[Stack]):
-    """Concurrent learning from a bounded stack of samples j (Chowdhary and Johnson 2010).
+    """Concurrent learning of the estimate (k,) from a bounded stack of samples j (Chowdhary and Johnson 2010).
 
         estimate' = -Gamma (Y's + sum_j W_j'R (W_j estimate - F[tau]_j))
 
-    s (r,) is the sliding variable in rad/s (m/s), Y (r, k) the torque regressor, W_j that of a sample, behind the
-    filter F. `gain` is Gamma, (k,) its diagonal or (k, k), in units of the parameters squared per J; `weight` R in
-    1/(N m s), one number or (r,), and `cutoff` of F (1/s) are those of `Composite`; `samples`, from 1 to 64, is how
-    many are kept. Raises `InputError` for a gain that is not positive definite, a weight or threshold that is not
-    positive, and samples out of range.
+    s (r,) is the sliding variable in rad/s (m/s), tau (r,) the torque in N m (N), Y (r, k) the torque regressor, W_j
+    (r, k) that of a sample, behind the filter F. `gain` is Gamma, (k,) its diagonal or (k, k), in units of the
+    parameters squared per J; `weight` R in 1/(N m s) (m/(N s) for a prismatic joint), one number or (r,), and `cutoff`
+    of F (1/s) are those of `Composite`; `samples`, from 1 to 64, is how many are kept. Raises `InputError` for a gain
+    that is not finite, symmetric and positive definite, a weight, cutoff or threshold that is not positive and finite
+    (a weight of NaN is a `NonFiniteError`), samples that are no whole number or out of range, and, with a controller,
+    where they do not fit the model or the period.
 
     A sample is kept where it tells something new: where its rows differ from those kept last by sum_i R_i d_i'Gamma d_i
-    above `threshold` (1/s), which is positive, d_i (k,) the difference of row i. It then takes the oldest one's place,
-    so that what has changed, a payload, is forgotten with the samples of before.
+    above `threshold` (1/s), d_i (k,) the difference of row i. It then takes the oldest one's place, so that what has
+    changed, a payload, is forgotten with the samples of before.
 
-    Guarantees, without disturbance: V = s'Ms/2 + error' Gamma^-1 error/2 falls as -s'Ks - sum_j eps_j'R eps_j with
-    eps_j = W_j error; where the stack's W_j are of full rank together, under interval excitation, s and the error go to
-    zero exponentially, also at rest. Every equation is solved implicitly, one after the other, so that no weight is too
-    large for the period.
+    Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
+    the truth: V = s'Ms/2 + error' Gamma^-1 error/2 falls as -s'Ks - sum_j eps_j'R eps_j with eps_j = W_j error; where
+    the stack's W_j are of full rank together, under interval excitation, s and the error go to zero exponentially, also
+    at rest. Every equation is solved implicitly, one after the other, so that no weight is too large for the period.
 
     Gives up: what `Composite` does. The stack is of the recent past, not of the best samples, and rates differ as much
     as the stack is badly conditioned: `CompositeLearning` forgets by direction, and has one rate. Costs 4 operations an
@@ -97,29 +99,34 @@ class ConcurrentLearning(Descent[Stack]):
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
         """Raise `InputError` unless there is a gain for each of the model's k parameters and one positive weight or one
-        for each joint, and cutoff is positive and times period at most 1.
+        for each of its r joints, and cutoff times period is at most 1, unitless.
 
-        `initial` is the first estimate (k,), `period` the control period T_c in s.
+        `initial`, the first estimate (k,), is not looked at; `period` is the control period T_c in s, which the
+        controller checks to be positive.
         """
         super().require(model, initial, period)
         positive_per_joint(self.weight, model.mechanism.dof, "concurrent learning: weight")
         require_cutoff(self.cutoff, period)
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Stack:
-        """The memory before the first tick: an empty stack, and the filters at rest.
+        """The memory before the first tick: an empty stack, all zero, and the torque filters at rest, W and F[tau]
+        zero.
 
-        `initial` is the first estimate (k,), q (n,) the configuration of the tree's joints in rad (m), v (r,) the
-        velocities in rad/s (m/s), `period` T_c in s.
+        `initial`, the first estimate (k,), is not looked at; q (n,) is the configuration of the tree's joints in rad
+        (m), v (r,) the velocities in rad/s (m/s), `period` T_c in s. Nothing is checked here.
         """
         entries, r = sum(map(len, momentum_columns(model))), model.mechanism.dof
         filtered = TorqueFilter(self.cutoff, period).start(model, q, v)
         return Stack(np.zeros(self.samples * entries), np.zeros(self.samples * r), np.zeros(1), filtered)
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Stack) -> tuple[Column, Stack]:
-        """The estimate (k,) after a trapezium step for the tracking error, then each equation of the stack in turn; and
-        the memory with the stack.
+        """The estimate (k,), in the parameters' SI units, and the memory after a control period: a trapezium step for
+        the tracking error, then an implicit one for each equation of the stack, in which the period's sample is where
+        it tells something new.
 
-        `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period `period`.
+        `estimate` (k,) and `memory`, the stack's rows without what is always zero, its torques (samples r,) in N m (N),
+        the mark (1,) of a sample that was kept, and the torque filters, are those before the control period that
+        `period` describes. Nothing is checked here.
         """
         estimate = estimate - self.applied(period.gradient(period.integral))
         rows, torque, filtered = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory.filtered)

@@ -47,24 +47,28 @@ class LiftMemory(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ConsistentLift(AdaptationLaw[LiftMemory]):
-    """Natural adaptation of a physically consistent lift D of the estimate (Lee, Kwon and Park 2018).
+    """Natural adaptation of a physically consistent lift D (P,) of the estimate (k,) (Lee, Kwon and Park 2018):
+    parameters of rigid bodies whose fundamental parameters the estimate is.
 
-    estimate = K D, where D are parameters (P,) of rigid bodies that move by natural adaptation along the slope K'(Y's +
-    W'R (W estimate - F[tau])), Y and W (r, k) on the k fundamental parameters alone, K (k, P) the model's `regrouping`,
-    s (r,) the sliding variable in rad/s (m/s).
+    estimate = K D, where D moves by natural adaptation along the slope K'(Y's + W'R (W estimate - F[tau])), Y (r, k)
+    the torque regressor and W (r, k) the filtered one, on the k fundamental parameters alone, K (k, P) the model's
+    `regrouping`, s (r,) the sliding variable in rad/s (m/s), tau (r,) the torque in N m (N).
 
     All P parameters have the slope K'Y's, for their regressor is Y K: what removed columns would add is never computed.
-    `lift` (P,) is the first D, physically consistent; the first estimate is K lift. `rate` is that of `Natural`, one
-    number in 1/J or one for each link with a body and then for each drive's parameter. With a `weight` R (1/(N m s),
-    one number or (r,)) torques are predicted as in `Composite`, behind a filter F of `cutoff` (1/s); with None, the
-    default, they are not, and W and F have no part. Raises `InputError` for a rate or a weight that is not positive and
-    a lift that is not finite.
+    `lift` (P,) is the first D, physically consistent, in SI units (kg, kg m, kg m^2); the first estimate is K lift.
+    `rate` is that of `Natural`, one number in 1/J or one for each link with a body and then for each drive's parameter.
+    With a `weight` R in 1/(N m s) (m/(N s) for a prismatic joint), one number or (r,), torques are predicted as in
+    `Composite`, behind a filter F of `cutoff` (1/s); with None, the default, they are not, and W and F have no part.
+    Raises `InputError` at construction for a rate, weight or cutoff that is not positive and finite (a weight of NaN is
+    a `NonFiniteError`), a lift that is not finite and wrong shapes, and, with a controller, for a lift that is not
+    consistent or not the first estimate's.
 
-    Guarantees, without disturbance: V = s'Ms/2 + sum_i D(P_i true, P_i)/rate_i falls as -s'Ks - eps'R eps, with
-    eps = W error, as with `Natural`, whose controller on all parameters this is, tick for tick, without a weight. And
-    whatever disturbs: the estimate is K D of bodies with positive definite pseudo-inertias, so that the estimate's mass
-    matrix is positive definite everywhere. Sampled, the prediction error is solved implicitly in the metric of the
-    moment.
+    Guarantees, without disturbance: V = s'Ms/2 + sum_i D(P_i true, P_i)/rate_i falls as -s'K_d s - eps'R eps, M the
+    mass matrix, K_d (r,) the control law's damping, P_i a link's pseudo-inertia (4, 4) or a drive's parameter, D(,) the
+    divergence of `Natural`, eps = W error, error the estimate less the truth: as with `Natural`, whose controller on
+    all parameters this is, tick for tick, without a weight. And whatever disturbs: the estimate is K D of bodies with
+    positive definite pseudo-inertias, so that the estimate's mass matrix is positive definite everywhere. Sampled, the
+    prediction error is solved implicitly in the metric of the moment.
 
     Gives up: convergence of D itself, of which only K D is seen: the bodies that are found are those nearest the first
     ones, in the natural divergence, of all that have the estimate. What else `Natural` does: it starts from consistent
@@ -88,9 +92,11 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
         """Raise `InputError` unless the lift (P,) is physically consistent and K lift is the first estimate, to 1e-9 of
-        its largest entry, and rates, weight, and cutoff times period of at most 1 fit the model.
+        its largest entry, and there is one rate or one for each link with a body and each drive's parameter; with a
+        weight, also unless it is one number or one a joint, and cutoff times period is at most 1, unitless.
 
-        `initial` is the first estimate (k,), `period` the control period T_c in s.
+        `initial` is the first estimate (k,), in SI units, `period` the control period T_c in s, which the controller
+        checks to be positive.
         """
         P = len(model.mechanism.parameter_names)
         if len(self.lift) != P:
@@ -103,10 +109,11 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
             require_cutoff(self.cutoff, period)
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> LiftMemory:
-        """The memory before the first tick: the first lift (P,), and the filters at rest where torques are predicted.
+        """The memory before the first tick: the first lift (P,), in SI units, and where torques are predicted the
+        torque filters at rest, W and F[tau] zero.
 
-        `initial` is the first estimate (k,), q (n,) the configuration of the tree's joints in rad (m), v (r,) the
-        velocities in rad/s (m/s), `period` T_c in s.
+        `initial`, the first estimate (k,), is not looked at; q (n,) is the configuration of the tree's joints in rad
+        (m), v (r,) the velocities in rad/s (m/s), `period` T_c in s. Nothing is checked here.
         """
         filtered = NoMemory() if self.weight is None else TorqueFilter(self.cutoff, period).start(model, q, v)
         return LiftMemory(np.array(self.lift), filtered)
@@ -114,10 +121,11 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: LiftMemory
     ) -> tuple[Column, LiftMemory]:
-        """The estimate (k,), K D of a lift D after a step for the tracking error, then one for the prediction error,
-        along geodesics; and the memory with D (P,).
+        """The estimate (k,), in the parameters' SI units, K D of the lift D, and the memory with D (P,) after a control
+        period: a step along geodesics for the tracking error, and with a weight then one for the prediction error.
 
-        `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period `period`.
+        `estimate` (k,), which is not looked at, and `memory`, the lift (P,) and the torque filters, are those before
+        the control period that `period` describes. Nothing is checked here.
         """
         rates, bodies = each_rate(self.rate, model), len(model.mechanism.description.bodies)
 

@@ -33,23 +33,27 @@ class InformationMemory(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
-    """Composite adaptation by least squares with the cushioned floor, a lower bound on P^-1 (Slotine and Li 1989).
+    """Composite adaptation of the estimate (k,) by least squares with the cushioned floor, a lower bound on P^-1
+    (Slotine and Li 1989).
 
         estimate' = -P (Y's + W'R (W estimate - F[tau])),  (P^-1)' = -lambda (P^-1 - Gamma^-1) + W'R W
 
     The information P^-1 (k, k) starts at its floor Gamma^-1, Gamma = diag(`gain`), `gain` (k,) positive, in units of
-    the parameters squared per J. `forgetting` is lambda of at least 0 in 1/s; `weight` R in 1/(N m s), one number or
-    (r,), and `cutoff` (1/s) of the filter F are those of `Composite`. s (r,) is the sliding variable in rad/s (m/s), Y
-    (r, k) the torque regressor, W (r, k) the filtered one. Raises `InputError` for other numbers.
+    the parameters squared per J. `forgetting` is lambda of at least 0 in 1/s; `weight` R in 1/(N m s) (m/(N s) for a
+    prismatic joint), one number or (r,), and `cutoff` (1/s) of the filter F are those of `Composite`, both positive. s
+    (r,) is the sliding variable in rad/s (m/s), tau (r,) the torque in N m (N), Y (r, k) the torque regressor, W (r, k)
+    the filtered one. Raises `InputError` for other numbers and shapes at construction, and for sizes that do not fit
+    the model, or a cutoff that does not fit the period, with a controller; a weight of NaN is a `NonFiniteError`.
 
-    Guarantees, without disturbance: P <= Gamma, and V = s'Ms/2 + error' P^-1 error/2 falls as -s'Ks - eps'R eps/2
-    - lambda error' (P^-1 - Gamma^-1) error/2, eps = W error: s and eps go to zero, and under persistent excitation
-    s and the error exponentially. Every direction forgets for itself: what W sees is forgotten and learned anew at
-    lambda, what it does not see keeps the gain Gamma. `BoundedGainForgetting` has one lambda(t) for all, and where
-    some directions are not excited they bring it, and with it all learning, to a stop.
+    Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
+    the truth: P <= Gamma, and V = s'Ms/2 + error' P^-1 error/2 falls as -s'Ks - eps'R eps/2 - lambda error' (P^-1 -
+    Gamma^-1) error/2, eps = W error: s and eps go to zero, and under persistent excitation s and the error
+    exponentially. Every direction forgets for itself: what W sees is forgotten and learned anew at lambda, what it does
+    not see keeps the gain Gamma. `BoundedGainForgetting` has one lambda(t) for all, and where some directions are not
+    excited they bring it, and with it all learning, to a stop.
 
-    Gives up: what `Composite` does. Costs k^3/3 operations a period, a Cholesky factorisation, and a memory of
-    k (k + 1)/2.
+    Gives up: what `Composite` does. Costs a Cholesky factorisation a period, k^3/3 operations, and a memory of k (k +
+    1)/2.
     """
 
     tunable = ("gain", "weight", "cutoff", "forgetting")
@@ -57,10 +61,11 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
     called: ClassVar[str] = "cushioned floor"
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> InformationMemory:
-        """The memory before the first tick: P = Gamma, and the filters at rest.
+        """The memory before the first tick: the upper triangle (k (k + 1)/2,) of P^-1 = Gamma^-1, in units of Gamma^-1,
+        and the torque filters at rest, W and F[tau] zero.
 
-        `initial` is the first estimate (k,), q (n,) the configuration of the tree's joints in rad (m), v (r,) the
-        velocities in rad/s (m/s), `period` T_c in s.
+        `initial`, the first estimate (k,), is not looked at; q (n,) is the configuration of the tree's joints in rad
+        (m), v (r,) the velocities in rad/s (m/s), `period` T_c in s. Nothing is checked here.
         """
         filtered = TorqueFilter(self.cutoff, period).start(model, q, v)
         return InformationMemory(first_triangle(self.gain.shape[-1]), filtered)
@@ -68,10 +73,12 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: InformationMemory
     ) -> tuple[Column, InformationMemory]:
-        """The estimate (k,) after forgetting by the implicit rule, learning from the period's torques, and a descent
-        with the new covariance; and the memory after it.
+        """The estimate (k,), in the parameters' SI units, and the memory after a control period: the information P^-1
+        forgets by the implicit rule and learns from the period's torques, then the estimate descends by the new
+        covariance P.
 
-        `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period `period`.
+        `estimate` (k,) and `memory`, the upper triangle (k (k + 1)/2,) of P^-1 in units of Gamma^-1 and the torque
+        filters, are those before the control period that `period` describes. Nothing is checked here.
         """
         rows, torque, filtered = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory.filtered)
         scaled = [self._scale * row for row in rows]
@@ -95,6 +102,7 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
         return estimate - self._scale * step, InformationMemory(after, filtered)
 
     def covariance(self, memory: InformationMemory) -> Array:
-        """The covariance P (k, k) that a memory holds, in units of the parameters squared per J."""
+        """The covariance P (k, k), symmetric, that a `memory` of this law holds, in units of the parameters squared per
+        J."""
         scale = np.sqrt(self.gain)
         return np.asarray(np.linalg.inv(from_triangle(memory.information, len(self.gain))) * np.outer(scale, scale))

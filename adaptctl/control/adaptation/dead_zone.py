@@ -47,12 +47,13 @@ class DeadZone(Descent[NoMemory]):
 
     @classmethod
     def against(cls, gain: ArrayLike, damping: ArrayLike, torque: ArrayLike) -> DeadZone:
-        """The law with the dead zone for disturbance torques of at most `torque` (r,), in N m (N for a prismatic
-        joint), under a damping K in N m s/rad (N s/m), one number or (r,).
+        """The law with the dead zone for disturbance torques of at most `torque`, in N m (N for a prismatic joint),
+        under a damping K in N m s/rad (N s/m), each one number for all joints or (r,).
 
-        `gain` is Gamma, (k,) or (k, k), in units of the parameters squared per J. Raises `InputError` for a damping
-        that is not positive or of another size, a gain that is not positive definite, and torques that are negative,
-        all zero or not finite.
+        At least one of the two is (r,), which says how many joints there are: of two numbers, or (1,), the zone is that
+        of an arm of one joint, which laws of other arms refuse. `gain` is Gamma, (k,) or (k, k), in units of the
+        parameters squared per J. Raises `InputError` for a damping that is not positive, torques and dampings of
+        different sizes, a gain that is not positive definite, and torques that are negative, all zero or not finite.
         """
         joints = max(np.size(torque), np.size(damping))
         d, K = per_joint(torque, joints, "dead zone: torque"), positive_per_joint(damping, joints, "damping")

@@ -9,8 +9,9 @@ from typing import Any, ClassVar, Generic, NamedTuple
 
 import numpy as np
 
-from adaptctl.arrays import Array, real_number
+from adaptctl.arrays import Array, numbers, real_number, same_samples
 from adaptctl.control.memory import Memory
+from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, Scalar, Tunable
 
@@ -120,7 +121,11 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
     def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array | None:
         """The parameters' term (...), in J, of the law's Lyapunov function at estimates (..., k) where the true
         parameters are `true`, (k,) or (..., k), in SI units: `lyapunov_term` on arrays. None where it depends on more
-        than the estimate."""
-        rows = (np.asarray(x, dtype=np.float64)[..., None] for x in (estimate, true))
-        found = self.lyapunov_term(model, *(Column(np.moveaxis(x, -2, 0)) for x in rows))
+        than the estimate. Raises `InputError` for arrays of another shape or of no numbers."""
+        given = {"estimate": numbers(estimate, "estimate"), "true": numbers(true, "true")}
+        for what, x in given.items():
+            if x.shape[-1:] != (len(model.columns),):
+                raise InputError(f"{what}: expected shape (..., {len(model.columns)}), got {x.shape}")
+        same_samples(**given)
+        found = self.lyapunov_term(model, *(Column(np.moveaxis(x[..., None], -2, 0)) for x in given.values()))
         return None if found is None else np.asarray(found)[..., 0]

@@ -115,7 +115,8 @@ class Natural(AdaptationLaw[NoMemory]):
     def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array:
         """The parameters' term (...), in J, of the law's Lyapunov function at estimates (..., P) where the true
         parameters are `true`, (P,) or (..., P), in SI units: `lyapunov_term` on arrays; infinite where it is not a
-        number at a finite estimate, as where the true parameters are no rigid bodies'."""
+        number at a finite estimate, as where the true parameters are no rigid bodies'. Raises `InputError` for arrays
+        of another shape."""
         with np.errstate(invalid="ignore", divide="ignore"):
             found = np.asarray(super().distance(model, estimate, true))
         return np.where(np.isnan(found) & np.isfinite(estimate).all(axis=-1), np.inf, found)

@@ -13,11 +13,20 @@ from adaptctl.control.gains.estimate_hold import parameter_holds
 from adaptctl.control.gains.gains import Gains
 from adaptctl.control.gains.hold import hold_number
 from adaptctl.control.gains.workspace import Workspace
-from adaptctl.errors import GainError
+from adaptctl.errors import GainError, NotFoundError
 from adaptctl.identifiability import ReducedModel
+from adaptctl.nearest_name import nearest_name
 
 HOLD_SHARE = 0.2
 """of what the gains leave of the hold number, for each parameter"""
+RANGES = {
+    "m": "mass",
+    **dict.fromkeys(("mc_x", "mc_y", "mc_z"), "first_moment"),
+    **dict.fromkeys(("I_xx", "I_xy", "I_yy", "I_xz", "I_yz", "I_zz", "rotor_inertia"), "inertia"),
+    **dict.fromkeys(("viscous", "square_root"), "viscous"),
+    **dict.fromkeys(("coulomb", "stribeck", "offset"), "coulomb"),
+}
+"""The range of each kind of parameter."""
 
 
 @dataclass(frozen=True)
@@ -51,19 +60,17 @@ class PriorRanges:
         in their order; read-only.
 
         What follows the last dot counts: `m` has the range `mass`, `mc_...` the range `first_moment`, `viscous` and
-        `square_root` the range `viscous`, `coulomb`, `stribeck` and `offset` the range `coulomb`, and all others, also
-        unknown ones, the range `inertia`.
+        `square_root` the range `viscous`, `coulomb`, `stribeck` and `offset` the range `coulomb`, `I_...` and
+        `rotor_inertia` the range `inertia`. Raises `NotFoundError` for another name.
         """
-        return frozen(np.array([self._range(name.rsplit(".", 1)[-1]) for name in names]))
+        return frozen(np.array([self._range(name) for name in names]))
 
-    def _range(self, kind: str) -> float:
-        if kind in ("viscous", "square_root"):
-            return self.viscous
-        if kind in ("coulomb", "stribeck", "offset"):
-            return self.coulomb
-        if kind == "m":
-            return self.mass
-        return self.first_moment if kind.startswith("mc_") else self.inertia
+    def _range(self, name: str) -> float:
+        kind = name.rsplit(".", 1)[-1]
+        if kind not in RANGES:
+            known = f"one that ends in {', '.join(RANGES)}{nearest_name(kind, RANGES)}"
+            raise NotFoundError(f"prior ranges: there is no range of a parameter {name!r}: expected {known}")
+        return float(getattr(self, RANGES[kind]))
 
 
 def adaptation_gain(

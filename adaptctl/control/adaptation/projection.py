@@ -6,12 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen, numbers
 from adaptctl.control.adaptation.gain import require_size
 from adaptctl.control.adaptation.law import AdaptationLaw, Period
 from adaptctl.control.memory import Memory
-from adaptctl.errors import InputError, NotFoundError
+from adaptctl.errors import InputError, NonFiniteError, NotFoundError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.nearest_name import nearest_name
 from adaptctl.scalars import Column, Scalar, clip, column
@@ -103,15 +104,27 @@ def limits(model: ReducedModel, bounds: Mapping[str, tuple[float, float]]) -> tu
 
     `bounds` gives (lower, upper) by a parameter's full name, such as `link1.m`; all are in the parameters' SI units.
     Raises `NotFoundError` for a parameter that is not one of the model's k, also where its basis regroups it into
-    others.
+    others; `NonFiniteError` for NaN, and `InputError` for bounds that are no pair of numbers with lower < upper.
     """
     lower, upper = np.full(len(model.names), -np.inf), np.full(len(model.names), np.inf)
-    for name, (low, high) in bounds.items():
+    for name, pair in bounds.items():
         if name not in model.names:
             raise NotFoundError(_unknown(model, name))
         j = model.names.index(name)
-        lower[j], upper[j] = low, high
+        lower[j], upper[j] = _pair(pair, f"bounds: {name}")
     return lower, upper
+
+
+def _pair(values: ArrayLike, what: str) -> Array:
+    """Lower and upper bound (2,)."""
+    bound = numbers(values, what, "(lower, upper)")
+    if bound.shape != (2,):
+        raise InputError(f"{what}: expected (lower, upper), got {values!r}")
+    if np.isnan(bound).any():
+        raise NonFiniteError(f"{what}: expected numbers, got {bound.tolist()}")
+    if not bound[0] < bound[1]:
+        raise InputError(f"{what}: expected lower < upper, got {bound.tolist()}")
+    return bound
 
 
 def _unknown(model: ReducedModel, name: str) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array
-from adaptctl.control.adaptation.gain import Descent
+from adaptctl.control.adaptation.gain import Descent, checked_gain, require_size
 from adaptctl.control.adaptation.law import Period
 from adaptctl.control.gains.hold import hold_number, slowest_decay
 from adaptctl.control.gains.workspace import Workspace
@@ -68,14 +68,16 @@ class ReleasedGradient(Descent[Normaliser]):
         h = T_c max lambda(M^-1 K), the hold number without a unit, and M the mass matrix of the model; both searched
         over `workspace`, all that the joints' limits allow where None. `gain` is Gamma, (k,) or (k, k), in units of the
         parameters squared per J. Raises `GainError` where h is 2 or more, and `InputError` for a gain that is not
-        finite, symmetric and positive definite, a damping that is not positive and finite or of another size and a
-        period that is not positive and finite.
+        finite, symmetric and positive definite or of another size, a damping that is not positive and finite or of
+        another size and a period that is not positive and finite.
         """
+        gamma = checked_gain(gain)
+        require_size(gamma, model, "adaptation gain")
         h = hold_number(model.mechanism, damping, period, workspace=workspace).value
         if not h < 2.0:
             raise GainError(f"released gradient: the hold number is {h:.3g}, and there is a theorem below 2 only")
         slowest = slowest_decay(model.mechanism, damping, workspace)
-        return cls(np.asarray(gain), 0.5 * (2.0 - h) * slowest, 2.0 / (2.0 - h))
+        return cls(gamma, 0.5 * (2.0 - h) * slowest, 2.0 / (2.0 - h))
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Normaliser:
         """The memory before the first tick: the normaliser (1,) of the step, without a unit, which is 1.

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import minimize
 
-from adaptctl.arrays import Array, frozen_array
+from adaptctl.arrays import Array, frozen_array, per_joint, positive_number, real_number
 from adaptctl.caching import cached_property
 from adaptctl.control.adaptation import PriorRanges
 from adaptctl.control.excitation.measure import regressor_of
@@ -74,9 +74,10 @@ class MotionLimits:
 
     @classmethod
     def of(cls, model: ReducedModel, share: float) -> MotionLimits:
-        """Limits at a `share`, from 0 to 1 and not checked, of the joints' own in `model`: positions about the middle
-        of their range, in rad (m), speeds and torques. A position limit that a joint lacks is taken as pi rad (1 m)
-        from zero, or as far as makes its range 2 pi rad (2 m)."""
+        """Limits at a `share`, above 0 and up to 1, of the joints' own in `model`: positions about the middle of their
+        range, in rad (m), speeds and torques. A position limit that a joint lacks is taken as pi rad (1 m) from zero,
+        or as far as makes its range 2 pi rad (2 m). Raises `InputError` for another share."""
+        _require_share(share)
         joints = model.mechanism.primary_joints
         wide = np.array([np.pi if joint.kind.turns else 1.0 for joint in joints])
         lower, upper = (np.array([getattr(j.limits, name) for j in joints]) for name in ("lower", "upper"))
@@ -230,10 +231,12 @@ def exciting_reference(
     at the best of ten random references, drawn by `seed`; equal seeds find equal ones.
 
     `progress` is called after each iteration with the share done, 0 to 1; None calls nothing. Ctrl-C keeps the best so
-    far, marked incomplete. Raises `InputError` unless the frequency is positive, `harmonics` a whole number of at
-    least 1, the share above 0 and up to 1 and the scale finite and of its shape, and where torques pass their limits
-    even at rest.
+    far, marked incomplete. Raises `InputError` unless the frequency is positive, `harmonics` and `iterations` are
+    whole numbers of at least 1, the share above 0 and up to 1 and the scale finite and of its shape; for `limits` of
+    another shape, with NaN, crossed or infinite positions, speeds below 0 or torques not above it; and where torques
+    pass their limits even at rest.
     """
+    iterations = _count(iterations, "iterations")
     search = _checked(model, frequency, harmonics, share, scale, limits)
     rng = np.random.default_rng(seed)
     starts = [search.random(rng) for _ in range(RANDOM)]
@@ -280,16 +283,38 @@ def _checked(
     limits: MotionLimits | None,
 ) -> FourierSearch:
     """The search with these settings. Raises `InputError` for those that cannot be."""
-    if not (np.isfinite(frequency) and frequency > 0.0):
-        raise InputError(f"frequency: expected a positive one in Hz, got {frequency}")
-    if harmonics != int(harmonics) or harmonics < 1:
-        raise InputError(f"harmonics: expected a whole number of at least 1, got {harmonics}")
-    if not 0.0 < share <= 1.0:
-        raise InputError(f"share: expected a share of the limits above 0 and up to 1, got {share}")
+    frequency = positive_number(frequency, "frequency: expected a positive one in Hz")
+    harmonics = _count(harmonics, "harmonics")
+    _require_share(share)
+    if limits is not None:
+        _require_limits(limits, model.mechanism.dof)
     k = len(model.columns)
     ranges = PriorRanges().of(model.names) if scale is None else np.asarray(scale, dtype=np.float64)
     ranges = frozen_array(np.broadcast_to(ranges, (k,)) if ranges.ndim == 0 else ranges, (k,), "scale")
     return FourierSearch(model, limits or MotionLimits.of(model, share), frequency, harmonics, ranges)
+
+
+def _count(value: object, what: str) -> int:
+    if isinstance(value, int | np.integer) and value >= 1:
+        return int(value)
+    raise InputError(f"{what}: expected a whole number of at least 1, got {value!r}")
+
+
+def _require_share(share: float) -> None:
+    if not 0.0 < real_number(share, "share") <= 1.0:
+        raise InputError(f"share: expected a share of the limits above 0 and up to 1, got {share}")
+
+
+def _require_limits(limits: MotionLimits, dof: int) -> None:
+    """Raise `InputError` for limits that no reference keeps."""
+    lower, upper = (frozen_array(getattr(limits, name), (dof,), f"limits: {name}") for name in ("lower", "upper"))
+    if not np.all(lower <= upper):
+        raise InputError(f"limits: expected lower <= upper for every joint, got {lower.tolist()} and {upper.tolist()}")
+    velocity, torque = (per_joint(getattr(limits, name), dof, f"limits: {name}") for name in ("velocity", "torque"))
+    if not np.all(velocity >= 0.0):
+        raise InputError(f"limits: velocity: expected numbers of at least 0, got {velocity.tolist()}")
+    if not np.all(torque > 0.0):
+        raise InputError(f"limits: torque: expected positive numbers, got {torque.tolist()}")
 
 
 def _gram(Y: Array) -> Array:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen_array, per_joint, positive_number
+from adaptctl.arrays import Array, frozen_array, per_joint, positive_number, real_number
+from adaptctl.control.adaptation.gain import checked_gain
 from adaptctl.control.gains.workspace import Workspace, everywhere
+from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
 
 
@@ -20,11 +22,13 @@ def parameter_holds(
     of Slotine and Li's law: a torque held over T_c is stable while it is below 2. `bandwidth` is Lambda in 1/s, one
     number or (r,), `period` T_c in s; positions q are the samples of `workspace`, of all that the joints' limits allow
     where None. The norm is Frobenius', which is never below the spectral one. Friction has no part in M: its number is
-    0. Raises `InputError` for a bandwidth of another shape or NaN and a period that is not positive.
+    0. Raises `InputError` for a bandwidth of another shape, below 0 or not finite and a period that is not positive.
     """
     mechanism = model.mechanism
     place = workspace or everywhere(mechanism)
     L = per_joint(bandwidth, mechanism.dof, "bandwidth")
+    if not np.all((L >= 0.0) & np.isfinite(L)):
+        raise InputError(f"bandwidth: expected finite numbers of at least 0, got {L.tolist()}")
     positive_number(period, "period: expected a positive time in s")
     values, vectors = np.linalg.eigh(place.mass_matrices)
     inverse = (vectors / np.sqrt(np.maximum(values, np.finfo(float).tiny))[..., None, :]) @ np.swapaxes(vectors, -1, -2)
@@ -61,11 +65,16 @@ def estimate_hold(
     `parameter_holds`, in the `workspace`, None for all that the joints' limits allow. `gain` is Gamma, its diagonal
     (k,) or whole (k, k), in units of the parameters squared per J. While h + H < 2, h that of K and the true inertia,
     no estimate on the way can ring. It is conservative: above 2 most arms are stable all the same. Raises `InputError`
-    for numbers of another shape or not finite, and for a period that is not positive.
+    for numbers of another shape or not finite, a gain that is not symmetric and positive definite, a prior, `kinetic`
+    or bandwidth below 0, and a period that is not positive.
     """
     k = len(model.columns)
-    gamma = frozen_array(gain, (k, k) if np.ndim(gain) == 2 else (k,), "gain")
+    gamma = checked_gain(frozen_array(gain, (k, k) if np.ndim(gain) == 2 else (k,), "gain"))
     bound = frozen_array(prior, (k,), "prior")
+    if np.any(bound < 0.0):
+        raise InputError(f"prior: expected numbers of at least 0, got {bound.tolist()}")
+    if not 0.0 <= real_number(kinetic, "kinetic") < np.inf:
+        raise InputError(f"kinetic: expected an energy in J of at least 0, got {kinetic}")
     full = np.diag(gamma) if gamma.ndim == 1 else gamma
     energy = kinetic + 0.5 * _largest_distance(full, bound)
     u = parameter_holds(model, bandwidth, period, workspace)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, whole_number
 from adaptctl.control.gains.error_feedback import ErrorFeedback
 from adaptctl.control.gains.gains import (
     Gains,
@@ -203,8 +203,7 @@ def _design(
     mechanism: Mechanism, method: str, feedback: Sequence[ErrorFeedback], period: float, delay: int
 ) -> GainDesign:
     """The design with each joint's feedback. Raises `InputError` for a wrong delay and where an inertia is none."""
-    if delay != int(delay) or delay < 0:
-        raise InputError(f"delay: expected a whole number of control periods of at least 0, got {delay}")
+    delay = whole_number(delay, "delay", 0, 1000)
     inertia = typical_inertia(mechanism)
     if np.any(inertia <= 0.0):
         raise InputError(f"{mechanism.name}: gains need a positive inertia at every joint, got {inertia}")

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from adaptctl.arrays import Array
+from adaptctl.errors import InputError
 
 if TYPE_CHECKING:
     import control
@@ -44,11 +45,13 @@ class Margins:
 
 def margins(loop: control.LTI) -> Margins:
     """The margins of a discrete python-control `loop` with one input and one output, opened, with its sampling time in
-    s; negative feedback understood. Raises `ZeroDivisionError` for a loop in continuous time.
+    s; negative feedback understood. Raises `InputError` for a loop in continuous time or without a stated sampling
+    time, and for one with more inputs or outputs.
 
     Crossings are sought on python-control's frequency response up to half the sampling rate, that end included,
     where a sampled loop often crosses; `control.stability_margins` of version 0.10 looks only below it.
     """
+    _require_sampled(loop)
     angles = np.concatenate((np.geomspace(LOWEST * np.pi, np.pi, POINTS)[:-1], [np.pi]))
     values = np.asarray(loop(np.exp(1j * angles)), dtype=np.complex128)
 
@@ -69,6 +72,13 @@ def margins(loop: control.LTI) -> Margins:
         delay=delay * loop.dt,
         crossover=crossover / loop.dt,
     )
+
+
+def _require_sampled(loop: control.LTI) -> None:
+    if not loop.ninputs == loop.noutputs == 1:
+        raise InputError(f"margins: expected one input and one output, got {loop.ninputs} and {loop.noutputs}")
+    if loop.dt is None or loop.dt is True or not loop.dt > 0.0:  # python-control's True is a period that is not stated
+        raise InputError(f"margins: expected a sampled loop with its sampling time in s, got dt = {loop.dt}")
 
 
 def _lag(value: complex) -> float:

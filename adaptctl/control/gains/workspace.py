@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from adaptctl.arrays import Array, checked, frozen
+from adaptctl.arrays import Array, checked, frozen, whole_number
 from adaptctl.caching import cached_property
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
@@ -18,6 +18,7 @@ from adaptctl.errors import InputError
 TURNS = 4.0 * np.pi
 """rad (m): limits farther apart than two turns are none"""
 STARTS, STARTS_WITH_LOOPS, ROUNDS, RANDOM_MOVES = 6, 2, 14, 12
+MOST_SAMPLES = 1_000_000
 LARGEST_MOVE = 0.25
 """of the range of each joint, in the first round"""
 APART = 0.2
@@ -75,8 +76,13 @@ class Workspace:
     def within_limits(cls, mechanism: Mechanism, samples: int = 200, seed: int = 0) -> Workspace:
         """The workspace of all that the joints' limits allow, from a number of random `samples`, drawn by `seed`, equal
         for equal seeds: pi rad (1 m) to each side of zero where there are none. Samples that loops cannot reach are
-        left out."""
+        left out. Raises `InputError` unless `samples` is a whole number from 1 to 1,000,000 and `seed` one from 0 to
+        2^32 - 1, and where loops reach none of the samples."""
+        samples = whole_number(samples, "workspace: samples", 1, MOST_SAMPLES)
+        seed = whole_number(seed, "workspace: seed", 0, 2**32 - 1)
         p = sampled_configurations(mechanism, samples, seed)
+        if not len(p):
+            raise InputError(f"workspace: {mechanism.name} reaches none of {samples} random positions: draw more")
         free = [np.pi * joint.kind.turns * np.isinf(joint.limits.upper) for joint in mechanism.primary_joints]
         lower, upper = position_range(mechanism)
         return cls(mechanism, p, np.broadcast_to(lower - free, p.shape), np.broadcast_to(upper + free, p.shape))

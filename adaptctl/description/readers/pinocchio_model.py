@@ -21,6 +21,7 @@ from adaptctl.errors import InputError, NotFoundError, SimplificationWarning
 _ONE_COORDINATE = re.compile(r"JointModel(R[XYZ]|RUB[XYZ]|P[XYZ]|(Revolute|RevoluteUnbounded|Prismatic)Unaligned)")
 _UNLIMITED = 1e300
 """Pinocchio writes the largest double for a limit that is not there."""
+_LEFT_OUT = "friction other than viscous and Coulomb is left out"
 
 
 def to_pinocchio(description: Description) -> pinocchio.Model:
@@ -34,8 +35,7 @@ def to_pinocchio(description: Description) -> pinocchio.Model:
     moment, which Pinocchio cannot hold, and for a drive that turns with other joints. Warns (SimplificationWarning) of
     friction that Pinocchio has no place for.
     """
-    if description.shafts:
-        raise InputError(f"{description.name}: Pinocchio has no drives that turn with several joints")
+    _require_own_shafts(description)
     model = pinocchio.Model()
     model.name = description.name
     model.gravity.linear = np.array(description.gravity)
@@ -52,13 +52,19 @@ def to_pinocchio(description: Description) -> pinocchio.Model:
     model.armature = np.array([drive.rotor_inertia or 0.0 for drive in drives])
     model.damping = np.array([drive.viscous or 0.0 for drive in drives])
     model.friction = np.array([drive.coulomb or 0.0 for drive in drives])
-    if bent := [link.joint.name for link in description.links if _is_bent(link.joint.drive)]:
-        _warn(model, "friction other than viscous and Coulomb is left out", bent)
+    _warn(model, _LEFT_OUT, _bent(description))
     return model
 
 
-def _is_bent(drive: Drive) -> bool:
-    return any((drive.square_root, drive.stribeck, drive.offset))
+def _require_own_shafts(description: Description) -> None:
+    if description.shafts:
+        raise InputError(f"{description.name}: Pinocchio has no drives that turn with several joints")
+
+
+def _bent(description: Description) -> list[str]:
+    """Names of the joints with friction that Pinocchio has no place for."""
+    drives = {link.joint.name: link.joint.drive for link in description.links}
+    return [name for name, drive in drives.items() if any((drive.square_root, drive.stribeck, drive.offset))]
 
 
 def from_pinocchio(model: pinocchio.Model, name: str | None = None) -> Description:
@@ -104,7 +110,9 @@ _KINDS = {
 
 def with_inertias(model: pinocchio.Model, description: Description) -> pinocchio.Model:
     """A copy of a model of the same joints with the description's inertias and drives. Raises `InputError` for another
-    number of joints, `NotFoundError` for a joint that the model does not have."""
+    number of joints and for a drive that turns with other joints, `NotFoundError` for a joint that the model does not
+    have. Warns (`SimplificationWarning`) of friction that Pinocchio has no place for."""
+    _require_own_shafts(description)
     names = {str(name): i for i, name in enumerate(model.names)}
     changed = model.copy()
     for link in description.links:
@@ -120,6 +128,7 @@ def with_inertias(model: pinocchio.Model, description: Description) -> pinocchio
         raise InputError(
             f"{model.name}: it has {len(names) - 1} joints, and {description.name} {len(description.links)}"
         )
+    _warn(model, _LEFT_OUT, _bent(description))
     return changed
 
 

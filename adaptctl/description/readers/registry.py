@@ -79,13 +79,17 @@ def read(
     With `floating_base`, a URDF file's root link floats instead of being fixed to the ground (`floating`); its meshes
     are shown from its package and from `mesh_folders`, by default none. With `snap`, angles within 1e-3 rad of right
     ones are made exact (`snapped`). Raises NotFoundError for a name that is neither, FileError for a file that cannot
-    be used, InputError for a floating base of what is no URDF file or a root of what is no MJCF file. Warns
-    (PhysicalConsistencyWarning) of links that no rigid body can be, and as the file's reader does
-    (SimplificationWarning).
+    be used, InputError for a floating base or mesh folders of what is no URDF file, one folder not in a list, or a root
+    of what is no MJCF file. Warns (PhysicalConsistencyWarning) of links that no rigid body can be, and as the file's
+    reader does (SimplificationWarning).
     """
-    if floating_base and Path(source).suffix.lower() != ".urdf":
-        raise InputError(f"{source}: only a URDF file, which has a root link, can be given a floating base")
     suffix = Path(source).suffix.lower()
+    if floating_base and suffix != ".urdf":
+        raise InputError(f"{source}: only a URDF file, which has a root link, can be given a floating base")
+    if isinstance(mesh_folders, str | Path):
+        raise InputError(f"{source}: mesh_folders: expected a list of folders, got {str(mesh_folders)!r}")
+    if mesh_folders and suffix != ".urdf":
+        raise InputError(f"{source}: mesh_folders: only a URDF file's meshes are looked for, got {mesh_folders!r}")
     if root is not None and suffix not in (".xml", ".mjcf"):
         raise InputError(f"{source}: only an MJCF scene has a root body that can be named, {root!r}")
     if isinstance(source, str) and source in builtin_names():

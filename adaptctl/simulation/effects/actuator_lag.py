@@ -7,18 +7,20 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from adaptctl.arrays import Array
+from adaptctl.errors import InputError
 from adaptctl.scalars import Column
 from adaptctl.simulation.effects.effect import ActuatorEffect, require_positive
 
 
 @dataclass(frozen=True)
 class ActuatorLag(ActuatorEffect):
-    """First-order lag of a drive's torque x behind the one commanded, u (N m): time_constant x' = u - x, as of a
-    current loop. `time_constant` is in s.
+    """First-order lag of a drive's torque x behind the commanded torque u, both N m (N for a prismatic joint), as of a
+    current loop: time_constant x' = u - x. `time_constant` is in s, one number for all joints.
 
-    Under a u held over a period x is an exponential. The joints get its mean over the period, so that the impulse is
-    exact: what is left out is of third order in the period. Raises `InputError` for a time constant that is not
-    positive and finite.
+    Under a u held over a control period x is an exponential. The joints get its mean over the period, so that the
+    impulse is exact: what is left out is of third order in the period. `rank` 3: it comes last, after a delay, a torque
+    limit and a rate limit; it leaves no marks in a rollout. Raises `InputError` for a time constant that is not a
+    positive finite number, such as a bool.
     """
 
     time_constant: float
@@ -26,19 +28,25 @@ class ActuatorLag(ActuatorEffect):
     rank: ClassVar[int] = 3
 
     def __post_init__(self) -> None:
+        if isinstance(self.time_constant, bool):
+            raise InputError(f"actuator lag: expected a positive number of s, got {self.time_constant}")
         require_positive(self.time_constant, "actuator lag", "s")
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise nothing: a lag fits any joints, links and control period (s)."""
+        """Raise nothing: a lag fits any number of joints `dof`, any `links` and any control period (s)."""
 
     def start(self, torque: Array, control_period: float) -> Array:
-        """The memory (..., r): the torque (..., r) that held the joints, N m (N for a prismatic joint), whatever the
-        control period (s)."""
+        """The initial memory (..., r): `torque` (..., r) itself, not a copy, the torque that held the joints, N m (N
+        for a prismatic joint). `control_period` (s) is not used."""
         return torque
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """The mean torque (r,), N m (N for a prismatic joint), over the control period (s), and as memory the torque
-        (r,) at its end; of the torque commanded (r,) and the memory (r,) before."""
+        """The mean (r,) of the lagging torque over one control period (s), which the joints get, and the memory (r,)
+        after it, the lagging torque at the period's end; all N m (N for a prismatic joint).
+
+        `torque` (r,) is the one commanded, held over the period, `memory` (r,) the lagging torque at its start. Raises
+        `ValueError` where these differ in length; the period is taken to be positive.
+        """
         ratio = control_period / self.time_constant
         mean = -math.expm1(-ratio) / ratio
         behind = memory - torque

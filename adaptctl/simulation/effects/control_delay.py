@@ -18,12 +18,13 @@ BUFFER = 64
 
 @dataclass(frozen=True)
 class ControlDelay(ActuatorEffect):
-    """Delay of the torque: it takes effect `ticks` control periods after it was commanded, by computing and
-    communication.
+    """Pure delay (dead time) of the commanded torque: it reaches the joints `ticks` control periods after it was
+    commanded, by computing and communication.
 
     Sampling and hold alone delay by half a period; a controller that needs the period to compute delays by one more
     (Astrom and Wittenmark, Computer-Controlled Systems, 1997, section 2.3). Before the first torque arrives, the joints
-    get what held them. Raises `InputError` unless `ticks` is a whole number from 0 to 64.
+    get the torque that held them. `rank` 0: it comes first of the actuator effects; it leaves no marks in a rollout.
+    Raises `InputError` unless `ticks` (unitless) is an integer from 0 to 64, which a bool is not.
     """
 
     ticks: int
@@ -31,7 +32,7 @@ class ControlDelay(ActuatorEffect):
     rank: ClassVar[int] = 0
 
     def __post_init__(self) -> None:
-        if not isinstance(self.ticks, int | np.integer) or self.ticks < 0:
+        if isinstance(self.ticks, bool) or not isinstance(self.ticks, int | np.integer) or self.ticks < 0:
             raise InputError(f"control delay: expected a whole number of control periods, got {self.ticks!r}")
         if self.ticks > BUFFER:
             raise InputError(
@@ -40,16 +41,21 @@ class ControlDelay(ActuatorEffect):
             )
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise nothing: a delay fits any joints, links and control period (s)."""
+        """Raise nothing: a delay fits any number of joints `dof`, any `links` and any control period (s)."""
 
     def start(self, torque: Array, control_period: float) -> Array:
-        """The memory (..., ticks r), whatever the control period (s): the torques on their way, the oldest first, all
-        as the torque (..., r) that held the joints, N m (N for a prismatic joint)."""
+        """The initial memory (..., ticks r): the torques on their way to the joints, the oldest first, all equal to
+        `torque` (..., r), the torque that held the joints, N m (N for a prismatic joint). `control_period` (s) is not
+        used."""
         return np.tile(torque, self.ticks)
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """The torque (r,) commanded `ticks` periods ago, N m (N for a prismatic joint), and the memory (ticks r,) with
-        the one commanded now (r,) at its end, whatever the control period (s)."""
+        """The torque (r,) that was commanded `ticks` control periods ago, and the memory (ticks r,) of those commanded
+        since, the oldest first and `torque` (r,), the one commanded now, last; all N m (N for a prismatic joint).
+
+        `memory` (ticks r,) is the one before; its length is not checked. With `ticks` 0 both arguments are returned as
+        they are. `control_period` (s) is not used.
+        """
         if self.ticks == 0:
             return torque, memory
         dof = len(torque)

@@ -12,13 +12,13 @@ from adaptctl.errors import InputError
 from adaptctl.simulation.effects.effect import Effect, at_least_zero
 
 LINK, MOTOR = "link", "motor"
-"""Places of encoders: before the spring or behind it."""
+"""Places of encoders: behind the spring or before it."""
 
 
 @dataclass(frozen=True, eq=False)
 class ElasticJoints(Effect):
-    """Elastic joints: their motors, at theta with velocities w, turn the links, at p with velocities v, through springs
-    and dampers (Spong 1987).
+    """Elastic joints: their motors, at positions theta with velocities w, turn the links, at p with v, through springs
+    and dampers (Spong 1987); (r,) each, rad and rad/s (m and m/s of a prismatic joint).
 
         J w' = torque - f,   M(q) v' + C v + g + friction = f,   f = stiffness (theta - p) + damping (w - v)
 
@@ -30,9 +30,12 @@ class ElasticJoints(Effect):
     as Spong assumes: their energy does not depend on how the links that carry them move.
 
     `encoders` sit behind the spring, on the "link", or before it, on the "motor": there controllers measure theta and
-    w, as on most robots. The state of the motors is the last 2r numbers of `PlantState.drives`: theta, then w. Raises
-    `InputError` for another place of `encoders`; a `Plant` raises it unless stiffness is positive and finite, the other
-    numbers at least 0 and finite, and all fit its r joints.
+    w, as on most robots. The state of the motors is the last 2r numbers of `PlantState.drives`: theta, then w.
+
+    Construction raises `InputError` for another place of `encoders` and checks nothing else. A `Plant` raises it unless
+    stiffness is positive and finite, the other numbers are at least 0 and finite, all fit its r joints and every J is
+    positive; and for a rotor that turns with several joints, relations among the inertial parameters, a mass matrix
+    that is singular without the rotors, and too few substeps for an explicit integrator.
     """
 
     stiffness: ArrayLike
@@ -41,22 +44,24 @@ class ElasticJoints(Effect):
     encoders: str = LINK
 
     def __post_init__(self) -> None:
-        if self.encoders not in (LINK, MOTOR):
+        if not isinstance(self.encoders, str) or self.encoders not in (LINK, MOTOR):
             raise InputError(f"elastic joints: encoders: expected {LINK!r} or {MOTOR!r}, got {self.encoders!r}")
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise `InputError` unless stiffness is positive, damping and motor inertia are at least 0, all finite, and
-        each one number or one for each of `dof` (r) joints; links and control period (s) may be any."""
+        """Raise `InputError` unless stiffness is positive, damping and motor inertia are at least 0, all are finite,
+        and each is one number or one for each of `dof` (r) joints. `links` and `control_period` (s) may be any."""
         stiffness = self.each("stiffness", dof)
         if not np.all(stiffness > 0.0):
             raise InputError(f"elastic joints: stiffness: expected positive numbers, got {stiffness.tolist()}")
         self.each("damping", dof), self.each("motor_inertia", dof)
 
     def each(self, name: str, dof: int) -> Array:
-        """The values (r,) of one setting, one for each of `dof` (r) joints: `name` is "stiffness" (N m/rad, N/m),
-        "damping" (N m s/rad, N s/m) or "motor_inertia" (kg m^2, kg). Raises `InputError` for values that are negative,
-        not finite or of another shape than one number or (r,), `AttributeError` for a name that the class does not
-        have."""
+        """The values (r,) of one setting, one for each of `dof` (r) joints, read-only: `name` is "stiffness" (N m/rad,
+        N/m of a prismatic joint), "damping" (N m s/rad, N s/m) or "motor_inertia" (kg m^2, kg).
+
+        Raises `InputError` for values that are negative, not finite or of another shape than one number or (r,), and
+        for an attribute that holds no numbers, `AttributeError` for a name that the class does not have.
+        """
         values = at_least_zero(getattr(self, name), dof, f"elastic joints: {name}")
         if not np.isfinite(values).all():
             raise InputError(f"elastic joints: {name}: expected finite numbers, got {getattr(self, name)}")

@@ -16,17 +16,20 @@ from adaptctl.simulation.effects.effect import SensorEffect, at_least_zero
 _WHOLE = 1.5 * 2.0**52
 """Adding and subtracting it rounds a double below 2^51 to the nearest whole number, ties to even."""
 
+FINEST = 1e-12
+"""rad (m): counts of a finer resolution are not whole numbers any more in double precision"""
+
 
 @dataclass(frozen=True, eq=False)
 class Encoder(SensorEffect):
-    """Encoders: positions in whole counts of `resolution` (rad or m), after Gaussian noise of standard deviation
-    `noise` (rad or m).
+    """Joint encoders: they measure positions in whole counts of `resolution` (rad or m), the nearest, after adding
+    Gaussian noise of standard deviation `noise` (rad or m).
 
     Velocities get Gaussian noise of standard deviation `velocity_noise` (rad/s or m/s), as of a tachometer; use
-    `FilteredDifferences` where they come from the positions. Each is one number or (r,), zero for none. An encoder of n
-    counts a turn behind a gear of ratio g has a resolution of 2 pi/(n g) rad at the joint. `rank` 0: encoders come
-    before other sensor effects. A `Plant` raises `InputError` for settings that are negative, not finite or do not fit
-    its r joints.
+    `FilteredDifferences` where they come from the positions. Each setting is one number or one a joint (r,), zero for
+    none. An encoder of n counts a turn behind a gear of ratio g has a resolution of 2 pi/(n g) rad at the joint. `rank`
+    0: encoders come before other sensor effects. The class itself checks nothing; a `Plant` raises `InputError` for
+    settings that are negative, not finite or do not fit its r joints, and for a resolution below 1e-12, unless 0.
     """
 
     resolution: ArrayLike = 0.0
@@ -36,23 +39,31 @@ class Encoder(SensorEffect):
     rank: ClassVar[int] = 0
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise `InputError` unless each of `resolution`, `noise` and `velocity_noise` is a finite number of at least
-        0, or one for each of `dof` (r) joints; links and control period (s) may be any."""
+        """Raise `InputError` unless each of `resolution`, `noise` and `velocity_noise` is one finite number of at least
+        0 or one for each of `dof` (r) joints, and a resolution 0 or at least 1e-12. `links` and `control_period` (s)
+        may be any."""
         for name in ("resolution", "noise", "velocity_noise"):
             if not np.isfinite(at_least_zero(getattr(self, name), dof, f"encoder: {name}")).all():
                 raise InputError(f"encoder: {name}: expected finite numbers, got {getattr(self, name)}")
+        steps = np.asarray(self.resolution)
+        if np.any((steps > 0.0) & (steps < FINEST)):
+            raise InputError(f"encoder: resolution: expected 0 or at least {FINEST:g}, got {steps.tolist()}")
 
     def start(self, p: Array, v: Array, control_period: float) -> Array:
-        """An empty memory (0,), one for all arms, at any positions p (..., r), velocities v (..., r) and control period
-        (s)."""
+        """An empty memory (0,), one for all arms: encoders remember nothing. Positions p (..., r), velocities v (...,
+        r) and `control_period` (s) are not used."""
         return np.zeros(0)
 
     def measure(
         self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
     ) -> tuple[Column, Column, Column]:
-        """Positions (r,), rad or m, in whole counts, noisy velocities (r,), rad/s or m/s, and the memory (0,)
-        unchanged, of true p and v (r,) and standard normal `noise` (2r,), the positions' first, whatever the control
-        period (s). Raises `InputError` for settings that do not fit r joints."""
+        """The measured positions (r,), rad or m, in whole counts, the noisy velocities (r,), rad/s or m/s, and the
+        `memory` (0,) as it was.
+
+        `p` and `v` (r,), in the same units, are the true ones, and `noise` (2r,) holds standard normal numbers
+        (unitless), the positions' first; `control_period` (s) is not used. Raises `InputError` for settings that are
+        negative, NaN or do not fit r joints, `ValueError` for columns of other lengths.
+        """
         dof = len(p)
         jitter, steps, shake = (
             at_least_zero(values, dof, "encoder").tolist()

@@ -16,15 +16,16 @@ from adaptctl.simulation.effects.effect import JointEffect, at_least_zero, requi
 
 @dataclass(frozen=True, eq=False)
 class Friction(JointEffect):
-    """Joint friction with Stribeck's minimum: it is greatest at the start and falls while the film builds up.
+    """Joint friction: viscous, Coulomb and Stribeck friction, greatest at the start of a motion and falling while the
+    lubricant's film builds up.
 
         torque = viscous v + (coulomb + stribeck/(1 + (v/speed)^2)) sign(v)
 
     (Hess and Soom 1990; Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2.2.) v are the joints' velocities
-    in rad/s (m/s); `stribeck` is how much static friction exceeds Coulomb friction, `speed` (rad/s, m/s), one number,
-    where half of that is gone. `viscous` (N m s/rad, N s/m), `coulomb` and `stribeck` (N m, N) are one number or (r,),
-    zero unless given. The sign is smoothed as that of a drive's Coulomb friction is, v/sqrt(v^2 + 0.01^2), so the arm
-    creeps where a real one sticks.
+    in rad/s (m/s of a prismatic joint); `stribeck` is how much static friction exceeds Coulomb friction, `speed`
+    (rad/s, m/s), one number, where half of that is gone. `viscous` (N m s/rad, N s/m), `coulomb` and `stribeck` (N m,
+    N) are one number or one a joint (r,), zero unless given. The sign is smoothed as that of a drive's Coulomb friction
+    is, v/sqrt(v^2 + 0.01^2), so the arm creeps where a real one sticks.
 
     It is in the plant alone, of the primary joints. What the mechanism's drives have is in the plant and in the model,
     and can be adapted; this comes on top. Raises `InputError` for a speed that is not positive and finite; a `Plant`
@@ -40,22 +41,24 @@ class Friction(JointEffect):
         require_positive(self.speed, "friction: speed", "rad/s")
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise `InputError` unless each of `viscous`, `coulomb` and `stribeck` is a finite number of at least 0, or
-        one for each of `dof` (r) joints; links and control period (s) may be any."""
+        """Raise `InputError` unless each of `viscous`, `coulomb` and `stribeck` is one finite number of at least 0 or
+        one for each of `dof` (r) joints. `links` and `control_period` (s) may be any."""
         if not np.isfinite(self._each(dof)).all():
             raise InputError("friction: expected finite numbers")
 
     def torque(self, v: Column) -> Column:
-        """The friction torque (r,), N m (N for a prismatic joint), at velocities v (r,), rad/s (m/s): positive where v
-        is. Raises `InputError` for settings that do not fit r joints."""
+        """The friction torque (r,), N m (N for a prismatic joint), at joint velocities v (r,), rad/s (m/s): of the sign
+        of v, for the equations of motion subtract it from the drives' torque. Raises `InputError` for settings that are
+        negative, NaN or do not fit r joints."""
         viscous, coulomb, stribeck = (Column(values.tolist()) for values in self._each(len(v)))
         signs = Column(map(_sign, v))
         film = Column(1.0 / (1.0 + (x / self.speed) * (x / self.speed)) for x in v)
         return viscous * v + (coulomb + stribeck * film) * signs
 
     def steepest(self, dof: int) -> Array:
-        """The slope (r,) of each joint's friction torque over its velocity at rest, N m s/rad (N s/m), for `dof` (r)
-        joints. Raises `InputError` for settings that do not fit them."""
+        """The greatest slope (r,) of each joint's friction torque over its velocity, N m s/rad (N s/m for a prismatic
+        joint), for `dof` (r) joints: the one at rest, viscous + (coulomb + stribeck)/0.01. Raises `InputError` for
+        settings that are negative, NaN or do not fit r joints."""
         viscous, coulomb, stribeck = self._each(dof)
         return viscous + (coulomb + stribeck) / SLOW
 

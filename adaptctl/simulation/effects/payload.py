@@ -10,21 +10,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen_array, numbers, whole_number
+from adaptctl.arrays import Array, frozen, frozen_array, numbers, whole_number
 from adaptctl.caching import sent_as_made
 from adaptctl.description.description import LARGEST_INERTIA
 from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.errors import InputError, NotFoundError
 
+SYMMETRIC = 1e-9
+"""Parts of a tensor's largest entry that round-off, or the digits of a file, may make two of its entries differ."""
+
 
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Payload:
-    """A payload, a body held by a link: `mass` in kg, `center` of mass (3,) in m in that link's frame, and `inertia`
-    (3, 3) in kg m^2 about that centre, along the same axes. A point in the frame's origin unless given.
+    """A payload, which is a rigid body held by a link: `mass` in kg, `center` of mass (3,) in m in that link's frame,
+    and `inertia` tensor (3, 3) in kg m^2 about that centre, along the same axes. A point mass in the frame's origin
+    unless given.
 
-    Raises `InputError` for a mass that is negative or above 1e20 kg, a wrong shape, numbers that are not finite, and an
-    inertia, unless zero, that no body has: not symmetric, or principal moments that break the triangle inequality.
+    Raises `InputError` for a mass that is no number or negative, a wrong shape, numbers that are not finite or that
+    make an inertial parameter above 1e20, and an inertia, unless zero, that no body has: not symmetric within 1e-9 of
+    its largest entry, or principal moments that break the triangle inequality. `inertia` is kept symmetric exactly.
     """
 
     mass: float
@@ -36,18 +41,22 @@ class Payload:
             raise InputError(f"payload: expected a mass of at least 0 kg, got {self.mass!r}")
         object.__setattr__(self, "center", frozen_array(self.center, (3,), "payload: center"))
         tensor = frozen_array(self.inertia, (3, 3), "payload: inertia")
+        _require_bounded(self.mass, self.center, tensor)
         if tensor.any() and not _is_inertia(tensor):
             raise InputError(
                 f"payload: no body has the inertia {tensor.tolist()}: expected a symmetric tensor whose "
                 "principal moments satisfy the triangle inequality"
             )
-        object.__setattr__(self, "inertia", tensor)
+        object.__setattr__(self, "inertia", frozen(0.5 * (tensor + tensor.T)))
 
     @classmethod
     def of(cls, given: float | Mapping[str, Any] | Payload) -> Payload:
-        """A payload from a mass in kg, or from a mapping with `mass` (kg) and perhaps `center` (3,) in m and `inertia`
-        (3, 3) in kg m^2 about it, zero unless given; a `Payload` is returned as it is. Raises `InputError` for anything
-        else, a missing mass and values that no payload can have, `NotFoundError` for an unknown entry."""
+        """A payload from a mass in kg, or from a mapping with `mass` (kg) and perhaps `center` of mass (3,) in m and
+        `inertia` tensor (3, 3) in kg m^2 about it, zero unless given; a `Payload` is returned as it is.
+
+        Raises `InputError` for anything else, a missing mass and values that no payload can have, `NotFoundError`, a
+        subclass of it, for an unknown entry.
+        """
         if isinstance(given, Payload):
             return given
         if not isinstance(given, Mapping):
@@ -60,19 +69,32 @@ class Payload:
         return cls(**given)
 
     def added_to(self, parameters: ArrayLike, link: int) -> Array:
-        """The inertial parameters (..., P), SI units, with the payload added to the ten of the link of that index,
-        counted from 0: a copy of `parameters` (..., P), whose first are ten a link (m, mc_x, mc_y, mc_z, I_xx, I_xy,
-        I_yy, I_xz, I_yz, I_zz; kg, kg m, kg m^2 about the origin of the link's frame). Raises `InputError` for
-        parameters that are no numbers or do not reach to that link, and for an index that is no whole number of at
-        least 0."""
+        """The inertial parameters (..., P) with the payload added to the ten of one link: a copy of `parameters` (...,
+        P), whose first are ten a link (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz; kg, kg m, kg m^2 about
+        the origin of the link's frame). `link` is its index, counted from 0; all others stay as they are.
+
+        Raises `InputError` for parameters that are no numbers or do not reach to that link, and for an index that is no
+        whole number of at least 0; NaN and infinity among the parameters pass.
+        """
         loaded = numbers(parameters, "payload: parameters").copy()
         whole_number(link, "payload: link", 0, (loaded.shape[-1] if loaded.ndim else 0) // 10 - 1)
         loaded[..., 10 * link : 10 * link + 10] += from_center_of_mass(self.mass, self.center, self.inertia)
         return loaded
 
 
+def _require_bounded(mass: float, center: Array, tensor: Array) -> None:
+    with np.errstate(over="ignore", invalid="ignore"):
+        parameters = from_center_of_mass(mass, center, tensor)
+    if not np.abs(parameters).max() <= LARGEST_INERTIA:
+        raise InputError(
+            f"payload: expected inertial parameters of at most {LARGEST_INERTIA:g}, got a mass of {mass:g} kg, a "
+            f"center {center.tolist()} and an inertia {tensor.tolist()}"
+        )
+
+
 def _is_inertia(tensor: Array) -> bool:
     """True if a body has this tensor (3, 3) about its centre of mass."""
+    if np.abs(tensor - tensor.T).max() > SYMMETRIC * np.abs(tensor).max():
+        return False
     second_moments = 0.5 * np.trace(tensor) * np.eye(3) - tensor
-    sound = np.linalg.eigvalsh(second_moments)[0] >= -1e-12 * np.trace(tensor)
-    return bool(sound and np.array_equal(tensor, tensor.T))
+    return bool(np.linalg.eigvalsh(second_moments)[0] >= -1e-12 * np.trace(tensor))

@@ -15,14 +15,17 @@ from adaptctl.simulation.effects.payload import Payload
 
 @dataclass(frozen=True, eq=False)
 class PayloadHeld(LoadEffect):
-    """A payload held from `start` to `stop` (s), from the beginning and for ever unless given: by the link named
+    """A payload held from `start` until `stop` (s), from the beginning and for ever unless given: by the link named
     `link`, or, if that is None, by the last one that has mass.
 
-    It is a `Payload`, a mass in kg, or a mapping with `mass` (kg) and perhaps `center` (3,) in m and `inertia` (3, 3)
-    in kg m^2 about it. When it is picked up it already moves with the link, and when it is dropped it moves on: the
-    arm's velocities do not jump. Raises `InputError` where it is no payload, such as a mapping without `mass`, or
-    `start` is not finite and before `stop`, and `NotFoundError` for a mapping with unknown entries, and in a `Plant`
-    for a link that it does not have.
+    `payload` is a `Payload`, a mass in kg, or a mapping with `mass` (kg) and perhaps `center` of mass (3,) in m, in the
+    link's frame, and `inertia` tensor (3, 3) in kg m^2 about it; it is kept as a `Payload`. When it is picked up it
+    already moves with the link, and when it is dropped it moves on: the arm's velocities do not jump.
+
+    Raises `InputError` for what is no payload, such as a mapping without `mass`, and unless `start` is finite and
+    before `stop`; `NotFoundError`, a subclass of it, for a mapping with unknown entries. A `Plant` raises
+    `NotFoundError` for a link that it does not have or that has no mass, `InputError` for a mechanism with relations
+    among its parameters.
     """
 
     payload: Payload | float | Mapping[str, Any]
@@ -37,23 +40,27 @@ class PayloadHeld(LoadEffect):
             raise InputError(f"payload: expected a start before its stop, got {self.start} and {self.stop} s")
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise `NotFoundError` for a `link` of the payload that is not among the names `links`; joints and control
-        period (s) may be any."""
+        """Raise `NotFoundError` unless the payload's `link` is None or among the names `links`, those of the links with
+        ten inertial parameters each. `dof` and `control_period` (s) may be any."""
         self._place(links)
 
     def mass(self, time: float) -> float:
-        """The payload's mass, kg, while it is held at `time` (s), else 0."""
+        """The payload's mass, kg, while it is held at `time` (s), `start` <= `time` < `stop`; else 0."""
         return Payload.of(self.payload).mass if self.start <= time < self.stop else 0.0
 
     def until(self, time: float) -> float:
-        """The time (s) at which the payload is next picked up or dropped after `time` (s); infinity for never."""
+        """The time (s) at which the payload is next picked up or dropped after `time` (s); infinity if never again."""
         return next((change for change in (self.start, self.stop) if time < change), math.inf)
 
     def loaded(self, parameters: Array, links: tuple[str, ...], time: float) -> Array:
-        """The inertial parameters (..., P), SI units, of `parameters` (..., P) with the payload's ten added to those of
-        its link while it is held at `time` (s). The first are ten for each of the `links`, named in their order: m,
-        mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz, in kg, kg m, kg m^2 about the origin of the link's frame.
-        Raises `NotFoundError` for a link that is none of them, `InputError` for parameters that do not fit."""
+        """The inertial parameters (..., P) with the payload's ten added to those of its link while it is held at `time`
+        (s), a copy; otherwise `parameters` (..., P) itself, unchecked. The first are ten for each of the `links`, named
+        in their order: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz, in kg, kg m, kg m^2 about the origin of
+        the link's frame; all others stay as they are.
+
+        While it is held, raises `NotFoundError` for a link that is none of them, `InputError` for parameters that are
+        no numbers or do not reach to it.
+        """
         if not self.start <= time < self.stop:
             return parameters
         return Payload.of(self.payload).added_to(parameters, self._place(links))

@@ -17,13 +17,13 @@ from adaptctl.simulation.effects.elastic_joints import MOTOR, ElasticJoints
 
 @dataclass(frozen=True)
 class PlantEffects:
-    """The effects of a plant, sorted by where they act; each tuple empty unless given.
+    """The effects of one plant, sorted by where they act; each tuple is empty unless given.
 
-    `actuators` act on torques between controller and joints, and `sensors` on measurements between joints and
-    controller, each in the order of the signal's way; `joints` are torques in the joints, `loads` change the inertial
-    parameters, and `elastic` makes the joints elastic, None for rigid ones. A torque is delayed, then limited, then
-    limited in rate, then lags; positions are read by encoders, then velocities are found from them. `PlantEffects.of`
-    sorts and checks them; the class itself checks nothing.
+    `actuators` change torques between controller and joints, and `sensors` measurements between joints and controller,
+    each in the order of the signal's way; `joints` are torques in the joints, `loads` change the inertial parameters,
+    and `elastic` makes the joints elastic, None for rigid ones. A torque is delayed, then limited, then limited in
+    rate, then lags; positions are read by encoders, then velocities are found from them. `PlantEffects.of` sorts and
+    checks them; the class itself checks nothing.
     """
 
     actuators: tuple[ActuatorEffect, ...] = ()
@@ -34,10 +34,10 @@ class PlantEffects:
 
     @classmethod
     def of(cls, effects: Iterable[Effect]) -> PlantEffects:
-        """The plant's effects, given in any order, sorted into their places.
+        """The plant's effects, from a list or another iterable of them in any order, sorted into their places.
 
-        Raises `InputError` for what is no `Effect`, one alone that is not in a list, and two actuators, sensors or
-        elastic joints of one kind.
+        Raises `InputError` for what is no `Effect`, for an effect alone that is not in a list, and for two actuator
+        effects, two sensor effects or two elastic joints of one class; joint and load effects may repeat.
         """
         given = listed(effects)
         for effect in given:
@@ -53,47 +53,59 @@ class PlantEffects:
         )
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise `InputError` where an effect does not fit `dof` (r) joints, the names of the `links` or a control
-        period (s), `NotFoundError` for a payload's link that is none of them."""
+        """Raise `InputError` where an effect does not fit `dof` (r) joints, the names of the `links` with ten inertial
+        parameters each, or a control period (s); for a payload's link that is none of them `NotFoundError`, a subclass
+        of it."""
         elastic = () if self.elastic is None else (self.elastic,)
         for effect in (*self.actuators, *self.sensors, *self.joints, *self.loads, *elastic):
             effect.require(dof, links, control_period)
 
     @property
     def senses_motors(self) -> bool:
-        """True if encoders sit on motors that springs separate from the links."""
+        """True if the encoders sit on the motors of elastic joints, before the springs; False for encoders on the links
+        and for rigid joints."""
         return self.elastic is not None and self.elastic.encoders == MOTOR
 
     @property
     def marks(self) -> tuple[str, ...]:
         """Names of the actuator effects that mark the control periods in which they change a torque, such as
-        "torque_limited", in the order of the torque's way."""
+        "torque_limited", in the order of the torque's way; empty where none does."""
         return tuple(effect.mark for effect in self.actuators if effect.mark is not None)
 
     def loaded(self, parameters: Array, links: tuple[str, ...], time: float) -> Array:
-        """The inertial parameters (..., P), SI units, of `parameters` (..., P) with the loads of all effects at `time`
-        (s) added. The first are ten for each of the `links`, named in their order: m, mc_x, mc_y, mc_z, I_xx, I_xy,
-        I_yy, I_xz, I_yz, I_zz, in kg, kg m, kg m^2 about the origin of the link's frame. Raises `NotFoundError` for a
-        payload's link that is none of them, `InputError` for parameters that do not fit."""
+        """The inertial parameters (..., P) with all loads at `time` (s) added to `parameters` (..., P), those of the
+        arms alone, which are returned as they are where there is no load. The first are ten for each of the `links`,
+        named in their order: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz, in kg, kg m, kg m^2 about the
+        origin of the link's frame; all others stay as they are.
+
+        Raises `NotFoundError` for the link of a payload, held at that time, that is none of them, `InputError` for
+        parameters that are no numbers or do not reach to it.
+        """
         for load in self.loads:
             parameters = load.loaded(parameters, links, time)
         return parameters
 
     def drive_memory(self, torque: Array, control_period: float) -> Array:
-        """The actuators' memory (..., m) at rest, m numbers of all together, after the joints were held by a torque
-        (..., r), N m (N for a prismatic joint); `control_period` is in s."""
+        """The initial memory (..., m) of all actuator effects, m numbers one effect after another, after the joints
+        were held by `torque` (..., r), N m (N for a prismatic joint); `control_period` is in s. Without actuator
+        effects m is 0."""
         return _joined((effect.start(torque, control_period) for effect in self.actuators), torque.shape[:-1])
 
     def sensor_memory(self, p: Array, v: Array, control_period: float) -> Array:
-        """The sensors' memory (..., m) before the first measurement, m numbers of all together, of arms at p (rad or m)
-        with v (rad/s or m/s), (..., r) each; `control_period` is in s."""
+        """The initial memory (..., m) of all sensor effects, m numbers one effect after another, before the first
+        measurement of arms at positions p (..., r), rad or m, and velocities v (..., r), rad/s or m/s; `control_period`
+        is in s. Without sensor effects m is 0."""
         return _joined((effect.start(p, v, control_period) for effect in self.sensors), p.shape[:-1])
 
     def driven(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column, Column]:
-        """The torque (r,) after all actuators, from the `torque` (r,) given, both N m (N for a prismatic joint), in one
-        control period (s), their memory (m,) after it, of `memory` (m,) before it, and marks, one for each name in
-        `PlantEffects.marks`: 1 where that effect changed the torque, else 0; over scalars of any kind. Raises
-        `InputError` for effects that do not fit r joints."""
+        """The torque (r,) over one control period (s) after all actuator effects, N m (N for a prismatic joint), their
+        memory (m,) after it, and marks (k,), one for each of the k names in `PlantEffects.marks`: 1 where that effect
+        changed any joint's torque, else 0.
+
+        `torque` (r,) is the one commanded, in the same unit, `memory` (m,) the one before; scalars of any kind. Raises
+        `InputError` for settings that do not fit r joints; a lag or a rate limit raises `ValueError` for a memory that
+        is too short.
+        """
         still = np.zeros(len(torque))
         parts = _split(memory, [len(effect.start(still, control_period)) for effect in self.actuators])
         after: list[Column] = []
@@ -109,10 +121,15 @@ class PlantEffects:
     def measured(
         self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
     ) -> tuple[Column, Column, Column]:
-        """The positions (r,), rad or m, and velocities (r,), rad/s or m/s, as all sensors measure them, and their
-        memory (m,) after it; from the true p and v (r,), in the same units, and `memory` (m,), the one before. `noise`
-        (2r,) is standard normal, the positions' first; `control_period` is in s; over scalars of any kind. Raises
-        `InputError` for effects that do not fit r joints."""
+        """The positions (r,), rad or m, and velocities (r,), rad/s or m/s, as all sensor effects measure them, and
+        their memory (m,) after it.
+
+        `p` and `v` (r,), in the same units, are the true ones, of the motors if `senses_motors`, `memory` (m,) is the
+        one before, and `noise` (2r,) holds standard normal numbers (unitless), the positions' first, each effect
+        getting the same ones; `control_period` is in s; scalars of any kind. Raises `InputError` for settings that do
+        not fit r joints, `ValueError`, with filtered differences, for a memory that is too short and, with encoders,
+        for noise of another length.
+        """
         still = np.zeros(len(p))
         parts = _split(memory, [len(effect.start(still, still, control_period)) for effect in self.sensors])
         after: list[Column] = []

@@ -15,12 +15,13 @@ from adaptctl.simulation.effects.effect import ActuatorEffect, at_least_zero
 
 @dataclass(frozen=True, eq=False)
 class TorqueLimit(ActuatorEffect):
-    """Limit of a drive's torque: at most `limit` in magnitude (N m, N of a prismatic joint; one number or (r,),
-    infinity for no limit), whatever is asked of it.
+    """Torque limit (saturation) of the drives: each joint's torque is at most `limit` in magnitude, N m (N of a
+    prismatic joint), whatever is asked of it; one number or one a joint (r,), infinity for no limit.
 
     The environment's own limits are those of its actions, which a controller can know; these are the plant's. `rank` 1:
-    after a delay; `mark` is the name under which a rollout marks the periods in which it cut a torque. A `Plant` raises
-    `InputError` for limits that are negative, NaN or do not fit its r joints.
+    after a delay; `mark` is the name under which a rollout marks the control periods in which it cut a torque. The
+    class itself checks nothing; a `Plant` raises `InputError` for limits that are no numbers, negative, NaN or do not
+    fit its r joints.
     """
 
     limit: ArrayLike
@@ -29,16 +30,18 @@ class TorqueLimit(ActuatorEffect):
     mark: ClassVar[str | None] = "torque_limited"
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise `InputError` unless the limit (N m, N for a prismatic joint) is a number of at least 0, or one for each
-        of `dof` (r) joints; it may be infinite, and links and control period (s) any."""
+        """Raise `InputError` unless the limit, N m (N for a prismatic joint), is one number of at least 0 or one for
+        each of `dof` (r) joints; infinity is allowed. `links` and `control_period` (s) may be any."""
         at_least_zero(self.limit, dof, "torque limit")
 
     def start(self, torque: Array, control_period: float) -> Array:
-        """An empty memory (0,), one for all arms, for any torque (..., r) and control period (s)."""
+        """An empty memory (0,), one for all arms: a limit remembers nothing. `torque` (..., r) and `control_period` (s)
+        are not used."""
         return np.zeros(0)
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """The torque (r,) within the limits nearest to the one asked (r,), N m (N for a prismatic joint), and the empty
-        memory (0,), whatever the control period (s). Raises `InputError` for limits that do not fit r joints."""
+        """The torque (r,) clipped to the limits, N m (N for a prismatic joint), from the `torque` (r,) asked for, and
+        the `memory` (0,) as it was. `control_period` (s) is not used. Raises `InputError` for limits that are negative,
+        NaN or do not fit r joints."""
         limits = at_least_zero(self.limit, len(torque), "torque limit").tolist()
         return Column(clip(x, -most, most) for x, most in zip(torque, limits, strict=True)), memory
